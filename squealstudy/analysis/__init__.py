@@ -1,0 +1,1 @@
+"""Linearised dynamics about working points: complex modes, energies, tracking, ranking."""

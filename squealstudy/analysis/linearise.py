@@ -1,0 +1,72 @@
+"""The reduced quadratic problem at a design point: lambda^2 I + lambda C + K."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+
+
+@dataclass(frozen=True)
+class ReducedSystem:
+    """Matrices of one design point in component-mode coordinates; the mass is the identity.
+
+    Attributes
+    ----------
+    C, K : ndarray (n, n)
+        Damping [rad/s] and non-symmetric stiffness [(rad/s)^2].
+    k_el : ndarray (n,)
+        Elastic diagonal with the component changes, for energies.
+    K_sym : ndarray (n, n)
+        Symmetric part without friction: elastic, springs and contact.
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    k_el: np.ndarray
+    K_sym: np.ndarray
+
+
+def component_frequencies(model: ReducedModel) -> dict[ModeKey, float]:
+    """Free-free frequency [rad/s] of every component mode held by the basis."""
+    return {
+        (name, j + 1): float(np.sqrt(max(model.k_el[int(start) + j], 0.0)))
+        for name, start, count in zip(model.components, model.offsets, model.n_modes, strict=False)
+        for j in range(count)
+    }
+
+
+def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> ReducedSystem:
+    """Tangent system about a working point (theory.md section 1).
+
+    K = diag(k_el) + K_springs + N^T k_n N - T^T (mu k_n) N,
+    C = 2 zeta omega of damped component modes + T_perp^T (mu A p / |w0|) T_perp + modal damping.
+    """
+    omega = component_frequencies(model)
+    k_el = model.k_el.copy()
+    for key, change in state.stiffness_changes(omega).items():
+        k_el[model.mode_coordinate(*key)] += change
+    k_n = model.area * point.tangent
+    mu = state.operating.friction * model.frictional
+    K_sym = model.K_springs + model.N.T @ (k_n[:, None] * model.N)
+    K_sym[np.diag_indices_from(K_sym)] += k_el
+    K = K_sym - model.T.T @ ((mu * k_n)[:, None] * model.N)
+    damper = mu * model.area * point.pressure / state.operating.sliding_speed
+    C = model.T_perp.T @ (damper[:, None] * model.T_perp)
+    for key, c in state.modal_dampers(omega).items():
+        j = model.mode_coordinate(*key)
+        C[j, j] += c
+    if state.damping_ratio:
+        C += modal_damping(K_sym, state.damping_ratio)
+    return ReducedSystem(C, K, k_el, K_sym)
+
+
+def modal_damping(K_sym: np.ndarray, zeta: float) -> np.ndarray:
+    """Uniform modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over all real modes."""
+    w2, phi = la.eigh(K_sym)
+    return (phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))) @ phi.T

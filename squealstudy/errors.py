@@ -1,0 +1,66 @@
+"""The named failures of squealstudy; every layer may raise them, `cli` turns them into one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class SquealstudyError(Exception):
+    """Base of all errors that a user can cause or meet; its text is the message to show."""
+
+
+class StudyFileError(SquealstudyError):
+    """A study file that cannot be used.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong and what was expected.
+    path : Path or None
+        The study file.
+    key : str
+        The key at fault, dotted as in the file (``sweep[2].num``); empty for the whole file.
+    line : int or None
+        1-based line of that key, where it is known.
+    """
+
+    def __init__(
+        self, message: str, path: Path | None = None, key: str = "", line: int | None = None
+    ) -> None:
+        self.message, self.path, self.key, self.line = message, path, key, line
+        where = "" if path is None else str(path)
+        if line is not None:
+            where += f", line {line}"
+        if key:
+            where += f", key '{key}'" if where else f"key '{key}'"
+        super().__init__(f"{where}: {message}" if where else message)
+
+
+class ParameterError(SquealstudyError):
+    """A parameter name or value that the model does not know or cannot take.
+
+    ``key`` is the parameter's name as the user wrote it.
+    """
+
+    def __init__(self, key: str, message: str) -> None:
+        self.key, self.message = key, message
+        super().__init__(f"parameter '{key}': {message}")
+
+
+class ModelError(SquealstudyError):
+    """An assembly, component or interface whose arrays contradict each other."""
+
+
+class ResultsError(SquealstudyError):
+    """A results directory that is missing, damaged, unfinished or of another study."""
+
+
+class ConvergenceError(SquealstudyError):
+    """An iteration that did not reach its tolerance.
+
+    ``status`` is a short word for tables (``not_converged``, ``lift_off``, ...).
+    """
+
+    def __init__(self, status: str, message: str) -> None:
+        self.status = status
+        super().__init__(message)

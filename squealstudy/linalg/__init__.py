@@ -1,0 +1,1 @@
+"""Sparse factorisation and the eigensolvers behind small interfaces."""

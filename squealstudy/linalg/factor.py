@@ -1,0 +1,86 @@
+"""One factorisation interface over SuperLU and, where it is installed, PARDISO (extra `mkl`)."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
+
+
+class Factor(Protocol):
+    """A factorised sparse matrix."""
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Solution of A x = b, b real or complex, (n,) or (n, k)."""
+        ...
+
+
+def factorise(A: sp.spmatrix, backend: str = "auto") -> Factor:
+    """Factorise a real sparse matrix of symmetric pattern.
+
+    Parameters
+    ----------
+    A : sparse (n, n)
+        Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest.
+    backend : str
+        ``auto`` (PARDISO where installed), ``superlu`` or ``pardiso``.
+    """
+    if backend == "auto":
+        backend = "pardiso" if importlib.util.find_spec("pypardiso") else "superlu"
+    return PardisoFactor(A) if backend == "pardiso" else SuperLUFactor(A)
+
+
+class _Refined:
+    """Iterative refinement and complex right-hand sides over a real `_solve`."""
+
+    A: sp.csr_matrix
+
+    def _solve(self, b: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Solve with one step of iterative refinement; see `Factor.solve`."""
+        if np.iscomplexobj(b):
+            stacked = np.column_stack([b.real.reshape(len(b), -1), b.imag.reshape(len(b), -1)])
+            x = self.solve(stacked)
+            half = x.shape[1] // 2
+            return (x[:, :half] + 1j * x[:, half:]).reshape(b.shape)
+        x = self._solve(b)
+        return x + self._solve(b - self.A @ x)
+
+
+class SuperLUFactor(_Refined):
+    """SuperLU in symmetric mode with a minimum-degree ordering of A + A^T."""
+
+    def __init__(self, A: sp.spmatrix) -> None:
+        self.A = A.tocsr()
+        self._lu = spla.splu(
+            A.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+
+    def _solve(self, b: np.ndarray) -> np.ndarray:
+        if b.ndim == 1 or b.shape[1] <= BLOCK:
+            return self._lu.solve(np.ascontiguousarray(b))
+        return np.hstack([self._lu.solve(b[:, i : i + BLOCK]) for i in range(0, b.shape[1], BLOCK)])
+
+
+class PardisoFactor(_Refined):
+    """MKL PARDISO through pypardiso."""
+
+    def __init__(self, A: sp.spmatrix) -> None:
+        from pypardiso import PyPardisoSolver
+
+        self.A = A.tocsr()
+        self._solver = PyPardisoSolver()
+        self._solver.factorize(self.A)
+
+    def _solve(self, b: np.ndarray) -> np.ndarray:
+        return self._solver.solve(self.A, np.asfortranarray(b))

@@ -1,0 +1,99 @@
+"""Sparse quadratic eigenproblem (lambda^2 M + lambda C + K) psi = 0: roots next to zero.
+
+Companion form in theta = 1/lambda with time scaled: the operator needs one real factorisation of
+K; real arithmetic gives conjugate pairs. Measured on the generated brake: theory.md section 2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import Factor, factorise
+
+
+class LowRankSum:
+    """A sparse matrix plus U diag(d) U^T, to multiply with."""
+
+    def __init__(self, A: sp.spmatrix, U: np.ndarray | None = None, d: np.ndarray | None = None):
+        self.sparse = A.tocsr()
+        self.U = np.zeros((A.shape[0], 0)) if U is None else U
+        self.d = np.zeros(0) if d is None else d
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        """Product with x, (n,) or (n, k)."""
+        y = self.sparse @ x
+        if len(self.d):
+            y = y + self.U @ ((self.d * (self.U.T @ x).T).T)
+        return y
+
+
+class WoodburyFactor:
+    """Solves with a sparse matrix plus U diag(d) U^T."""
+
+    def __init__(self, A: LowRankSum) -> None:
+        self._factor: Factor = factorise(A.sparse)
+        self._A = A
+        if len(A.d):
+            self._X = self._factor.solve(A.U)
+            core = np.eye(len(A.d)) + A.d[:, None] * (A.U.T @ self._X)
+            self._core = np.linalg.solve(core, np.diag(A.d))
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Solution of A x = b."""
+        x = self._factor.solve(b)
+        if len(self._A.d):
+            x = x - self._X @ (self._core @ (self._A.U.T @ x))
+        return x
+
+
+def smallest_roots(
+    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int, scale: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The `n_roots` roots of smallest modulus, conjugates included.
+
+    Parameters
+    ----------
+    M : sparse (n, n)
+    C, K : LowRankSum (n, n)
+        K nonsingular, not necessarily symmetric.
+    n_roots : int
+        Roots asked for; a pair counts twice.
+    scale : float
+        Typical |lambda| [rad/s]; balances the companion form.
+
+    Returns
+    -------
+    lam : ndarray (m,) complex
+        Roots with a non-negative imaginary part, ascending in modulus, rad/s.
+    psi : ndarray (n, m) complex
+        Right eigenvectors of unit 2-norm.
+
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    n = M.shape[0]
+    factor = WoodburyFactor(K)
+
+    def apply(z: np.ndarray) -> np.ndarray:
+        # theta x = y,  K (theta y) = -(s C y + s^2 M x), in time scaled by s
+        x, y = z[:n], z[n:]
+        return np.concatenate([y, -factor.solve(scale * (C @ y) + scale**2 * (M @ x))])
+
+    operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
+    v0 = np.random.default_rng(0).standard_normal(2 * n)
+    try:
+        theta, z = spla.eigs(
+            operator, k=n_roots, which="LM", v0=v0, ncv=min(2 * n, int(2.2 * n_roots) + 20)
+        )
+    except spla.ArpackNoConvergence as error:
+        raise ConvergenceError("not_converged", f"full-order complex modes: {error}") from error
+    lam = scale / theta
+    kept = np.flatnonzero(lam.imag >= 0)
+    kept = kept[np.argsort(np.abs(lam[kept]))]
+    psi = z[n:, kept]
+    return lam[kept], psi / np.linalg.norm(psi, axis=0)

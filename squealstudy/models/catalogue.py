@@ -1,0 +1,8 @@
+"""The models a study can name."""
+
+from __future__ import annotations
+
+from squealstudy.models.disc_brake import DISC_BRAKE
+from squealstudy.models.parameter import ModelDefinition
+
+MODELS: dict[str, ModelDefinition] = {m.name: m for m in (DISC_BRAKE,)}

@@ -1,0 +1,173 @@
+"""Interfaces of the disc brake: contact, layers of springs, springs to ground, brake load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.assembly import component_slices, expand_rows
+from squealstudy.models.component import Component
+from squealstudy.models.disc_brake.solids import BrakeMesher
+from squealstudy.models.fem.sampling import FacetFilter, facing_surface, sample_surface
+from squealstudy.models.fem.solid import Solid
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.surface import Surface
+
+AXIAL = np.array([0.0, 0.0, 1.0])
+EDGE = 1e-6  # m or rad: a facet centre on a plane is found within this
+LAYER_POINTS = 3  # Gauss points a side of a facet in the linear layers
+
+
+def _radial(points: np.ndarray) -> np.ndarray:
+    e = points * np.array([1.0, 1.0, 0.0])
+    return e / np.linalg.norm(e, axis=1, keepdims=True)
+
+
+def _around(points: np.ndarray) -> np.ndarray:
+    return np.cross(AXIAL, _radial(points))
+
+
+class BrakeInterfaces:
+    """Observation rows over the whole brake, made from its four solids."""
+
+    def __init__(
+        self, mesher: BrakeMesher, solids: Mapping[str, Solid], components: tuple[Component, ...]
+    ) -> None:
+        self._m, self._solids = mesher, solids
+        self._spans, self._n_dof = component_slices(components)
+
+    def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
+        return expand_rows(parts, self._spans, self._n_dof)
+
+    def _facing(
+        self, one: str, other: str, keep: FacetFilter, side: int
+    ) -> tuple[Surface, Surface]:
+        """The surface of `one` that passes `keep`, and the same points on `other`."""
+        surface = sample_surface(self._solids[one], keep, side)
+        return surface, facing_surface(self._solids[other], surface)
+
+    # -- contact ---------------------------------------------------------------------------------
+    def contact(self, law: ContactLaw, points_per_side: int) -> ContactInterface:
+        """Both pad faces against the disc; the disc turns about +z."""
+        z_faces = {"inner_pad": 0.0, "outer_pad": self._m.v("disc.thickness")}
+        N, T, T_perp, area, radius = [], [], [], [], []
+        for pad, z_face in z_faces.items():
+            s_pad, s_disc = self._facing(
+                pad, "disc", lambda r, t, z, zf=z_face: abs(z - zf) < EDGE, points_per_side
+            )
+            opening = -s_pad.normal  # from the disc towards the pad
+            N.append(
+                self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
+            )
+            for rows, direction in ((T, _around(s_pad.points)), (T_perp, _radial(s_pad.points))):
+                rows.append(
+                    self._rows(("disc", s_disc.observe(direction)), (pad, -s_pad.observe(direction)))
+                )
+            area.append(s_pad.area)
+            radius.append(np.hypot(s_pad.points[:, 0], s_pad.points[:, 1]))
+        n = sum(len(a) for a in area)
+        return ContactInterface(
+            sp.vstack(N).tocsr(),
+            sp.vstack(T).tocsr(),
+            sp.vstack(T_perp).tocsr(),
+            np.concatenate(area),
+            np.zeros(n),
+            np.concatenate(radius),
+            law,
+            np.ones(n),
+        )
+
+    # -- linear layers and springs ---------------------------------------------------------------
+    def springs(self) -> tuple[SpringInterface, ...]:
+        """Hub, fingers, piston, abutments and guides."""
+        v = self._m.v
+        z_in, z_out = self._m.plate_z
+        r_pad = v("pad.outer_radius")
+        hub = sample_surface(self._solids["disc"], self._at_hub, LAYER_POINTS)
+        fingers = self._facing(
+            "caliper",
+            "outer_pad",
+            lambda r, t, z: (abs(z - z_out) < EDGE) & (r < r_pad),
+            LAYER_POINTS,
+        )
+        piston = self._facing("inner_pad", "caliper", self._at_piston, LAYER_POINTS)
+        return (
+            self._layer("hub", (("disc", hub),), v("hub.stiffness")),
+            self._layer("fingers", tuple(zip(("caliper", "outer_pad"), fingers, strict=True)),
+                        v("fingers.stiffness")),
+            self._layer("piston", tuple(zip(("inner_pad", "caliper"), piston, strict=True)),
+                        v("piston.stiffness"), in_static=False),
+            *(self._abutment(pad) for pad in ("inner_pad", "outer_pad")),
+            self._guides(),
+        )
+
+    def _at_hub(self, r: np.ndarray, t: np.ndarray, z: np.ndarray) -> np.ndarray:
+        bottom = -self._m.v("disc.bell_height") - self._m.v("disc.top_thickness")
+        return (abs(z - bottom) < EDGE) & (r < self._m.v("hub.radius"))
+
+    def _at_piston(self, r: np.ndarray, t: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return (abs(z - self._m.plate_z[0]) < EDGE) & (abs(t) < self._m.angle("piston.half_angle"))
+
+    def _layer(
+        self,
+        name: str,
+        sides: tuple[tuple[str, Surface], ...],
+        stiffness: float,
+        in_static: bool = True,
+    ) -> SpringInterface:
+        """Normal and tangential springs per area between two surfaces, or to ground."""
+        ratio = self._m.v("layers.tangential_ratio")
+        points, area = sides[0][1].points, sides[0][1].area
+        signs = (1.0, -1.0)
+        rows, k = [], []
+        for direction, factor in ((AXIAL, 1.0), (_around(points), ratio), (_radial(points), ratio)):
+            parts = [
+                (c, sign * s.observe(direction)) for (c, s), sign in zip(sides, signs, strict=False)
+            ]
+            rows.append(self._rows(*parts))
+            k.append(factor * stiffness * area)
+        return SpringInterface(name, sp.vstack(rows).tocsr(), np.concatenate(k), in_static)
+
+    def _abutment(self, pad: str) -> SpringInterface:
+        """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
+        v = self._m.v
+        end = self._m.angle("pad.half_angle") + self._m.angle("pad.ear_angle")
+        stiffness = tuple(v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial"))
+        return self._faces_to_ground(f"{pad}_abutment", pad, end, stiffness)
+
+    def _guides(self) -> SpringInterface:
+        """The two end faces of the caliper's body to ground; stiffness is that of one guide."""
+        k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
+        end = self._m.angle("caliper.body_half_angle")
+        return self._faces_to_ground("guides", "caliper", end, (k, k, k_axial))
+
+    def _faces_to_ground(
+        self, name: str, component: str, end: float, stiffness: tuple[float, ...]
+    ) -> SpringInterface:
+        """Springs spread over the faces at theta = +-end: around, radial, axial per face [N/m]."""
+        z_in = self._m.plate_z[0]
+
+        def on_face(r: np.ndarray, t: np.ndarray, z: np.ndarray) -> np.ndarray:
+            behind = (z < z_in) & (r < self._m.v("caliper.bridge_inner_radius"))
+            return (abs(abs(t) - end) < EDGE) & (behind | (component != "caliper"))
+
+        surface = sample_surface(self._solids[component], on_face, LAYER_POINTS)
+        share = surface.area / (surface.area.sum() / 2)
+        directions = (_around(surface.points), _radial(surface.points), AXIAL)
+        rows = [self._rows((component, surface.observe(d))) for d in directions]
+        return SpringInterface(
+            name, sp.vstack(rows).tocsr(), np.concatenate([k * share for k in stiffness])
+        )
+
+    # -- load ------------------------------------------------------------------------------------
+    def brake_load(self) -> np.ndarray:
+        """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
+        pad, caliper = self._facing("inner_pad", "caliper", self._at_piston, LAYER_POINTS)
+        per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
+        rows = self._rows(
+            ("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL))
+        )
+        return np.asarray(rows.T @ per_area)

@@ -1,0 +1,1 @@
+"""Finite elements of the generated models: grids, elasticity, surfaces (on top of scikit-fem)."""

@@ -1,0 +1,59 @@
+"""Surfaces of solids: facet quadrature points, and the same points seen from a facing solid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from skfem import ElementHexS2, FacetBasis
+
+from squealstudy.errors import ModelError
+from squealstudy.models.fem.solid import Solid
+from squealstudy.models.surface import Surface
+
+# facet centre in (r, theta, z) -> keep it
+FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) -> Surface:
+    """Gauss points of the boundary facets whose centre passes `keep(r, theta, z)`.
+
+    `points_per_side` 3 gives 3 x 3 points a facet. Corner-node lumping is not offered: the
+    corner weights of an 8-node face are negative. Raises ModelError where no facet is kept.
+    """
+    mesh = solid.grid.mesh
+    facets = mesh.boundary_facets()
+    x, y, z = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
+    kept = facets[keep(np.hypot(x, y), np.arctan2(y, x), z)]
+    if not len(kept):
+        raise ModelError("a surface selects no facet of its component")
+    basis = FacetBasis(mesh, ElementHexS2(), facets=kept, intorder=2 * points_per_side - 1)
+    n_facets, n_qp = basis.dx.shape
+    shape = np.stack([np.asarray(f[0]) for f in basis.basis])  # (20, n_facets, n_qp)
+    rows = np.arange(n_facets * n_qp)
+    nodes = np.repeat(basis.element_dofs, n_qp, axis=1)  # (20, n_facets * n_qp)
+    S = sp.coo_matrix(
+        (shape.reshape(20, -1).ravel(), (np.tile(rows, 20), nodes.ravel())),
+        shape=(len(rows), basis.N),
+    ).tocsr()
+    S.data[np.abs(S.data) < 1e-14] = 0.0  # nodes off the facet
+    S.eliminate_zeros()
+    return Surface(
+        np.asarray(basis.global_coordinates()).reshape(3, -1).T,
+        basis.dx.ravel(),
+        np.asarray(basis.normals).reshape(3, -1).T,
+        S,
+    )
+
+
+def facing_surface(solid: Solid, surface: Surface) -> Surface:
+    """The points of `surface` as seen by the facing `solid`: its own shape functions there.
+
+    Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
+    """
+    try:
+        S = solid.basis.probes(surface.points.T)
+    except ValueError as error:
+        raise ModelError(f"a surface has points outside the facing solid ({error})") from error
+    return Surface(surface.points, surface.area, -surface.normal, sp.csr_matrix(S))

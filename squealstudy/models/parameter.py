@@ -1,0 +1,104 @@
+"""What a model can be asked to vary: names, units, defaults and bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from squealstudy.errors import ParameterError
+from squealstudy.models.assembly import Assembly
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One named number of a model, SI units (angles in degrees).
+
+    Attributes
+    ----------
+    name : str
+        As in study files.
+    default : float
+    unit : str
+        Empty for a pure number.
+    description : str
+    minimum, maximum : float
+        Closed bounds; with `positive` the minimum itself is excluded.
+    positive : bool
+        The value must be greater than zero.
+    structural : bool
+        True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
+    """
+
+    name: str
+    default: float
+    unit: str
+    description: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    positive: bool = False
+    structural: bool = False
+
+    def check(self, value: float) -> float:
+        """`value` as a float; ParameterError where it is not a finite number within bounds."""
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ParameterError(self.name, f"expected a finite number, got {value!r}")
+        if self.positive and value <= 0:
+            raise ParameterError(self.name, f"expected a positive value{self._unit()}, got {value:g}")
+        if value < self.minimum:
+            raise ParameterError(
+                self.name, f"expected at least {self.minimum:g}{self._unit()}, got {value:g}"
+            )
+        if value > self.maximum:
+            raise ParameterError(
+                self.name, f"expected at most {self.maximum:g}{self._unit()}, got {value:g}"
+            )
+        return float(value)
+
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+
+@dataclass(frozen=True)
+class Option:
+    """A choice that is no number to sweep: mesh density, contact law.
+
+    ``choices`` lists the allowed values; the first is the default.
+    """
+
+    name: str
+    choices: tuple[str | int, ...]
+    description: str
+
+
+@dataclass(frozen=True)
+class ModelDefinition:
+    """A model of the catalogue: how it is named, varied and built.
+
+    Attributes
+    ----------
+    build : callable
+        (options, parameter values, all of them) -> Assembly.
+    components : tuple of str
+        Names, known before the model is built.
+    """
+
+    name: str
+    description: str
+    options: tuple[Option, ...]
+    parameters: tuple[Parameter, ...]
+    components: tuple[str, ...]
+    build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name; KeyError where there is none."""
+        return {p.name: p for p in self.parameters}[name]
+
+    def defaults(self) -> dict[str, float]:
+        """Default value of every parameter."""
+        return {p.name: p.default for p in self.parameters}
+
+
+def structural(rows: Iterable[tuple[str, float, str, str]]) -> tuple[Parameter, ...]:
+    """Positive structural parameters from (name, default, unit, description) rows."""
+    return tuple(Parameter(*row, positive=True, structural=True) for row in rows)

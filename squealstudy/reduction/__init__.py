@@ -1,0 +1,1 @@
+"""From an assembly to small models: contact compliances, working points, component-mode bases."""

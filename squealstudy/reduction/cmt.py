@@ -1,0 +1,218 @@
+"""Component Mode Tuning: component modes as explicit coordinates of the assembly (eq. 1-3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.assembly import Assembly
+from squealstudy.reduction.orthonormal import SINGULAR_TOLERANCE, complete_basis
+from squealstudy.reduction.working_point import WorkingPoint
+
+
+@dataclass(frozen=True)
+class ComponentModes:
+    """Free-free modes of one component.
+
+    Attributes
+    ----------
+    omega : ndarray (m,)
+        rad/s; rigid-body modes first, as 0 to round-off.
+    phi : ndarray (n, m)
+        Mass-normalised.
+    """
+
+    omega: np.ndarray
+    phi: np.ndarray
+
+
+@dataclass(frozen=True)
+class BasisSettings:
+    """What a basis keeps.
+
+    Attributes
+    ----------
+    component_cutoff, assembly_cutoff : float
+        Component and assembly modes up to these frequencies, Hz.
+    enrichment : bool
+        Add traces of the static response to friction and friction-damping loads of the modes.
+    tolerance : float
+        Singular value tolerance of the traces.
+    """
+
+    component_cutoff: float
+    assembly_cutoff: float
+    enrichment: bool = True
+    tolerance: float = SINGULAR_TOLERANCE
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """The assembly in component-mode coordinates: M = I, K_el diagonal.
+
+    Attributes
+    ----------
+    components : tuple of str
+    offsets : ndarray (n_components + 1,)
+        First coordinate of each component, then n.
+    n_modes : ndarray (n_components,)
+        Free-free modes of each component: its first coordinates.
+    k_el : ndarray (n,)
+        Diagonal elastic stiffness, (rad/s)^2.
+    K_springs : ndarray (n, n)
+        Linear interfaces, symmetric.
+    N, T, T_perp : ndarray (nc, n)
+        Contact observation (models.interface.ContactInterface).
+    area, frictional, radius : ndarray (nc,)
+    """
+
+    components: tuple[str, ...]
+    offsets: np.ndarray
+    n_modes: np.ndarray
+    k_el: np.ndarray
+    K_springs: np.ndarray
+    N: np.ndarray
+    T: np.ndarray
+    T_perp: np.ndarray
+    area: np.ndarray
+    frictional: np.ndarray
+    radius: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.k_el)
+
+    def slice_of(self, component: str) -> slice:
+        """Coordinates of a component."""
+        i = self.components.index(component)
+        return slice(int(self.offsets[i]), int(self.offsets[i + 1]))
+
+    def mode_coordinate(self, component: str, mode: int) -> int:
+        """Coordinate of a component's free-free mode, numbered from 1, rigid modes included.
+
+        Raises
+        ------
+        KeyError
+            Unknown component, or a mode that the basis does not hold.
+        """
+        i = self.components.index(component) if component in self.components else -1
+        if i < 0 or not 1 <= mode <= self.n_modes[i]:
+            raise KeyError((component, mode))
+        return int(self.offsets[i]) + mode - 1
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Component blocks of T_R (eq. 2) and the assembly modes they were made from."""
+
+    blocks: tuple[np.ndarray, ...] = field(repr=False)
+    omega: np.ndarray
+    phi: np.ndarray = field(repr=False)
+
+    def expand(self, x: np.ndarray) -> np.ndarray:
+        """Assembly displacements (n_dof, ...) from coordinates x (n, ...)."""
+        ends = np.cumsum([0, *(b.shape[1] for b in self.blocks)])
+        parts = [b @ x[i:j] for b, i, j in zip(self.blocks, ends, ends[1:], strict=False)]
+        return np.concatenate(parts)
+
+
+def component_modes(assembly: Assembly, cutoff_hz: float) -> dict[str, ComponentModes]:
+    """Free-free modes of every component up to `cutoff_hz`."""
+    return {c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz)) for c in assembly.components}
+
+
+def reduce_cmt(
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    nominal: WorkingPoint,
+    settings: BasisSettings,
+) -> tuple[ReducedModel, Basis]:
+    """Build the component-mode basis at a nominal working point and project on it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    modes : mapping of component name -> ComponentModes
+    nominal : WorkingPoint
+        Whose contact tangents give the assembly modes.
+    settings : BasisSettings
+
+    Returns
+    -------
+    ReducedModel, Basis
+    """
+    omega, phi, shapes = _trial_shapes(assembly, nominal, settings)
+    blocks, diagonals = [], []
+    for c in assembly.components:
+        T, k = complete_basis(
+            c.M, c.K, modes[c.name].phi, shapes[assembly.slices[c.name]], settings.tolerance
+        )
+        blocks.append(T)
+        diagonals.append(k)
+    basis = Basis(tuple(blocks), omega, phi)
+    return project(assembly, basis, diagonals, modes), basis
+
+
+def _trial_shapes(
+    assembly: Assembly, nominal: WorkingPoint, settings: BasisSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    c = assembly.contact
+    k_n = sp.diags(c.area * nominal.tangent)
+    K = assembly.K_el + assembly.K_springs() + c.N.T @ k_n @ c.N
+    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, guess=150)
+    if not settings.enrichment:
+        return omega, phi, phi
+    factor = factorise(K)
+    damping = sp.diags(c.area * c.frictional * nominal.pressure)
+    loads = [
+        c.T_perp.T @ (damping @ (c.T_perp @ phi)),
+        c.T.T @ (sp.diags(c.frictional) @ k_n @ (c.N @ phi)),
+    ]
+    extra = [_match_size(factor.solve(load), phi) for load in loads]
+    return omega, phi, np.hstack([phi, *extra])
+
+
+def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """Scale load responses as a block to the size of the modes; zero columns are dropped."""
+    size = np.linalg.norm(X)
+    return X * (np.linalg.norm(phi) / size) if size > 0 else X[:, :0]
+
+
+def project(
+    assembly: Assembly,
+    basis: Basis,
+    diagonals: list[np.ndarray],
+    modes: Mapping[str, ComponentModes],
+) -> ReducedModel:
+    """Project interfaces and contact observation on the component blocks of `basis`."""
+    c = assembly.contact
+    K_springs = assembly.K_springs()
+    spans = [assembly.slices[name] for name in assembly.component_names]
+
+    def observe(A: sp.csr_matrix) -> np.ndarray:
+        return np.hstack([A[:, s] @ T for s, T in zip(spans, basis.blocks, strict=True)])
+
+    rows = [
+        observe_block.T @ observe(K_springs[s])
+        for s, observe_block in zip(spans, basis.blocks, strict=True)
+    ]
+    K_r = np.vstack(rows)
+    return ReducedModel(
+        assembly.component_names,
+        np.cumsum([0, *(T.shape[1] for T in basis.blocks)]),
+        np.array([modes[n].phi.shape[1] for n in assembly.component_names]),
+        np.concatenate(diagonals),
+        (K_r + K_r.T) / 2,
+        observe(c.N),
+        observe(c.T),
+        observe(c.T_perp),
+        c.area,
+        c.frictional,
+        c.radius,
+    )

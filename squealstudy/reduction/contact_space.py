@@ -1,0 +1,115 @@
+"""The static brake seen from its contact points: compliances from one factorisation.
+
+With K0 = K_static + k_c N^T A N factored once, any working point of any pressure, friction and
+law is a dense problem in the gaps (theory.md section 3). A change of component modes is a
+low-rank change of K0, taken exactly by Woodbury's identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from squealstudy.linalg.factor import factorise
+from squealstudy.models.assembly import Assembly
+
+
+@dataclass(frozen=True)
+class ContactSpace:
+    """Compliances of K0 between contact normals (N), sliding directions (T), loads and shapes.
+
+    Attributes
+    ----------
+    k_c : float
+        Contact stiffness per area in K0, Pa/m.
+    area, gap0, frictional : ndarray (nc,)
+        Of the contact points.
+    H_NN : ndarray (nc, nc)
+        N K0^-1 N^T, m/N.
+    H_NT : ndarray (nc, nc)
+        N K0^-1 T^T, m/N.
+    H_Nf : ndarray (nc, 2)
+        N K0^-1 [load, constant_load].
+    H_NU, H_TU : ndarray (nc, m)
+        N K0^-1 U and T K0^-1 U for the shapes U = M phi of component modes.
+    H_fU : ndarray (2, m)
+        [load, constant_load]^T K0^-1 U.
+    H_UU : ndarray (m, m)
+        U^T K0^-1 U.
+    """
+
+    k_c: float
+    area: np.ndarray
+    gap0: np.ndarray
+    frictional: np.ndarray
+    H_NN: np.ndarray
+    H_NT: np.ndarray
+    H_Nf: np.ndarray
+    H_NU: np.ndarray
+    H_TU: np.ndarray
+    H_fU: np.ndarray
+    H_UU: np.ndarray
+
+    def changed(self, dk: Mapping[int, float]) -> ContactSpace:
+        """The same with K0 + U diag(dk) U^T.
+
+        Parameters
+        ----------
+        dk : mapping of column of U -> float
+            Change of a component mode's modal stiffness omega^2, (rad/s)^2.
+        """
+        if not any(dk.values()):
+            return self
+        j = np.fromiter(dk.keys(), dtype=int)
+        D = np.diag(np.fromiter(dk.values(), dtype=float))
+        core = la.solve(np.eye(len(j)) + D @ self.H_UU[np.ix_(j, j)], D)
+        left, right_T, right_f = self.H_NU[:, j] @ core, self.H_TU[:, j], self.H_fU[:, j]
+        return ContactSpace(
+            self.k_c,
+            self.area,
+            self.gap0,
+            self.frictional,
+            self.H_NN - left @ self.H_NU[:, j].T,
+            self.H_NT - left @ right_T.T,
+            self.H_Nf - left @ right_f.T,
+            *(np.zeros((len(h), 0)) for h in (self.H_NN, self.H_NN, self.H_fU)),
+            np.zeros((0, 0)),
+        )
+
+
+def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> ContactSpace:
+    """Factor K0 once and back-solve the contact columns once.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    k_c : float
+        Contact stiffness per area, Pa/m: about that of the working points to come.
+    shapes : ndarray (n_dof, m)
+        U = M phi of component modes that may change; m may be 0.
+    """
+    c = assembly.contact
+    K0 = assembly.K_el + assembly.K_springs(static=True)
+    K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc()
+    factor = factorise(K0)
+    X_N = factor.solve(c.N.T.toarray())
+    X_U = factor.solve(shapes) if shapes.shape[1] else shapes
+    loads = np.column_stack([assembly.load, assembly.constant_load])
+    H_NN = c.N @ X_N
+    return ContactSpace(
+        k_c,
+        c.area,
+        c.gap0,
+        c.frictional,
+        (H_NN + H_NN.T) / 2,
+        np.asarray((c.T @ X_N).T),
+        X_N.T @ loads,
+        np.asarray(c.N @ X_U),
+        np.asarray(c.T @ X_U),
+        loads.T @ X_U,
+        shapes.T @ X_U,
+    )

@@ -1,0 +1,115 @@
+"""Steady sliding equilibrium: a dense Newton in the gaps, for any pressure, friction and law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace
+
+MAX_ITERATIONS = 200
+MAX_STEP = 3.0  # in gap scales of the law: beyond it, Newton on an exponential runs away
+TOLERANCE = 1e-11
+
+
+@dataclass(frozen=True)
+class WorkingPoint:
+    """Contact state at steady sliding.
+
+    Attributes
+    ----------
+    gap : ndarray (nc,)
+        m, positive when open.
+    pressure : ndarray (nc,)
+        Contact pressure, Pa.
+    tangent : ndarray (nc,)
+        -dp/dg, Pa/m.
+    iterations : int
+        Newton iterations used.
+    residual : float
+        Largest imbalance of a gap, relative to the largest gap movement under the load.
+    open_share : float
+        Share of the area with pressure below 1 % of the mean.
+    """
+
+    gap: np.ndarray
+    pressure: np.ndarray
+    tangent: np.ndarray
+    iterations: int
+    residual: float
+    open_share: float
+
+
+def working_point(
+    space: ContactSpace, point: OperatingPoint, start: np.ndarray | None = None
+) -> WorkingPoint:
+    """Solve g = g0 + N q(g) with q in static equilibrium under load, contact and friction.
+
+    With K0 = K + k_c N^T A N the gaps obey
+
+        g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p.
+
+    Parameters
+    ----------
+    space : ContactSpace
+    point : OperatingPoint
+    start : ndarray (nc,) or None
+        Gaps to start from; without, the gap of a uniform pressure.
+
+    Raises
+    ------
+    ConvergenceError
+        ``working_point`` where Newton does not converge: no equilibrium (contact lost), or a
+        friction beyond which the steady state does not exist.
+    """
+    law, A = point.law, space.area
+    mu = point.friction * space.frictional
+    load = space.H_Nf @ np.array([point.pressure, 1.0])
+    scale = law.gap_scale(_mean_pressure(space, point))
+    g = _uniform_start(space, point) if start is None else np.array(start, dtype=float)
+    H_A, T_A = space.H_NN * A, space.H_NT * (A * mu)
+    fixed = space.gap0 + load
+    size = np.abs(load).max() + 1e-300
+
+    def imbalance(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        p, kappa = law.evaluate(g)
+        F = g - fixed - H_A @ (p + space.k_c * (g - space.gap0)) + T_A @ p
+        return F, p, kappa
+
+    F, p, kappa = imbalance(g)
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        J = H_A * (kappa - space.k_c) - T_A * kappa
+        J[np.diag_indices_from(J)] += 1.0
+        step = la.solve(J, -F, overwrite_a=True, check_finite=False)
+        if not np.isfinite(step).all():
+            break
+        longest = np.abs(step).max() / scale
+        damping = min(1.0, MAX_STEP / longest) if longest > 0 else 1.0
+        g = g + damping * step
+        F, p, kappa = imbalance(g)
+        residual = float(np.abs(F).max() / size)
+        if damping == 1.0 and longest < TOLERANCE ** 0.5 and residual < TOLERANCE:
+            mean = A @ p / A.sum()
+            return WorkingPoint(
+                g, p, kappa, iteration, residual, float(A[p < 0.01 * mean].sum() / A.sum())
+            )
+    raise ConvergenceError(
+        "working_point",
+        f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
+        f"{point.friction:g}, pressure {point.pressure:g} Pa",
+    )
+
+
+def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
+    """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
+    gap = space.H_Nf @ np.array([point.pressure, 1.0])
+    stiffness = np.abs(space.k_c * gap)
+    return float(max(space.area @ stiffness / space.area.sum(), 1.0))
+
+
+def _uniform_start(space: ContactSpace, point: OperatingPoint) -> np.ndarray:
+    return np.full(len(space.area), point.law.gap_at(_mean_pressure(space, point)))
