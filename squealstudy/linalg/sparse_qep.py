@@ -13,6 +13,8 @@ import scipy.sparse.linalg as spla
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import Factor, factorise
 
+DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
+
 
 class LowRankSum:
     """A sparse matrix plus U diag(d) U^T, to multiply with."""
@@ -77,6 +79,8 @@ def smallest_roots(
         Where ARPACK does not converge.
     """
     n = M.shape[0]
+    if n <= DENSE_LIMIT:
+        return _dense_roots(M, C, K, n_roots)
     factor = WoodburyFactor(K)
 
     def apply(z: np.ndarray) -> np.ndarray:
@@ -92,8 +96,21 @@ def smallest_roots(
         )
     except spla.ArpackNoConvergence as error:
         raise ConvergenceError("not_converged", f"full-order complex modes: {error}") from error
-    lam = scale / theta
+    return _one_of_each_pair(scale / theta, z[n:])
+
+
+def _dense_roots(
+    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same by LAPACK, for models too small for ARPACK."""
+    n, one = M.shape[0], np.eye(M.shape[0])
+    lower = np.linalg.solve(M.toarray(), np.hstack([-(K @ one), -(C @ one)]))
+    lam, z = np.linalg.eig(np.vstack([np.hstack([np.zeros((n, n)), one]), lower]))
+    first = np.argsort(np.abs(lam))[:n_roots]
+    return _one_of_each_pair(lam[first], z[:n, first])
+
+
+def _one_of_each_pair(lam: np.ndarray, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     kept = np.flatnonzero(lam.imag >= 0)
     kept = kept[np.argsort(np.abs(lam[kept]))]
-    psi = z[n:, kept]
-    return lam[kept], psi / np.linalg.norm(psi, axis=0)
+    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from squealstudy.models.disc_brake import DISC_BRAKE
+from squealstudy.models.hoffmann import HOFFMANN
+from squealstudy.models.hulten import HULTEN
 from squealstudy.models.parameter import ModelDefinition
 
-MODELS: dict[str, ModelDefinition] = {m.name: m for m in (DISC_BRAKE,)}
+MODELS: dict[str, ModelDefinition] = {m.name: m for m in (DISC_BRAKE, HULTEN, HOFFMANN)}

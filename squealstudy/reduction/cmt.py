@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
-from squealstudy.reduction.orthonormal import SINGULAR_TOLERANCE, complete_basis
+from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
 
@@ -39,16 +39,16 @@ class BasisSettings:
     ----------
     component_cutoff, assembly_cutoff : float
         Component and assembly modes up to these frequencies, Hz.
-    enrichment : bool
-        Add traces of the static response to friction and friction-damping loads of the modes.
+    load_cutoff : float
+        Assembly modes up to here [Hz] are loads of the enrichment; 0 for none.
     tolerance : float
-        Singular value tolerance of the traces.
+        Smallest singular value of the enrichment that is kept.
     """
 
     component_cutoff: float
     assembly_cutoff: float
-    enrichment: bool = True
-    tolerance: float = SINGULAR_TOLERANCE
+    load_cutoff: float
+    tolerance: float = 1e-4
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,7 @@ def reduce_cmt(
     modes: Mapping[str, ComponentModes],
     nominal: WorkingPoint,
     settings: BasisSettings,
+    others: Sequence[WorkingPoint] = (),
 ) -> tuple[ReducedModel, Basis]:
     """Build the component-mode basis at a nominal working point and project on it.
 
@@ -142,40 +143,56 @@ def reduce_cmt(
     nominal : WorkingPoint
         Whose contact tangents give the assembly modes.
     settings : BasisSettings
+    others : sequence of WorkingPoint
+        Contact states that the study will reach (the ends of its pressure range): the static
+        response to their change of contact stiffness joins the enrichment.
 
     Returns
     -------
     ReducedModel, Basis
     """
-    omega, phi, shapes = _trial_shapes(assembly, nominal, settings)
+    c = assembly.contact
+    K = assembly.K_el + assembly.K_springs()
+    K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
+    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, guess=150)
+    loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
+    extra = _load_responses(assembly, K, nominal, others, loaded)
     blocks, diagonals = [], []
-    for c in assembly.components:
-        T, k = complete_basis(
-            c.M, c.K, modes[c.name].phi, shapes[assembly.slices[c.name]], settings.tolerance
-        )
+    for component in assembly.components:
+        span = assembly.slices[component.name]
+        shapes = [(phi[span], MODE_TOLERANCE), (extra[span], settings.tolerance)]
+        T, k = complete_basis(component.M, component.K, modes[component.name].phi, shapes)
         blocks.append(T)
         diagonals.append(k)
     basis = Basis(tuple(blocks), omega, phi)
     return project(assembly, basis, diagonals, modes), basis
 
 
-def _trial_shapes(
-    assembly: Assembly, nominal: WorkingPoint, settings: BasisSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _load_responses(
+    assembly: Assembly,
+    K: sp.csr_matrix,
+    nominal: WorkingPoint,
+    others: Sequence[WorkingPoint],
+    phi: np.ndarray,
+) -> np.ndarray:
+    """K^-1 of the friction, friction-damping and contact-change loads of the modes `phi`.
+
+    Without them the basis has an error floor for complex modes of 1e-2 (theory.md section 4); the
+    contact-change loads take the error at 2 and 30 bar from 1e-3 to 1e-4 with fewer coordinates.
+    """
+    if not phi.shape[1]:
+        return np.zeros((assembly.n_dof, 0))
     c = assembly.contact
-    k_n = sp.diags(c.area * nominal.tangent)
-    K = assembly.K_el + assembly.K_springs() + c.N.T @ k_n @ c.N
-    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, guess=150)
-    if not settings.enrichment:
-        return omega, phi, phi
-    factor = factorise(K)
-    damping = sp.diags(c.area * c.frictional * nominal.pressure)
+    k_n = c.area * nominal.tangent
+    drag = c.area * c.frictional * nominal.pressure
+    normal = c.N @ phi
     loads = [
-        c.T_perp.T @ (damping @ (c.T_perp @ phi)),
-        c.T.T @ (sp.diags(c.frictional) @ k_n @ (c.N @ phi)),
+        c.T_perp.T @ (drag[:, None] * (c.T_perp @ phi)),
+        c.T.T @ ((c.frictional * k_n)[:, None] * normal),
+        *(c.N.T @ ((c.area * w.tangent - k_n)[:, None] * normal) for w in others),
     ]
-    extra = [_match_size(factor.solve(load), phi) for load in loads]
-    return omega, phi, np.hstack([phi, *extra])
+    factor = factorise(K)
+    return np.hstack([_match_size(factor.solve(load), phi) for load in loads])
 
 
 def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:

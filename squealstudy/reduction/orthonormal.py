@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-SINGULAR_TOLERANCE = 1e-6  # of the traces' singular values in the mass norm
+MODE_TOLERANCE = 1e-6  # of the assembly modes' singular values in the mass norm
 
 
 def complete_basis(
     M: sp.spmatrix,
     K: sp.spmatrix,
     phi: np.ndarray,
-    traces: np.ndarray,
-    tolerance: float = SINGULAR_TOLERANCE,
+    blocks: Sequence[tuple[np.ndarray, float]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """The basis [phi | rest] of one component (eq. 3), M-orthonormal and diagonal in K.
 
-    Traces are scaled together, not one by one: a small trace carries little of the motion and
-    may be dropped. Modes are projected out twice, the Gram matrix is truncated by its
-    eigenvalues, Cholesky is done twice (theory.md section 4).
+    Vectors of a block are scaled together, not one by one: a small trace carries little of the
+    motion and may be dropped. What the basis holds already is projected out twice, the Gram
+    matrix is truncated by its eigenvalues, Cholesky is done twice (theory.md section 4).
 
     Parameters
     ----------
@@ -28,10 +29,9 @@ def complete_basis(
         Component mass and stiffness.
     phi : ndarray (n, m)
         Free-free modes, M-orthonormal.
-    traces : ndarray (n, t)
-        Displacements of the component in assembly shapes.
-    tolerance : float
-        Smallest singular value kept, relative to the largest.
+    blocks : sequence of (ndarray (n, t), float)
+        Displacements of the component in assembly shapes, the most important block first; each
+        with the smallest singular value kept, relative to the largest of the block.
 
     Returns
     -------
@@ -40,22 +40,42 @@ def complete_basis(
     k : ndarray (m + r,)
         Diagonal of T^T K T, (rad/s)^2.
     """
+    basis = phi
+    for vectors, tolerance in blocks:
+        basis = np.hstack([basis, _new_directions(M, basis, vectors, tolerance)])
     k_phi = np.einsum("ij,ij->j", phi, K @ phi)
-    M_phi = M @ phi
+    rest = basis[:, phi.shape[1] :]
+    if not rest.shape[1]:
+        return phi, k_phi
+    k_rest, y = la.eigh(rest.T @ (K @ rest))
+    return np.ascontiguousarray(np.hstack([phi, rest @ y])), np.concatenate([k_phi, k_rest])
+
+
+def _new_directions(
+    M: sp.spmatrix, basis: np.ndarray, vectors: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """M-orthonormal directions of `vectors` outside the span of `basis` (n, r)."""
+    M_basis = M @ basis
 
     def project_out(X: np.ndarray) -> np.ndarray:
-        return X - phi @ (M_phi.T @ X)
+        return X - basis @ (M_basis.T @ X)
 
-    X = project_out(project_out(traces))
-    gram = X.T @ (M @ X)
-    values, vectors = la.eigh((gram + gram.T) / 2)
-    kept = values > tolerance**2 * max(values[-1], 0.0)
-    if not len(values) or values[-1] <= 0 or not kept.any():
-        return phi, k_phi
-    X = project_out(X @ (vectors[:, kept] / np.sqrt(values[kept])))
+    if not vectors.shape[1]:
+        return vectors
+    largest = la.eigvalsh(_gram(M, vectors))[-1]  # before projecting: the block's own size
+    X = project_out(project_out(vectors))
+    values, modes = la.eigh(_gram(M, X))
+    kept = values > tolerance**2 * largest
+    if largest <= 0 or not kept.any():
+        return vectors[:, :0]
+    X = project_out(project_out(X @ (modes[:, kept] / np.sqrt(values[kept]))))
     for _ in range(2):
-        gram = X.T @ (M @ X)
-        L = la.cholesky((gram + gram.T) / 2, lower=True)
+        L = la.cholesky(_gram(M, X), lower=True)
         X = la.solve_triangular(L, X.T, lower=True).T
-    k_rest, y = la.eigh(X.T @ (K @ X))
-    return np.ascontiguousarray(np.hstack([phi, X @ y])), np.concatenate([k_phi, k_rest])
+    return X
+
+
+def _gram(M: sp.spmatrix, X: np.ndarray) -> np.ndarray:
+    G = X.T @ (M @ X)
+    half: np.ndarray = (G + G.T) / 2
+    return half

@@ -67,41 +67,80 @@ def working_point(
         friction beyond which the steady state does not exist.
     """
     law, A = point.law, space.area
-    mu = point.friction * space.frictional
-    load = space.H_Nf @ np.array([point.pressure, 1.0])
-    scale = law.gap_scale(_mean_pressure(space, point))
+    equations = _GapEquations(space, point)
+    estimate = _mean_pressure(space, point)
     g = _uniform_start(space, point) if start is None else np.array(start, dtype=float)
-    H_A, T_A = space.H_NN * A, space.H_NT * (A * mu)
-    fixed = space.gap0 + load
-    size = np.abs(load).max() + 1e-300
-
-    def imbalance(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        p, kappa = law.evaluate(g)
-        F = g - fixed - H_A @ (p + space.k_c * (g - space.gap0)) + T_A @ p
-        return F, p, kappa
-
-    F, p, kappa = imbalance(g)
+    F, p, kappa = equations.imbalance(g)
     for iteration in range(1, MAX_ITERATIONS + 1):
-        J = H_A * (kappa - space.k_c) - T_A * kappa
-        J[np.diag_indices_from(J)] += 1.0
+        J = equations.jacobian(kappa)
         step = la.solve(J, -F, overwrite_a=True, check_finite=False)
         if not np.isfinite(step).all():
             break
-        longest = np.abs(step).max() / scale
+        # the estimate is too small where k_c is soft beside the supports: p then takes over
+        longest = np.abs(step).max() / law.gap_scale(max(estimate, np.abs(A @ p) / A.sum()))
         damping = min(1.0, MAX_STEP / longest) if longest > 0 else 1.0
         g = g + damping * step
-        F, p, kappa = imbalance(g)
-        residual = float(np.abs(F).max() / size)
-        if damping == 1.0 and longest < TOLERANCE ** 0.5 and residual < TOLERANCE:
-            mean = A @ p / A.sum()
-            return WorkingPoint(
-                g, p, kappa, iteration, residual, float(A[p < 0.01 * mean].sum() / A.sum())
-            )
+        F, p, kappa = equations.imbalance(g)
+        residual = equations.relative(F, g)
+        if damping == 1.0 and longest < TOLERANCE**0.5 and residual < TOLERANCE:
+            return _result(space, g, p, kappa, iteration, residual)
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
         f"{point.friction:g}, pressure {point.pressure:g} Pa",
     )
+
+
+def known_working_point(
+    space: ContactSpace, point: OperatingPoint, gap: np.ndarray
+) -> WorkingPoint | None:
+    """The working point at gaps solved earlier, or None where they do not balance this point."""
+    equations = _GapEquations(space, point)
+    g = np.array(gap, dtype=float)
+    F, p, kappa = equations.imbalance(g)
+    residual = equations.relative(F, g)
+    return _result(space, g, p, kappa, 0, residual) if residual < TOLERANCE else None
+
+
+class _GapEquations:
+    """Imbalance of the gaps and its Jacobian, at one operating point."""
+
+    def __init__(self, space: ContactSpace, point: OperatingPoint) -> None:
+        mu = point.friction * space.frictional
+        self._law, self._k_c, self._gap0 = point.law, space.k_c, space.gap0
+        self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * (space.area * mu)
+        load = space.H_Nf @ np.array([point.pressure, 1.0])
+        self._fixed = space.gap0 + load
+        self._size = float(np.abs(load).max())
+
+    def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F(g) [m], pressure [Pa] and tangent [Pa/m]."""
+        p, kappa = self._law.evaluate(g)
+        F = g - self._fixed - self._H_A @ (p + self._k_c * (g - self._gap0)) + self._T_A @ p
+        return F, p, kappa
+
+    def jacobian(self, kappa: np.ndarray) -> np.ndarray:
+        """dF/dg (nc, nc)."""
+        J = self._H_A * (kappa - self._k_c) - self._T_A * kappa
+        J[np.diag_indices_from(J)] += 1.0
+        return J
+
+    def relative(self, F: np.ndarray, g: np.ndarray) -> float:
+        """Largest imbalance relative to the movement under the load and to the gaps."""
+        return float(np.abs(F).max() / (self._size + np.abs(g).max() + 1e-300))
+
+
+def _result(
+    space: ContactSpace,
+    g: np.ndarray,
+    p: np.ndarray,
+    kappa: np.ndarray,
+    iterations: int,
+    residual: float,
+) -> WorkingPoint:
+    A = space.area
+    open_area = A[p < 0.01 * (A @ p / A.sum())].sum()
+    return WorkingPoint(g, p, kappa, iterations, residual, float(open_area / A.sum()))
 
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:

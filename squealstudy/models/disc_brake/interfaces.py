@@ -135,27 +135,38 @@ class BrakeInterfaces:
         """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
         v = self._m.v
         end = self._m.angle("pad.half_angle") + self._m.angle("pad.ear_angle")
-        stiffness = tuple(v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial"))
-        return self._faces_to_ground(f"{pad}_abutment", pad, end, stiffness)
+        surface = sample_surface(
+            self._solids[pad], lambda r, t, z: abs(abs(t) - end) < EDGE, LAYER_POINTS
+        )
+        return self._to_ground(
+            f"{pad}_abutment",
+            pad,
+            surface,
+            [2 * v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial")],
+        )
 
     def _guides(self) -> SpringInterface:
-        """The two end faces of the caliper's body to ground; stiffness is that of one guide."""
+        """The end faces of the caliper's bridge, over the disc and the pads, to ground."""
+        end = self._m.angle("caliper.bridge_half_angle")
+        z_in, z_out = self._m.plate_z
+        surface = sample_surface(
+            self._solids["caliper"],
+            lambda r, t, z: (
+                (abs(abs(t) - end) < EDGE)
+                & (r > self._m.v("caliper.bridge_inner_radius"))
+                & (z > z_in)
+                & (z < z_out)
+            ),
+            LAYER_POINTS,
+        )
         k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
-        end = self._m.angle("caliper.body_half_angle")
-        return self._faces_to_ground("guides", "caliper", end, (k, k, k_axial))
+        return self._to_ground("guides", "caliper", surface, [k, k, k_axial])
 
-    def _faces_to_ground(
-        self, name: str, component: str, end: float, stiffness: tuple[float, ...]
+    def _to_ground(
+        self, name: str, component: str, surface: Surface, stiffness: list[float]
     ) -> SpringInterface:
-        """Springs spread over the faces at theta = +-end: around, radial, axial per face [N/m]."""
-        z_in = self._m.plate_z[0]
-
-        def on_face(r: np.ndarray, t: np.ndarray, z: np.ndarray) -> np.ndarray:
-            behind = (z < z_in) & (r < self._m.v("caliper.bridge_inner_radius"))
-            return (abs(abs(t) - end) < EDGE) & (behind | (component != "caliper"))
-
-        surface = sample_surface(self._solids[component], on_face, LAYER_POINTS)
-        share = surface.area / (surface.area.sum() / 2)
+        """Springs spread over a surface: around, radial and axial, in all [N/m]."""
+        share = surface.area / surface.area.sum()
         directions = (_around(surface.points), _radial(surface.points), AXIAL)
         rows = [self._rows((component, surface.observe(d))) for d in directions]
         return SpringInterface(

@@ -66,8 +66,8 @@ PARAMETERS = (
             ("abutment.tangential_stiffness", 2e7, "N/m", "each pad ear to ground, around"),
             ("abutment.radial_stiffness", 2e7, "N/m", "each pad ear to ground, radial"),
             ("abutment.axial_stiffness", 1e5, "N/m", "each pad ear to ground, axial"),
-            ("guides.stiffness", 1e7, "N/m", "each caliper guide to ground, in the disc's plane"),
-            ("guides.axial_stiffness", 1e5, "N/m", "each caliper guide to ground, axial"),
+            ("guides.stiffness", 1e7, "N/m", "caliper guides to ground, both together, in plane"),
+            ("guides.axial_stiffness", 1e5, "N/m", "caliper guides to ground, both together, axial"),
         )
     ),
 )

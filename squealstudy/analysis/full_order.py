@@ -1,0 +1,144 @@
+"""Full-order complex modes: the reference that every reduced figure is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
+from squealstudy.models.assembly import Assembly
+from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.reduction.working_point import WorkingPoint
+
+LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
+
+
+@dataclass(frozen=True)
+class FullOrderModes:
+    """Roots [rad/s] in a band, full-order vectors and residuals |Q psi| / |K psi|."""
+
+    lam: np.ndarray
+    psi: np.ndarray
+    residual: np.ndarray
+
+
+@dataclass(frozen=True)
+class ReferenceError:
+    """Largest errors over the lightly damped modes of a band (|zeta| < 5 %).
+
+    Attributes
+    ----------
+    frequency : float
+        Relative error of |lambda|.
+    damping : float
+        Absolute error of the damping ratio.
+    missed : int
+        Full-order modes without a reduced mode within 5 % in the complex plane.
+    """
+
+    frequency: float
+    damping: float
+    missed: int
+
+
+def full_order_modes(
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    point: WorkingPoint,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    damped_to_hz: float,
+) -> FullOrderModes:
+    """Complex modes of the unreduced assembly at a working point (theory.md section 1).
+
+    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; uniform modal
+    damping (eq. 8) is put on the assembly's real modes up to `damped_to_hz`.
+
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    K, C, K_sym = _sparse_system(assembly, point, state)
+    K_low = _component_terms(assembly, modes, state.stiffness_changes(_frequencies(modes)))
+    C_low = _component_terms(assembly, modes, state.modal_dampers(_frequencies(modes)))
+    if state.damping_ratio:
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
+        C_low = (
+            np.hstack([C_low[0], assembly.M @ phi]),
+            np.concatenate([C_low[1], 2 * state.damping_ratio * omega]),
+        )
+    C_sum, K_sum = LowRankSum(C, *C_low), LowRankSum(K, *K_low)
+    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1])
+    kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
+    lam, psi = lam[kept], psi[:, kept]
+    R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
+    size = np.linalg.norm(K_sum @ psi, axis=0)
+    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size)
+
+
+def _sparse_system(
+    assembly: Assembly, point: WorkingPoint, state: DesignState
+) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+    c = assembly.contact
+    k_n = c.area * point.tangent
+    mu = state.operating.friction * c.frictional
+    K_sym = assembly.K_el + assembly.K_springs() + c.N.T @ sp.diags(k_n) @ c.N
+    K = K_sym - c.T.T @ sp.diags(mu * k_n) @ c.N
+    damper = mu * c.area * point.pressure / state.operating.sliding_speed
+    return K.tocsr(), (c.T_perp.T @ sp.diags(damper) @ c.T_perp).tocsr(), K_sym.tocsr()
+
+
+def _frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
+    return {
+        (name, j + 1): float(w) for name, m in modes.items() for j, w in enumerate(m.omega)
+    }
+
+
+def _component_terms(
+    assembly: Assembly, modes: Mapping[str, ComponentModes], values: Mapping[ModeKey, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """U = M phi and the diagonal of the changed component modes."""
+    U = np.zeros((assembly.n_dof, len(values)))
+    masses = {c.name: c.M for c in assembly.components}
+    for column, (name, j) in enumerate(values):
+        U[assembly.slices[name], column] = masses[name] @ modes[name].phi[:, j - 1]
+    return U, np.array(list(values.values()), dtype=float)
+
+
+def _roots_to(
+    assembly: Assembly, C: LowRankSum, K: LowRankSum, limit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
+    most = 2 * assembly.n_dof if assembly.n_dof <= DENSE_LIMIT else 2 * assembly.n_dof - 2
+    n_roots = min(120, most)
+    while True:
+        lam, psi = smallest_roots(assembly.M, C, K, n_roots, limit / 2)
+        if np.abs(lam).max() > limit or n_roots >= most:
+            kept = np.abs(lam) <= limit
+            return lam[kept], psi[:, kept]
+        growth = (limit / np.abs(lam).max()) ** 1.5
+        n_roots = min(int(n_roots * growth) + 20, most)
+
+
+def reference_error(lam: np.ndarray, reference: np.ndarray) -> ReferenceError:
+    """Errors of `lam` against full-order roots `reference` (both rad/s, imaginary part >= 0)."""
+    zeta = -reference.real / np.abs(reference)
+    light = reference[np.abs(zeta) < LIGHT]
+    if not len(light):
+        return ReferenceError(0.0, 0.0, 0)
+    if not len(lam):
+        return ReferenceError(np.inf, np.inf, len(light))
+    nearest = lam[np.abs(light[:, None] - lam[None, :]).argmin(axis=1)]
+    near = np.abs(nearest - light) < 0.05 * np.abs(light)
+    size, size_r = np.abs(light[near]), np.abs(nearest[near])
+    d_zeta = np.abs(nearest[near].real / size_r - light[near].real / size)
+    d_freq = np.abs(size_r - size) / size
+    return ReferenceError(
+        float(d_freq.max(initial=0.0)), float(d_zeta.max(initial=0.0)), int((~near).sum())
+    )

@@ -1,0 +1,156 @@
+"""The tree of neighbouring design points along which modes are tracked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+DENSE_LIMIT = 2000  # points up to which every pair is an edge
+NEIGHBOURS = 12  # edges a point beyond that
+
+
+def tracking_tree(coordinates: np.ndarray, grid_shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """Parent of each design point.
+
+    A grid has lines along its first parameter, whose first points are chained along the second,
+    those of the planes along the third, and so on. Any other design has the minimum spanning tree
+    of its points, each parameter scaled to [0, 1].
+
+    Parameters
+    ----------
+    coordinates : ndarray (n, p)
+        Values of the swept parameters.
+    grid_shape : tuple of int or None
+        Number of values of each parameter of a grid; the first varies fastest over the points.
+
+    Returns
+    -------
+    ndarray (n,) of int
+        -1 for the root: point 0 of a grid, else the point nearest to the middle of the box.
+
+    Raises
+    ------
+    ValueError
+        Where `grid_shape` does not hold n points, or a coordinate is not finite.
+    """
+    x = np.asarray(coordinates, dtype=float)
+    if grid_shape is None:
+        return _spanning_tree(_unit_box(x))
+    if np.prod(grid_shape, dtype=int) != len(x):
+        raise ValueError(f"a grid of shape {grid_shape} does not have {len(x)} points")
+    return _grid_tree(grid_shape)
+
+
+def _grid_tree(shape: tuple[int, ...]) -> np.ndarray:
+    """One step back along the first parameter that is not at its first value."""
+    index = np.arange(np.prod(shape, dtype=int))
+    parents = np.full(len(index), -1)
+    strides = np.cumprod((1, *shape[:-1]))
+    for stride, size in reversed(list(zip(strides, shape, strict=True))):
+        inside = (index // stride) % size > 0
+        parents[inside] = index[inside] - stride
+    return parents
+
+
+def _unit_box(x: np.ndarray) -> np.ndarray:
+    if not np.isfinite(x).all():
+        raise ValueError("coordinates of design points must be finite")
+    if not x.size:
+        return np.zeros((len(x), 1))
+    span = np.ptp(x, axis=0)
+    scaled: np.ndarray = (x - x.min(axis=0)) / np.where(span > 0, span, 1.0)
+    return scaled
+
+
+def _spanning_tree(x: np.ndarray) -> np.ndarray:
+    n = len(x)
+    if not n:
+        return np.zeros(0, dtype=int)
+    graph = cdist(x, x) + 1.0 if n <= DENSE_LIMIT else _neighbour_graph(x)
+    middle = (x.min(axis=0) + x.max(axis=0)) / 2
+    root = int(((x - middle) ** 2).sum(axis=1).argmin())
+    tree = minimum_spanning_tree(graph)
+    _, parents = breadth_first_order(tree, root, directed=False)
+    return np.where(parents < 0, -1, parents).astype(int)
+
+
+def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
+    """Edges to the nearest points, and a chain along each parameter that joins far clusters.
+
+    Lengths are raised by one, which changes no spanning tree: a sparse zero would be no edge.
+    """
+    n = len(x)
+    near = cKDTree(x).query(x, NEIGHBOURS + 1)[1]
+    chains = [np.lexsort((*x.T, column)) for column in x.T]
+    a = np.concatenate([np.repeat(np.arange(n), NEIGHBOURS + 1), *(c[:-1] for c in chains)])
+    b = np.concatenate([near.ravel(), *(c[1:] for c in chains)])
+    edges = np.unique(np.sort(np.column_stack([a, b])[a != b], axis=1), axis=0)
+    length = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) + 1.0
+    return sp.csr_matrix((length, (edges[:, 0], edges[:, 1])), shape=(n, n))
+
+
+def levels(parents: Sequence[int], counts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
+    """The tree without the points that have no modes.
+
+    Parameters
+    ----------
+    parents : sequence of int (n,)
+        -1 for a root.
+    counts : sequence of int (n,)
+        Number of modes of each point.
+
+    Returns
+    -------
+    attached : list of int
+        Nearest ancestor with modes; where there is none, the first point with modes below the
+        same root; -1 for that one and for points without modes.
+    rows : list of lists of int
+        Points with modes by depth in that tree, each in ascending order.
+
+    Raises
+    ------
+    ValueError
+        Where a parent is no point, or parents form a cycle.
+    """
+    n = len(parents)
+    anchor = [-1] * n  # the point itself or its nearest ancestor with modes
+    root = list(range(n))
+    attached, depth = [-1] * n, [0] * n
+    first: dict[int, int] = {}
+    rows: list[list[int]] = []
+    for i in _from_the_roots(parents):
+        p = int(parents[i])
+        root[i] = i if p < 0 else root[p]
+        anchor[i] = -1 if p < 0 else anchor[p]
+        if not counts[i]:
+            continue
+        attached[i] = anchor[i] if anchor[i] >= 0 else first.get(root[i], -1)
+        first.setdefault(root[i], i)
+        anchor[i] = i
+        depth[i] = 0 if attached[i] < 0 else depth[attached[i]] + 1
+        rows.extend([] for _ in range(depth[i] + 1 - len(rows)))
+        rows[depth[i]].append(i)
+    return attached, [sorted(row) for row in rows]
+
+
+def _from_the_roots(parents: Sequence[int]) -> list[int]:
+    """Points by depth, then by index."""
+    n = len(parents)
+    children: list[list[int]] = [[] for _ in range(n)]
+    row: list[int] = []
+    for i, p in enumerate(parents):
+        if not -1 <= p < n:
+            raise ValueError(f"point {i} has the parent {p}, expected -1 to {n - 1}")
+        (row if p < 0 else children[p]).append(i)
+    order: list[int] = []
+    while row:
+        order += row
+        row = sorted(c for i in row for c in children[i])
+    if len(order) < n:
+        raise ValueError("parents form a cycle")
+    return order

@@ -1,0 +1,130 @@
+"""The `squealstudy` command: its arguments; the work is imported when a command runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from squealstudy.errors import SquealstudyError
+
+USAGE_ERROR, INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    help="Which modes of a brake squeal, why, and which design change silences them.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+StudyPath = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
+ResultsPath = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results directory.")]
+Jobs = Annotated[
+    Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes; default: cores.")
+]
+Output = Annotated[
+    Optional[Path], typer.Option("--output", "-o", help="Results directory; default results/NAME.")
+]
+By = Annotated[
+    str, typer.Option(help="share, growth, damping, threshold, frequency or energy_<component>.")
+]
+Top = Annotated[Optional[int], typer.Option(min=1, help="Number of modes listed.")]
+Where = Annotated[
+    Optional[str], typer.Option(help="Condition on table columns, e.g. 'pressure < 1e6'.")
+]
+
+
+@app.command()
+def run(
+    study: StudyPath,
+    output: Output = None,
+    jobs: Jobs = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept a very large design.")] = False,
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures at the end.")] = True,
+) -> None:
+    """Run a study, or what is left of it; print the ranking and where the tables are."""
+    from squealstudy.cli.run import run_command
+
+    run_command(study, output, jobs, yes, pictures)
+
+
+@app.command()
+def check(
+    study: StudyPath,
+    output: Output = None,
+    jobs: Jobs = None,
+    build: Annotated[
+        bool, typer.Option("--build", help="Make and cache the first reduction, then time points.")
+    ] = False,
+) -> None:
+    """Validate a study, count its points, estimate time and memory. Writes no results."""
+    from squealstudy.cli.check import check_command
+
+    check_command(study, output, jobs, build)
+
+
+@app.command()
+def rank(
+    results: ResultsPath,
+    by: By = "share",
+    top: Top = None,
+    where: Where = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+) -> None:
+    """Which modes are unstable: how widely, how strongly, from where on, in which component."""
+    from squealstudy.cli.rank import rank_command
+
+    rank_command(results, by, top, where, csv)
+
+
+@app.command()
+def plot(
+    results: ResultsPath,
+    output: Annotated[
+        Optional[Path], typer.Option("--output", "-o", help="Directory of the pictures.")
+    ] = None,
+    along: Annotated[
+        Optional[str], typer.Option(help="Parameter of the evolution picture.")
+    ] = None,
+) -> None:
+    """Draw stability diagram, evolution along a parameter, stability map and ranking."""
+    from squealstudy.cli.pictures import plot_command
+
+    plot_command(results, output, along)
+
+
+@app.command()
+def models(
+    name: Annotated[Optional[str], typer.Argument(help="Model to describe.")] = None,
+    modes: Annotated[
+        bool, typer.Option(help="Build the model and list its components' free-free modes.")
+    ] = True,
+    cutoff: Annotated[float, typer.Option(min=1.0, help="Highest frequency listed, Hz.")] = 8000.0,
+) -> None:
+    """List models, or one model's parameters with units and defaults, components and modes."""
+    from squealstudy.cli.models import models_command
+
+    models_command(name, modes, cutoff)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of study files, for editors."""
+    from squealstudy.cli.check import schema_command
+
+    schema_command()
+
+
+def main() -> None:
+    """Entry point: every error a user can cause is one message on stderr and exit code 2."""
+    try:
+        app()
+    except SquealstudyError as error:
+        sys.stderr.write(f"squealstudy: {error}\n")
+        raise SystemExit(USAGE_ERROR) from None
+    except KeyboardInterrupt:
+        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
+        raise SystemExit(INTERRUPTED) from None

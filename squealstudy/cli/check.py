@@ -1,0 +1,97 @@
+"""`squealstudy check` and `squealstudy schema`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from pathlib import Path
+
+from squealstudy.cli import screen
+from squealstudy.errors import SquealstudyError
+from squealstudy.study import chunks
+from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.definition import load_study
+from squealstudy.study.estimate import Estimate, estimate
+from squealstudy.study.manifest import check_ownership
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import build_first, default_directory
+from squealstudy.study.sampling import check_limit
+from squealstudy.study.schema import study_schema
+
+
+def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
+    """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
+    plan = Plan(load_study(path))
+    check_limit(plan.study, yes=True)
+    directory = output or default_directory(plan)
+    check_ownership(directory, plan)
+    jobs = jobs or os.cpu_count() or 1
+    if build:
+        reason = build_first(plan, jobs)
+        if reason:
+            raise SquealstudyError(f"{path}: {reason}")
+    for structure in plan.structures:
+        if is_prepared(structure.key):
+            plan.check_modes(load_prepared(structure.key).model)
+            break
+    done = chunks.finished_points(directory) if directory.is_dir() else set()
+    missing = sum(t.point_id not in done for t in plan.tasks)
+    screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))
+
+
+def _facts(
+    plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate
+) -> list[tuple[str, str]]:
+    study = plan.study
+    rows = [
+        ("study", f"{study.name}: {study.definition.study.kind} on {study.model.name}, valid"),
+        ("design", f"{len(plan.tasks)} points, {missing} of them not yet in {directory}"),
+        *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
+        ("reductions", _structures(plan, cost)),
+    ]
+    if cost.n_coordinates is not None:
+        rows.append(("reduced model", f"{cost.n_coordinates} degrees of freedom"))
+    if cost.point_s is None:
+        return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
+    build_s = cost.n_missing_structures * (cost.structure_s or 0.0)
+    workers = min(jobs, max(missing, 1))
+    total = missing * cost.point_s / workers + build_s / (
+        1 if cost.n_missing_structures == 1 else workers
+    )
+    return [
+        *rows,
+        ("time", f"{_duration(total)}: {cost.point_s:.2f} s a point on one core, {workers} workers"),
+        ("memory", f"about {(cost.memory_mb or 0) / 1024:.1f} GB a process, {workers + 1} processes"),
+    ]
+
+
+def _range(plan: Plan, index: int) -> str:
+    sweep = plan.study.sweeps[index]
+    values = sweep.values
+    count = f"{len(values)} values" if values else "random"
+    unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
+    return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
+
+
+def _structures(plan: Plan, cost: Estimate) -> str:
+    total = len(plan.structures)
+    text = f"{total} needed, {cost.n_missing_structures} not in the cache"
+    if total > 1:
+        text += "; a swept mass or stiffness costs one reduction a value"
+    if cost.n_missing_structures and cost.structure_s:
+        text += f" ({_duration(cost.structure_s)} each)"
+    return text
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.2f} s"
+    return f"{math.ceil(seconds / 60)} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def schema_command() -> None:
+    """Print the JSON Schema of study files."""
+    json.dump(study_schema(), sys.stdout, indent=2)
+    sys.stdout.write("\n")

@@ -1,0 +1,19 @@
+"""`squealstudy rank`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from squealstudy.cli import screen
+from squealstudy.study.results import Results
+
+
+def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: bool) -> None:
+    """Print the ranking of a results directory."""
+    results = Results.open(path)
+    table = results.rank(by, top, where)
+    if csv:
+        table.to_csv(sys.stdout, index=False)
+        return
+    screen.ranking(table, results.along, results.manifest["units"].get(results.along, ""))

@@ -1,0 +1,65 @@
+"""`squealstudy run`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from squealstudy.cli import screen
+from squealstudy.cli.pictures import draw_pictures
+from squealstudy.study.definition import load_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import RunReport, default_directory, run_study
+
+LISTED = 12  # modes in the ranking that a run prints
+
+
+def run_command(
+    study: Path, output: Path | None, jobs: int | None, yes: bool, pictures: bool
+) -> None:
+    """Run, rank, draw, and say where everything is."""
+    plan = Plan(load_study(study))
+    directory = output or default_directory(plan)
+    with screen.progress_bars() as progress:
+        report = run_study(plan, directory, jobs or os.cpu_count() or 1, yes, progress)
+    results = Results.open(directory)
+    screen.ranking(
+        results.rank(top=LISTED), results.along, results.manifest["units"].get(results.along, "")
+    )
+    screen.console.print()
+    drawn = draw_pictures(results, directory) if pictures else []
+    screen.facts([*_summary(report, results), *((("picture"), str(p)) for p in drawn)])
+
+
+def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:
+    manifest = report.manifest
+    failed = manifest["n_failed"]
+    rows = [
+        (
+            "points",
+            f"{manifest['n_points']}: {report.n_solved} solved now, {report.n_reused} found in "
+            f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
+        ),
+        ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        ("error", error_statement(manifest)),
+        ("tables", f"{report.directory / 'points.parquet'}, {report.directory / 'modes.parquet'}"),
+    ]
+    if report.n_solved == 0:
+        rows.insert(1, ("nothing to do", "all design points were there already"))
+    return rows
+
+
+def error_statement(manifest: dict[str, Any]) -> str:
+    """One line on the reduced model's error against the full-order model."""
+    checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
+    if not checks:
+        return "not checked against the full-order model ([modes] reference_points = 0)"
+    frequency = max(c["frequency_error"] for c in checks)
+    damping = max(c["damping_error"] for c in checks)
+    missed = sum(c["missed_modes"] for c in checks)
+    return (
+        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
+        f"modes of |damping| < 5 % against the full-order model at {len(checks)} point(s)"
+    )

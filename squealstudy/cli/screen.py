@@ -1,0 +1,112 @@
+"""What commands print: rich tables of the ranking and of facts, a progress bar with ETA."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+
+import pandas as pd
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+console = Console()
+messages = Console(stderr=True)
+
+
+def facts(rows: Sequence[tuple[str, str]]) -> None:
+    """Print name-value lines, aligned."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in rows:
+        table.add_row(name, value)
+    console.print(table)
+
+
+def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
+    """Print the ranking of unstable modes."""
+    if not len(table):
+        console.print("No mode is unstable anywhere in the study.")
+        return
+    onset = f"from {along}" + (f" [{unit}]" if unit else "") if along else ""
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for title, justify in (
+        ("mode", "right"),
+        ("frequency Hz", "right"),
+        ("unstable", "right"),
+        ("max growth 1/s", "right"),
+        ("min damping %", "right"),
+        (onset, "right"),
+        ("energy in", "left"),
+        ("worst at", "left"),
+    ):
+        if title:
+            grid.add_column(title, justify="right" if justify == "right" else "left")
+    for row in table.to_dict("records"):
+        cells = [
+            _label(row),
+            f"{row['frequency_hz']:.0f}",
+            f"{100 * row['unstable_share']:.1f} %",
+            f"{row['max_growth_rate']:.1f}",
+            f"{100 * row['min_damping_ratio']:.3f}",
+            _threshold(row),
+            f"{row['main_component']} {100 * row['main_share']:.0f} %, "
+            f"{row['second_component']} {100 * row['second_share']:.0f} %",
+            str(row["at"]),
+        ]
+        grid.add_row(*(c for c, keep in zip(cells, _kept(onset), strict=True) if keep))
+    console.print(grid)
+    if table["ambiguous"].any():
+        console.print("~ : tracking was ambiguous somewhere on this mode's lines", style="dim")
+
+
+def _kept(onset: str) -> list[bool]:
+    return [True] * 5 + [bool(onset), True, True]
+
+
+def _label(row: dict[str, object]) -> str:
+    name = str(row["track"]) if row["kind"] == "mode" else str(row["kind"])
+    return f"~{name}" if row["ambiguous"] else name
+
+
+def _threshold(row: dict[str, object]) -> str:
+    value, kind = row["threshold"], row["threshold_kind"]
+    if kind == "below range":
+        return "below range"
+    if not isinstance(value, float) or value != value:
+        return "-"
+    return f"{'<= ' if kind == 'first seen' else ''}{value:.4g}"
+
+
+@contextlib.contextmanager
+def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar for each stage, with the expected remaining time, on stderr."""
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("ETA"),
+        TimeRemainingColumn(),
+        console=messages,
+        transient=True,
+    ) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done, total=total)
+
+        yield report

@@ -1,0 +1,40 @@
+"""What the minimal models share: a point mass and bilateral contact points of given stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.component import Component
+from squealstudy.models.interface import ContactInterface
+from squealstudy.models.operating import law_from_values
+
+LAW = law_from_values("bilateral", {})  # the areas of the points carry their stiffness
+
+
+def point_mass(name: str, mass: float) -> Component:
+    """A mass [kg] free to move in a plane: M = m I (2 x 2), no elasticity, two rigid modes."""
+    return Component(name, sp.csr_matrix(mass * np.eye(2)), sp.csr_matrix((2, 2)))
+
+
+def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> ContactInterface:
+    """Contact points that stay closed, with friction along T and none across it.
+
+    Parameters
+    ----------
+    N, T : ndarray (nc, n_dof)
+        Gap (positive when open) and sliding displacement from the degrees of freedom.
+    stiffness : ndarray (nc,)
+        Contact stiffness k_n = A dp/d(-g) of each point, N/m.
+    """
+    n = len(stiffness)
+    return ContactInterface(
+        sp.csr_matrix(N),
+        sp.csr_matrix(T),
+        sp.csr_matrix(N.shape),
+        stiffness / LAW.stiffness,
+        np.zeros(n),
+        np.zeros(n),
+        LAW,
+        np.ones(n),
+    )

@@ -1,0 +1,126 @@
+"""All that design points need of one structure: contact compliances and component-mode model."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import (
+    BasisSettings,
+    ComponentModes,
+    ReducedModel,
+    component_modes,
+    reduce_cmt,
+)
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+
+
+@dataclass(frozen=True)
+class PreparedModel:
+    """One structure, ready for design points.
+
+    Attributes
+    ----------
+    space : ContactSpace
+        For working points; its shapes U are all elastic component modes, in order.
+    model : ReducedModel
+        For the dynamics.
+    shape_basis : ndarray (n, k)
+        Real modes of the nominal working point in reduced coordinates, up to the assembly cutoff:
+        mode shapes are compared by their coordinates on it.
+    nominal_gap : ndarray (nc,)
+        Gaps of the nominal working point [m]: where every other one starts.
+    timings : mapping of stage -> seconds
+    """
+
+    space: ContactSpace
+    model: ReducedModel
+    shape_basis: np.ndarray
+    nominal_gap: np.ndarray
+    timings: Mapping[str, float] = field(default_factory=dict)
+
+
+def prepare(
+    assembly: Assembly,
+    nominal: OperatingPoint,
+    settings: BasisSettings,
+    others: Sequence[OperatingPoint] = (),
+) -> PreparedModel:
+    """Component modes, contact compliances, nominal working point and component-mode basis.
+
+    `others` are operating points at the ends of the study's pressure and contact-law ranges; one
+    without a working point is left out.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the nominal working point does not exist.
+    """
+    clock = _Clock()
+    modes = component_modes(assembly, settings.component_cutoff)
+    clock.stage("component_modes_s")
+    space = contact_space(assembly, reference_stiffness(assembly, nominal), mode_shapes(assembly, modes))
+    clock.stage("contact_space_s")
+    point = working_point(space, nominal)
+    reached = _reachable(space, others)
+    clock.stage("working_point_s")
+    model, basis = reduce_cmt(assembly, modes, point, settings, reached)
+    K = model.K_springs + model.N.T @ ((model.area * point.tangent)[:, None] * model.N)
+    K[np.diag_indices_from(K)] += model.k_el
+    _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
+    clock.stage("reduction_s")
+    return PreparedModel(space, model, phi, point.gap, clock.stages)
+
+
+def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[WorkingPoint]:
+    found = []
+    for point in points:
+        with contextlib.suppress(ConvergenceError):
+            found.append(working_point(space, point))
+    return found
+
+
+def reference_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float:
+    """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m."""
+    force = np.abs(nominal.pressure * assembly.load + assembly.constant_load).sum()
+    pressure = max(force / assembly.contact.area.sum(), 1e-300)
+    gap = np.array([nominal.law.gap_at(pressure)])
+    return float(nominal.law.evaluate(gap)[1][0])
+
+
+def mode_shapes(assembly: Assembly, modes: Mapping[str, ComponentModes]) -> np.ndarray:
+    """U = M phi of all component modes over the assembly (n_dof, m), components in order."""
+    columns = []
+    for c in assembly.components:
+        U = np.zeros((assembly.n_dof, modes[c.name].phi.shape[1]))
+        U[assembly.slices[c.name]] = c.M @ modes[c.name].phi
+        columns.append(U)
+    return np.hstack(columns)
+
+
+def shape_column(model: ReducedModel, component: str, mode: int) -> int:
+    """Column of U (ContactSpace) of a component mode numbered from 1."""
+    i = model.components.index(component)
+    return int(model.n_modes[:i].sum()) + mode - 1
+
+
+class _Clock:
+    """Wall time of consecutive stages."""
+
+    def __init__(self) -> None:
+        self._last = time.perf_counter()
+        self.stages: dict[str, float] = {}
+
+    def stage(self, name: str) -> None:
+        now = time.perf_counter()
+        self.stages[name] = now - self._last
+        self._last = now

@@ -1,0 +1,122 @@
+"""Prepared models on disk, named by the hash of their content, read back as memory maps."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.contact_space import ContactSpace
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.study.files import write_atomic
+
+ENVIRONMENT = "SQUEALSTUDY_CACHE"
+META = "meta.json"
+PARTS = {"space": ContactSpace, "model": ReducedModel}
+
+
+def cache_directory() -> Path:
+    """Where prepared models are kept: $SQUEALSTUDY_CACHE, else the user's cache directory."""
+    if os.environ.get(ENVIRONMENT):
+        return Path(os.environ[ENVIRONMENT])
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "squealstudy"
+
+
+def prepared_path(key: str) -> Path:
+    """Directory of the prepared model of that key, there or not."""
+    return cache_directory() / key
+
+
+def is_prepared(key: str) -> bool:
+    """Whether the cache holds that model, whole."""
+    return (prepared_path(key) / META).is_file()
+
+
+def save_prepared(key: str, prepared: PreparedModel) -> Path:
+    """Store a prepared model; the directory appears whole or not at all."""
+    target = prepared_path(key)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{key}.", dir=target.parent))
+    scalars: dict[str, object] = {"timings": dict(prepared.timings)}
+    for part in PARTS:
+        value = getattr(prepared, part)
+        for f in fields(value):
+            item = getattr(value, f.name)
+            if isinstance(item, np.ndarray):
+                np.save(temporary / f"{part}.{f.name}.npy", item)
+            else:
+                scalars[f"{part}.{f.name}"] = item
+    np.save(temporary / "shape_basis.npy", prepared.shape_basis)
+    np.save(temporary / "nominal_gap.npy", prepared.nominal_gap)
+    (temporary / META).write_text(json.dumps(scalars), encoding="utf-8")
+    try:
+        temporary.rename(target)
+    except OSError:  # another run was faster, or an unfinished directory is in the way
+        if not is_prepared(key):
+            shutil.rmtree(target, ignore_errors=True)
+            temporary.rename(target)
+        else:
+            shutil.rmtree(temporary, ignore_errors=True)
+    return target
+
+
+def load_prepared(key: str) -> PreparedModel:
+    """Read a prepared model; arrays are read-only memory maps shared by all workers."""
+    path = prepared_path(key)
+    scalars = json.loads((path / META).read_text(encoding="utf-8"))
+
+    def part(name: str, kind: type) -> object:
+        values = {}
+        for f in fields(kind):
+            file = path / f"{name}.{f.name}.npy"
+            stored = scalars.get(f"{name}.{f.name}")
+            values[f.name] = (
+                np.load(file, mmap_mode="r")
+                if file.is_file()
+                else tuple(stored)
+                if isinstance(stored, list)
+                else stored
+            )
+        return kind(**values)
+
+    space, model = part("space", ContactSpace), part("model", ReducedModel)
+    assert isinstance(space, ContactSpace)
+    assert isinstance(model, ReducedModel)
+    return PreparedModel(
+        space,
+        model,
+        np.load(path / "shape_basis.npy", mmap_mode="r"),
+        np.load(path / "nominal_gap.npy", mmap_mode="r"),
+        scalars["timings"],
+    )
+
+
+# -- working points ------------------------------------------------------------------------------
+def load_gaps(key: str) -> dict[str, np.ndarray]:
+    """Known working points of a prepared model: gaps (nc,) by the hash of their parameters."""
+    found: dict[str, np.ndarray] = {}
+    for file in sorted((prepared_path(key) / "working_points").glob("*.npz")):
+        with np.load(file) as data:
+            found.update(zip(data["keys"].tolist(), data["gaps"], strict=True))
+    return found
+
+
+def save_gaps(key: str, name: str, gaps: dict[str, np.ndarray]) -> None:
+    """Keep working points of one chunk for later studies of the same model."""
+    if not gaps:
+        return
+    path = prepared_path(key) / "working_points" / f"{name}.npz"
+    keys, values = np.array(list(gaps)), np.stack(list(gaps.values()))
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as handle:
+            np.savez(handle, keys=keys, gaps=values)
+
+    write_atomic(path, write)

@@ -1,0 +1,135 @@
+"""A study: what its file says, checked against the model and resolved to numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from squealstudy.errors import ParameterError
+from squealstudy.study.parameters import (
+    StudyParameter,
+    check_disjoint,
+    did_you_mean,
+    parse_parameter,
+)
+from squealstudy.study.sections import ModelSection, StudyDefinition
+from squealstudy.study.source import SourceText, parse_toml, read_text, shown, validate
+from squealstudy.study.sweeps import Sweep, resolve_sweeps
+from squealstudy.study.toml_lines import KeyPath
+
+if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
+    from squealstudy.models.parameter import ModelDefinition
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study file, checked against its model and resolved.
+
+    Attributes
+    ----------
+    path : Path
+    text : str
+        The file's content as it was read.
+    definition : StudyDefinition
+    model : ModelDefinition
+    options : mapping of name -> str or int
+        A value of every option of the model.
+    values : mapping of name -> float
+        A value of every parameter of the model, and the mode parameters of [parameters].
+    sweeps : tuple of Sweep
+    """
+
+    path: Path
+    text: str
+    definition: StudyDefinition
+    model: ModelDefinition
+    options: Mapping[str, str | int]
+    values: Mapping[str, float]
+    sweeps: tuple[Sweep, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the study and its results directory."""
+        return self.definition.study.name
+
+    @property
+    def shown_parameters(self) -> tuple[str, ...]:
+        """Names of the swept parameters, then of those in [parameters], each once."""
+        swept = dict.fromkeys(s.name for s in self.sweeps)
+        return tuple(swept | dict.fromkeys(self.definition.parameters))
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file.
+
+    Raises
+    ------
+    StudyFileError
+        With file, line, key and what was expected, whatever is wrong with the file.
+    """
+    return parse_study(read_text(Path(path)), Path(path))
+
+
+def parse_study(text: str, path: Path) -> Study:
+    """The study of a TOML text; `path` is for messages. Raises as `load_study`."""
+    source = SourceText(path, text)
+    definition = validate(StudyDefinition, source, parse_toml(path, text))
+    model = _model(definition.model, source)
+    values = model.defaults()
+    used: list[tuple[KeyPath, StudyParameter]] = []
+    for name, value in definition.parameters.items():
+        keys = ("parameters", name)
+        try:
+            parameter = parse_parameter(name, model)
+            values[name] = parameter.check(value)
+        except ParameterError as e:
+            raise source.error(keys, e.message) from None
+        used.append((keys, parameter))
+    options = _options(definition.model, model, source)
+    sweeps = resolve_sweeps(definition, model, source)
+    used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
+    _check_disjoint(used, source)
+    return Study(path, text, definition, model, options, values, sweeps)
+
+
+def _model(section: ModelSection, source: SourceText) -> ModelDefinition:
+    from squealstudy.models.catalogue import MODELS
+
+    if section.name not in MODELS:
+        raise source.error(
+            ("model", "name"),
+            f"expected one of {', '.join(MODELS)}, got {shown(section.name)}"
+            + did_you_mean(section.name, MODELS),
+        )
+    return MODELS[section.name]
+
+
+def _options(
+    section: ModelSection, model: ModelDefinition, source: SourceText
+) -> dict[str, str | int]:
+    """Every option of the model: as given, or its default."""
+    options = {option.name: option for option in model.options}
+    values = {option.name: option.choices[0] for option in model.options}
+    for name, value in section.options.items():
+        keys = ("model", name)
+        if name not in options:
+            its = f"its options are {', '.join(options)}" if options else "it has no options"
+            hint = did_you_mean(name, options) or f"; {its}"
+            raise source.error(keys, f"unknown key of model '{model.name}'{hint}")
+        choices = options[name].choices
+        if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
+            allowed = " or ".join(shown(choice) for choice in choices)
+            raise source.error(keys, f"expected {allowed}, got {shown(value)}")
+        values[name] = value
+    return values
+
+
+def _check_disjoint(used: list[tuple[KeyPath, StudyParameter]], source: SourceText) -> None:
+    """No component mode may be set under two names, in [parameters] or by sweeps."""
+    try:
+        check_disjoint(parameter for _, parameter in used)
+    except ParameterError as e:
+        keys = next(keys for keys, parameter in used if parameter.name == e.key)
+        raise source.error(keys, e.message) from None

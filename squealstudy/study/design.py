@@ -1,0 +1,65 @@
+"""From parameter values to what the mechanics needs: structure, operating point, design state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.models.operating import OperatingPoint, law_from_values
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.study.parameters import ModeParameter, parse_parameter
+
+
+@dataclass(frozen=True)
+class Design:
+    """All parameter values of one design point.
+
+    Attributes
+    ----------
+    model : ModelDefinition
+    law_kind : str
+        Contact law of the study's model options.
+    values : mapping of parameter name -> float
+        Every plain parameter of the model, and the component-mode parameters in use.
+    """
+
+    model: ModelDefinition
+    law_kind: str
+    values: Mapping[str, float]
+
+    def structural_values(self) -> dict[str, float]:
+        """The values that decide masses and stiffnesses, sorted by name."""
+        return {
+            p.name: self.values[p.name]
+            for p in sorted(self.model.parameters, key=lambda p: p.name)
+            if p.structural
+        }
+
+    def plain_values(self) -> dict[str, float]:
+        """The values of the model's own parameters."""
+        return {p.name: self.values[p.name] for p in self.model.parameters}
+
+    def operating_point(self) -> OperatingPoint:
+        """Friction, pressure, sliding speed and contact law."""
+        v = self.values
+        law = law_from_values(self.law_kind, v)
+        return OperatingPoint(v["friction"], v.get("pressure", 1.0), v["sliding_speed"], law)
+
+    def state(self) -> DesignState:
+        """The design state: operating point, component-mode changes, modal damping."""
+        scale: dict[ModeKey, float] = {}
+        damping: dict[ModeKey, float] = {}
+        for parameter in self.mode_parameters():
+            target = scale if parameter.quantity == "frequency_scale" else damping
+            for mode in parameter.modes:
+                target[parameter.component, mode] = self.values[parameter.name]
+        return DesignState(
+            self.operating_point(), scale, damping, self.values.get("damping_ratio", 0.0)
+        )
+
+    def mode_parameters(self) -> list[ModeParameter]:
+        """The component-mode parameters among the values."""
+        plain = {p.name for p in self.model.parameters}
+        parsed = (parse_parameter(name, self.model) for name in self.values if name not in plain)
+        return [p for p in parsed if isinstance(p, ModeParameter)]

@@ -1,0 +1,84 @@
+"""What a study will cost, from a few timed design points."""
+
+from __future__ import annotations
+
+import resource
+import time
+from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.point import solve_point
+from squealstudy.errors import ConvergenceError
+from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.plan import Plan
+from squealstudy.study.worker import PointTask
+
+TIMED_POINTS = 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Expected cost of the design points.
+
+    Attributes
+    ----------
+    n_missing_structures : int
+        Reductions to be made first.
+    structure_s : float or None
+        Seconds of one reduction, from one made before for this study; None where there is none.
+    point_s : float or None
+        Seconds of one design point on one core; None where it cannot be timed yet.
+    memory_mb : float or None
+        Peak memory of this process after the timed points; each worker needs about as much.
+    n_coordinates : int or None
+        Degrees of freedom of the reduced model.
+    reason : str
+        Why a figure is missing.
+    """
+
+    n_missing_structures: int
+    structure_s: float | None
+    point_s: float | None
+    memory_mb: float | None
+    n_coordinates: int | None
+    reason: str
+
+
+def estimate(plan: Plan) -> Estimate:
+    """Time a few design points, spread over the design, of structures that are in the cache."""
+    ready = [s.key for s in plan.structures if is_prepared(s.key)]
+    missing = len(plan.structures) - len(ready)
+    if not ready:
+        return Estimate(
+            missing,
+            None,
+            None,
+            None,
+            None,
+            "no reduced model of this study is in the cache yet; --build makes the first one and "
+            "times it",
+        )
+    tasks = [t for t in plan.tasks if t.prepared_key in set(ready)]
+    step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
+    seconds = [t for t in map(lambda task: _time(plan, task), tasks[::step][:TIMED_POINTS]) if t]
+    prepared = load_prepared(ready[0])
+    return Estimate(
+        missing,
+        float(sum(prepared.timings.values())),
+        sum(seconds) / len(seconds) if seconds else None,
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        prepared.model.n,
+        "" if seconds else "none of the timed design points has a working point",
+    )
+
+
+def _time(plan: Plan, task: PointTask) -> float | None:
+    prepared = load_prepared(task.prepared_key)
+    started = time.perf_counter()
+    with threadpool_limits(1):
+        try:
+            solve_point(prepared, task.design.state(), plan.band_hz)
+        except ConvergenceError:
+            return None
+    return time.perf_counter() - started

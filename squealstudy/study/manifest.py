@@ -1,0 +1,116 @@
+"""The manifest: the study as run, versions, hashes, threads, timings; and whose directory it is."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from squealstudy.errors import ResultsError
+from squealstudy.study.files import write_json
+from squealstudy.study.plan import Plan
+
+FILE = "manifest.json"
+LOCK = ".lock"
+PACKAGES = (
+    "squealstudy", "numpy", "scipy", "pandas", "pyarrow", "numba", "joblib", "scikit-fem", "pydantic"
+)  # fmt: skip
+
+
+def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
+    """Manifest of a run that begins."""
+    study = plan.study
+    return {
+        "status": "running",
+        "name": study.definition.study.name,
+        "kind": study.definition.study.kind,
+        "model": study.model.name,
+        "study_hash": plan.study_hash,
+        "structures": [s.key for s in plan.structures],
+        "n_points": len(plan.tasks),
+        "band_hz": list(plan.band_hz),
+        "parameters": list(study.shown_parameters),
+        "sweeps": [s.parameter.name for s in study.sweeps],
+        "units": {p: parameter_unit(plan, p) for p in study.shown_parameters},
+        "grid_shape": plan.grid_shape,
+        "study": study.text,
+        "versions": {name: version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
+        "threads": {"workers": jobs, "blas_threads_a_worker": 1},
+        "timings": {},
+    }
+
+
+def parameter_unit(plan: Plan, name: str) -> str:
+    """Unit of a shown parameter; empty for a pure number."""
+    plain = {p.name: p.unit for p in plan.study.model.parameters}
+    return plain.get(name, "")
+
+
+def read_manifest(directory: Path) -> dict[str, Any] | None:
+    """The manifest of a results directory, None where there is none; ResultsError if damaged."""
+    path = directory / FILE
+    if not path.is_file():
+        return None
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: not a readable manifest ({error})") from error
+    return content
+
+
+def write_manifest(directory: Path, manifest: dict[str, Any]) -> None:
+    """Write the manifest atomically."""
+    write_json(directory / FILE, manifest)
+
+
+def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:
+    """The manifest that is there, if this study may write here.
+
+    Raises
+    ------
+    ResultsError
+        Where the path is a file, the directory holds something else, or another study's results.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise ResultsError(f"{directory}: expected a directory for results, found a file")
+    found = read_manifest(directory)
+    if found is None:
+        if directory.is_dir() and any(p.name != LOCK for p in directory.iterdir()):
+            raise ResultsError(
+                f"{directory}: the directory is not empty and holds no results of squealstudy; "
+                "choose another with --output"
+            )
+        return None
+    study = plan.study
+    mine = (study.definition.study.name, study.definition.study.kind, study.model.name)
+    theirs = (found.get("name"), found.get("kind"), found.get("model"))
+    if mine != theirs:
+        raise ResultsError(
+            f"{directory}: belongs to study '{theirs[0]}' ({theirs[1]}, {theirs[2]}), not to "
+            f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
+        )
+    return found
+
+
+@contextlib.contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Hold the directory for one run; ResultsError where another run holds it.
+
+    The lock dies with its process, so a killed run never blocks the next.
+    """
+    import fcntl
+
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / LOCK).open("w") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ResultsError(f"{directory}: another run is writing here") from error
+        yield

@@ -1,0 +1,183 @@
+"""The grammar of parameter names: a model's own parameters, and those of component modes."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from squealstudy.errors import ParameterError
+
+if TYPE_CHECKING:  # scipy stays out of `squealstudy schema`
+    from squealstudy.models.parameter import ModelDefinition, Parameter
+
+FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
+QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
+LARGEST_MODE = 10_000
+MODE_NAME = re.compile(r"(?P<component>[^\[\]]+)\.modes\[(?P<modes>[^\[\]]*)\]\.(?P<quantity>\w+)")
+MODE_RANGE = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
+EXAMPLE = "'<component>.modes[12-14].frequency_scale' or '<component>.modes[3,7].damping_ratio'"
+
+
+@dataclass(frozen=True)
+class PlainParameter:
+    """A parameter of the model itself, as in ``friction`` or ``disc.young_modulus``."""
+
+    parameter: Parameter
+
+    @property
+    def name(self) -> str:
+        """As in study files."""
+        return self.parameter.name
+
+    @property
+    def default(self) -> float:
+        """SI units."""
+        return self.parameter.default
+
+    @property
+    def unit(self) -> str:
+        """Empty for a pure number."""
+        return self.parameter.unit
+
+    @property
+    def structural(self) -> bool:
+        """Whether a change costs a new assembly and reduction."""
+        return self.parameter.structural
+
+    def check(self, value: float) -> float:
+        """`value` as a float; ParameterError where the parameter cannot take it."""
+        return self.parameter.check(value)
+
+
+@dataclass(frozen=True)
+class ModeParameter:
+    """One quantity of some free-free modes of a component, all set to the same value.
+
+    Attributes
+    ----------
+    name : str
+        As the user wrote it.
+    component : str
+    modes : tuple of int
+        Ascending, from 1, rigid-body modes included.
+    quantity : str
+        ``frequency_scale`` (factor on the frequency) or ``damping_ratio``.
+    """
+
+    name: str
+    component: str
+    modes: tuple[int, ...]
+    quantity: str
+
+    @property
+    def default(self) -> float:
+        """The value that changes nothing."""
+        return 1.0 if self.quantity == FREQUENCY_SCALE else 0.0
+
+    @property
+    def unit(self) -> str:
+        """Both quantities are pure numbers."""
+        return ""
+
+    @property
+    def structural(self) -> bool:
+        """Component modes are entries of the reduced matrices: nothing is built anew."""
+        return False
+
+    def check(self, value: float) -> float:
+        """`value` as a float; ParameterError where it is not a number within bounds."""
+        from squealstudy.models.parameter import Parameter
+
+        if self.quantity == FREQUENCY_SCALE:
+            limits = Parameter(self.name, self.default, "", "", maximum=10.0, positive=True)
+        else:
+            limits = Parameter(self.name, self.default, "", "", minimum=0.0, maximum=1.0)
+        return limits.check(value)
+
+
+StudyParameter = PlainParameter | ModeParameter
+
+
+def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
+    """The parameter that a name stands for.
+
+    Raises
+    ------
+    ParameterError
+        Neither a parameter of the model nor ``<component>.modes[<numbers>].<quantity>``.
+    """
+    plain = {p.name: p for p in model.parameters}
+    if name in plain:
+        return PlainParameter(plain[name])
+    if "modes[" in name or ".modes" in name:
+        return _parse_mode_parameter(name, model)
+    hint = did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"
+    raise ParameterError(name, f"model '{model.name}' has no parameter '{name}'{hint}")
+
+
+def check_disjoint(parameters: Iterable[StudyParameter]) -> None:
+    """Raise ParameterError where two differently named parameters set the same mode's quantity."""
+    owner: dict[tuple[str, int, str], str] = {}
+    for p in parameters:
+        if isinstance(p, PlainParameter):
+            continue
+        for mode in p.modes:
+            first = owner.setdefault((p.component, mode, p.quantity), p.name)
+            if first != p.name:
+                raise ParameterError(
+                    p.name,
+                    f"'{p.name}' and '{first}' both set {p.quantity} of {p.component} mode {mode}",
+                )
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Ending of a message: the closest of the known words, or nothing."""
+    matches = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
+
+
+def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
+    found = MODE_NAME.fullmatch(name)
+    if found is None:
+        raise ParameterError(name, f"expected a name like {EXAMPLE}, got '{name}'")
+    component, quantity = found["component"], found["quantity"]
+    if component not in model.components:
+        raise ParameterError(
+            name,
+            f"model '{model.name}' has no component '{component}'; "
+            f"its components are {', '.join(model.components)}",
+        )
+    if quantity not in QUANTITIES:
+        raise ParameterError(
+            name, f"expected {' or '.join(QUANTITIES)} of component modes, got '{quantity}'"
+        )
+    return ModeParameter(name, component, _parse_modes(name, found["modes"]), quantity)
+
+
+def _parse_modes(name: str, text: str) -> tuple[int, ...]:
+    """Mode numbers of ``3,7-9``, ascending."""
+    modes: set[int] = set()
+    for part in text.split(","):
+        found = MODE_RANGE.fullmatch(part.strip())
+        if found is None:
+            raise ParameterError(
+                name,
+                f"expected mode numbers from 1 like [13], [12-14] or [3,7-9], got '[{text}]'",
+            )
+        first, last = int(found[1]), int(found[2] or found[1])
+        if first < 1 or last > LARGEST_MODE:
+            raise ParameterError(
+                name, f"expected mode numbers from 1 to {LARGEST_MODE}, got '{part.strip()}'"
+            )
+        if last < first:
+            raise ParameterError(
+                name, f"expected an ascending range of modes, got '{first}-{last}'"
+            )
+        numbers = range(first, last + 1)
+        if not modes.isdisjoint(numbers):
+            raise ParameterError(name, f"a mode number appears twice in '[{text}]'")
+        modes.update(numbers)
+    return tuple(sorted(modes))

@@ -1,0 +1,219 @@
+"""What a study asks for: its designs, their identities and the structures they need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.errors import StudyFileError
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import BasisSettings, ReducedModel
+from squealstudy.study.definition import Study
+from squealstudy.study.design import Design
+from squealstudy.study.keys import content_hash, point_id, source_hash
+from squealstudy.study.sampling import design_points, grid_shape
+from squealstudy.study.source import SourceText
+from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.worker import PointTask
+
+LAW_OPTION = "contact_law"
+LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
+SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One prepared model to be made or read: its key and the design that first asks for it."""
+
+    key: str
+    design: Design
+
+
+class Plan:
+    """A study resolved into design points; cheap, nothing is assembled.
+
+    Parameters
+    ----------
+    study : Study
+        A loaded study file.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.swept = design_points(study)
+        self.designs = tuple(
+            Design(study.model, self.law_kind, {**study.values, **point}) for point in self.swept
+        )
+
+    @property
+    def law_kind(self) -> str:
+        """Contact law of the model's options; models without a choice are bilateral."""
+        return str(self.study.options.get(LAW_OPTION, "bilateral"))
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Band of the modes, Hz."""
+        low, high = self.study.definition.modes.band
+        return float(low), float(high)
+
+    @cached_property
+    def settings(self) -> BasisSettings:
+        """Basis of the component-mode reduction, from the band and the [reduction] section."""
+        section = self.study.definition.reduction
+        if not has_mesh(self.study):
+            return BasisSettings(SMALL_MODEL, SMALL_MODEL, 0.0, section.tolerance)
+        top = self.band_hz[1]
+        return BasisSettings(
+            section.component_cutoff_factor * top,
+            section.assembly_cutoff_factor * top,
+            LOAD_FACTOR * top if section.enrichment else 0.0,
+            section.tolerance,
+        )
+
+    @cached_property
+    def nominal(self) -> OperatingPoint:
+        """The [parameters] as they stand: where the basis is made."""
+        return Design(self.study.model, self.law_kind, self.study.values).operating_point()
+
+    @cached_property
+    def training(self) -> tuple[OperatingPoint, ...]:
+        """Ends of the swept pressure and contact-law ranges, the rest nominal.
+
+        Friction is not among them: another friction range reuses the reduction.
+        """
+        if not has_mesh(self.study):
+            return ()
+        points = []
+        for sweep in self.study.sweeps:
+            name = sweep.name
+            if name == "pressure" or name.startswith("contact."):
+                swept = [point[name] for point in self.swept]
+                for value in sorted({min(swept), max(swept)}):
+                    values = {**self.study.values, name: value}
+                    design = Design(self.study.model, self.law_kind, values)
+                    points.append(design.operating_point())
+        return tuple(points)
+
+    def structure_key(self, design: Design) -> str:
+        """Content hash of the prepared model that a design needs."""
+        s = self.settings
+        return content_hash(
+            {
+                "source": source_hash(),
+                "model": self.study.model.name,
+                "options": {k: v for k, v in self.study.options.items() if k != LAW_OPTION},
+                "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
+                "trained at": [
+                    [p.friction, p.pressure, p.law.kind, *p.law.parameters]
+                    for p in (self.nominal, *self.training)
+                ],
+                "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+            }
+        )
+
+    @cached_property
+    def tasks(self) -> tuple[PointTask, ...]:
+        """Identity and structure of every design point, in the order of the design."""
+        tasks = []
+        for design in self.designs:
+            key = self.structure_key(design)
+            model_hash = content_hash([key, list(self.band_hz), self.law_kind])
+            tasks.append(PointTask(point_id(model_hash, design.values), design, key))
+        return tuple(tasks)
+
+    @cached_property
+    def structures(self) -> tuple[Structure, ...]:
+        """The distinct prepared models, in the order of their first use."""
+        first: dict[str, Structure] = {}
+        for task in self.tasks:
+            first.setdefault(task.prepared_key, Structure(task.prepared_key, task.design))
+        return tuple(first.values())
+
+    @cached_property
+    def study_hash(self) -> str:
+        """Hash of all that decides the tables."""
+        modes = self.study.definition.modes
+        return content_hash(
+            [
+                [t.point_id for t in self.tasks],
+                list(self.study.shown_parameters),
+                modes.model_dump(mode="json"),
+            ]
+        )
+
+    @cached_property
+    def shown_values(self) -> list[dict[str, float]]:
+        """Parameter columns of the tables, one dict a point."""
+        return [{p: d.values[p] for p in self.study.shown_parameters} for d in self.designs]
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Swept values as coordinates (n_points, n_sweeps); log where swept in log."""
+        columns = []
+        for sweep in self.study.sweeps:
+            x = np.array([point[sweep.name] for point in self.swept])
+            columns.append(np.log(x) if sweep.scale == "log" and (x > 0).all() else x)
+        return np.column_stack(columns) if columns else np.zeros((len(self.swept), 0))
+
+    @property
+    def grid_shape(self) -> tuple[int, ...] | None:
+        """Points along each sweep, first fastest, or None where the design is no grid."""
+        return grid_shape(self.study)
+
+    def check_modes(self, model: ReducedModel) -> None:
+        """Raise StudyFileError where a component mode in use is not in the basis."""
+        for parameter in self.designs[0].mode_parameters():
+            count = int(model.n_modes[model.components.index(parameter.component)])
+            highest = max(parameter.modes)
+            if highest > count:
+                raise self.error(
+                    parameter.name,
+                    f"{parameter.component} has modes 1 to {count} up to "
+                    f"{self.settings.component_cutoff:g} Hz in this basis, got mode {highest}; a "
+                    "higher [reduction] component_cutoff_factor holds more",
+                )
+
+    def error(self, parameter: str, message: str) -> StudyFileError:
+        """A StudyFileError at the place where the study names a parameter."""
+        keys: KeyPath = ("parameters", parameter)
+        for number, sweep in enumerate(self.study.sweeps):
+            if sweep.name == parameter:
+                keys = ("sweep", number, "parameter")
+        return SourceText(self.study.path, self.study.text).error(keys, message)
+
+
+def has_mesh(study: Study) -> bool:
+    """Whether the model is a finite-element one, to be reduced."""
+    return "mesh" in study.options
+
+
+def reference_choice(plan: Plan, count: int) -> list[int]:
+    """Indices of the design points to check by the full-order model.
+
+    The point farthest from the nominal one first, then those farthest from all chosen.
+    """
+    X = plan.coordinates
+    span = np.ptp(X, axis=0) if len(X) else np.ones(X.shape[1])
+    X = X / np.where(span > 0, span, 1.0)
+    nominal = _nominal_coordinates(plan, span)
+    distance = np.linalg.norm(X - nominal, axis=1)
+    chosen: list[int] = []
+    for _ in range(min(count, len(X))):
+        distance[chosen] = -1.0
+        best = int(np.argmax(distance))
+        chosen.append(best)
+        distance = np.minimum(distance, np.linalg.norm(X - X[best], axis=1))
+    return chosen
+
+
+def _nominal_coordinates(plan: Plan, span: np.ndarray) -> np.ndarray:
+    values: Mapping[str, float] = plan.study.values
+    x = []
+    for sweep, width in zip(plan.study.sweeps, span, strict=True):
+        value = values.get(sweep.name, sweep.parameter.default)
+        value = np.log(value) if sweep.scale == "log" and value > 0 else value
+        x.append(value / (width if width > 0 else 1.0))
+    return np.array(x)

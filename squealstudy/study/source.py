@@ -1,0 +1,167 @@
+"""A study file as text: read, parsed, validated, and what is wrong in it said in plain words."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from squealstudy.errors import StudyFileError
+from squealstudy.study.parameters import did_you_mean
+from squealstudy.study.toml_lines import KeyLines, KeyPath, key_lines
+
+Model = TypeVar("Model", bound=BaseModel)
+TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+LONGEST_SHOWN = 40
+
+EXPECTED = {  # pydantic's error types, where they need no more than a word for the user
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text in quotes",
+    "tuple_type": "a list in square brackets",
+    "model_type": "a table of keys",
+    "dict_type": "a table of keys",
+    "greater_than": "more than {gt:.10g}",
+    "greater_than_equal": "at least {ge:.10g}",
+    "less_than_equal": "at most {le:.10g}",
+    "literal_error": "{expected}",
+    "string_too_long": "at most {max_length} characters",
+    "string_pattern_mismatch": "letters, digits, _ and - only",
+}
+
+
+@dataclass(frozen=True)
+class SourceText:
+    """A study file's path and its text (valid TOML), for messages that name file, line and key."""
+
+    path: Path
+    text: str
+
+    @cached_property
+    def lines(self) -> KeyLines:
+        """Where its keys are."""
+        return key_lines(self.text)
+
+    def error(self, keys: KeyPath, message: str) -> StudyFileError:
+        """The error to raise about a key, with the line of it or of the table around it."""
+        return StudyFileError(message, self.path, dotted(keys), self.lines.find(keys))
+
+
+def dotted(keys: KeyPath) -> str:
+    """A key path as users write it, ``sweep[2].num``: list positions count from 1."""
+    text = "".join(f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in keys)
+    return text.removeprefix(".")
+
+
+def read_text(path: Path) -> str:
+    """Content of a UTF-8 file; StudyFileError where there is none."""
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise StudyFileError("there is no such file", path) from None
+    except IsADirectoryError:
+        raise StudyFileError("expected a study file (TOML), got a directory", path) from None
+    except OSError as e:
+        raise StudyFileError(f"cannot be read: {e.strerror or e}", path) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as e:
+        line = raw.count(b"\n", 0, e.start) + 1
+        raise StudyFileError("expected UTF-8 text", path, line=line) from None
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """TOML text as nested dicts; StudyFileError with the line where it is not TOML."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise StudyFileError("not valid TOML: lists or tables nested too deeply", path) from None
+    except ValueError as e:  # TOMLDecodeError, and int()'s refusal of thousands of digits
+        place = TOML_PLACE.search(str(e))
+        if place is None:
+            raise StudyFileError(f"not valid TOML: {e}", path) from None
+        line = int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
+        what = str(e)[: place.start()].replace("Cannot overwrite a value", "a key is given twice")
+        column = f" (column {place[2]})" if place[2] else " (end of file)"
+        raise StudyFileError(f"not valid TOML: {what}{column}", path, line=line) from None
+
+
+def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> Model:
+    """`data` as a pydantic model; StudyFileError about its first error in the file's order."""
+    try:
+        return kind.model_validate(data)
+    except ValidationError as e:
+        problems = e.errors(include_url=False)
+    past_the_end = len(source.text) + 2  # for keys that are nowhere in the file
+    first = min(problems, key=lambda p: source.lines.find(p["loc"]) or past_the_end)
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    raise source.error(first["loc"], _wording(kind, first) + more)
+
+
+def shown(value: object) -> str:
+    """A value of the file, short enough for a message."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
+        return "a number too large"
+    if isinstance(value, dict | list):
+        kind = "table" if isinstance(value, dict) else "list"
+        return f"a {kind}" if value else f"an empty {kind}"
+    text = f"'{value}'" if isinstance(value, str) else str(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
+    """What one pydantic error means, for somebody who wrote the file."""
+    loc, found, context = problem["loc"], problem["input"], problem.get("ctx", {})
+    if problem["type"] == "value_error":
+        return str(context["error"])
+    if problem["type"] == "missing":
+        return _missing(kind, loc)
+    if problem["type"] == "extra_forbidden":
+        known = list((_section(kind, loc[:-1]) or kind).model_fields)
+        closest = did_you_mean(str(loc[-1]), known)
+        return f"unknown key{closest or '; expected one of ' + ', '.join(known)}"
+    if problem["type"] == "tuple_type" and isinstance(found, dict):
+        return f"expected [[{loc[-1]}]] with two brackets: there can be several"
+    if problem["type"] == "model_type" and isinstance(found, list):
+        return f"expected [{loc[-1]}] with one bracket: there is only one"
+    if problem["type"] not in EXPECTED:
+        return f"{problem['msg']}, got {shown(found)}"
+    expected = EXPECTED[problem["type"]].format(**context)
+    hint = ""
+    if problem["type"] == "literal_error":
+        hint = did_you_mean(str(found), re.findall(r"'([^']*)'", expected))
+        expected = expected if " or " not in expected else f"one of {expected}"
+    return f"expected {expected}, got {shown(found)}{hint}"
+
+
+def _missing(kind: type[BaseModel], loc: KeyPath) -> str:
+    section = _section(kind, loc[:-1]) or kind
+    field = section.model_fields.get(str(loc[-1]))
+    meaning = f": {field.description}" if field is not None and field.description else ""
+    what = f"table [{loc[-1]}]" if len(loc) == 1 else f"key '{loc[-1]}'"
+    return f"the {what} is missing{meaning}"
+
+
+def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
+    """The pydantic model of the table at `loc`."""
+    section: type[BaseModel] | None = kind
+    for key in loc:
+        if isinstance(key, str) and section is not None:
+            field = section.model_fields.get(key)
+            annotation = field.annotation if field is not None else None
+            kinds = (annotation, *get_args(annotation))
+            section = next(
+                (k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None
+            )
+    return section

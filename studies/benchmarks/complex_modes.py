@@ -1,0 +1,110 @@
+"""Time and error of the complex-mode sweep on the medium brake, stage by stage.
+
+Run alone on an idle machine:  python studies/benchmarks/complex_modes.py [--mesh coarse]
+
+Prints seconds of each stage (compilation excluded; design points as the median of several, one
+BLAS thread) and the error of the reduced model against the full-order model at states away from
+where the basis was made. "Light" modes: |damping ratio| < 5 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import statistics
+import time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order import full_order_modes, reference_error
+from squealstudy.analysis.point import solve_point, state_working_point
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import BasisSettings, component_modes
+from squealstudy.reduction.prepared import prepare
+
+BAND = (500.0, 8000.0)
+CUTOFF = 1.5 * BAND[1]
+SETTINGS = BasisSettings(CUTOFF, CUTOFF, 1.125 * BAND[1], 3e-5)
+GROUP = ("caliper", 7), ("caliper", 8), ("caliper", 9)
+REPEATS = 5
+
+
+def at(pressure: float, friction: float, **changes: dict) -> DesignState:
+    return DesignState(OperatingPoint(friction, pressure, 0.5, ContactLaw()), **changes)
+
+
+STATES = {
+    "nominal 12 bar, mu 0.5": at(12e5, 0.5),
+    "2 bar, mu 0.5": at(2e5, 0.5),
+    "30 bar, mu 0.5": at(30e5, 0.5),
+    "30 bar, mu 0.7": at(30e5, 0.7),
+    "12 bar, mu 0": at(12e5, 0.0),
+    "caliper 7-9 frequency -50 %": at(12e5, 0.5, frequency_scale=dict.fromkeys(GROUP, 0.5)),
+    "caliper 7-9 frequency +50 %": at(12e5, 0.5, frequency_scale=dict.fromkeys(GROUP, 1.5)),
+    "caliper 7-9 damping 50 %": at(12e5, 0.5, mode_damping=dict.fromkeys(GROUP, 0.5)),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mesh", default="medium", choices=["coarse", "medium", "fine"])
+    mesh = parser.parse_args().mesh
+    brake = MODELS["disc_brake"]
+    options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
+    ContactLaw().evaluate(np.zeros(1))  # compile
+
+    started = time.perf_counter()
+    assembly = brake.build(options, brake.defaults())
+    print(f"{mesh} brake, {assembly.n_dof} DOF, {assembly.contact.n_points} contact points")
+    print(f"assembly             {time.perf_counter() - started:8.2f} s")
+    nominal = STATES["nominal 12 bar, mu 0.5"].operating
+    training = [STATES[s].operating for s in ("2 bar, mu 0.5", "30 bar, mu 0.5")]
+    started = time.perf_counter()
+    prepared = prepare(assembly, nominal, SETTINGS, training)
+    total = time.perf_counter() - started
+    for stage, seconds in prepared.timings.items():
+        print(f"  {stage.removesuffix('_s'):18s} {seconds:8.2f} s")
+    print(f"reduction in all     {total:8.2f} s, {prepared.model.n} DOF")
+    modes = component_modes(assembly, CUTOFF)
+    with threadpool_limits(1):
+        _points(prepared)
+        print("\nagainst the full-order model, light modes in 500 to 8000 Hz")
+        print(f"{'state':30s}{'modes':>6s}{'df/f':>10s}{'d zeta':>10s}{'missed':>8s}{'full s':>8s}")
+        for name, state in STATES.items():
+            reduced = solve_point(prepared, state, BAND)
+            started = time.perf_counter()
+            full = full_order_modes(
+                assembly, modes, reduced.working_point, state, BAND, CUTOFF
+            )
+            seconds = time.perf_counter() - started
+            error = reference_error(reduced.lam, full.lam)
+            print(
+                f"{name:30s}{len(full.lam):6d}{error.frequency:10.1e}{error.damping:10.1e}"
+                f"{error.missed:8d}{seconds:8.1f}"
+            )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"\npeak memory {peak:.2f} GB")
+
+
+def _points(prepared) -> None:
+    working, point = [], []
+    for state in list(STATES.values())[:4] * REPEATS:
+        started = time.perf_counter()
+        state_working_point(prepared, state)
+        working.append(time.perf_counter() - started)
+        started = time.perf_counter()
+        solve_point(prepared, state, BAND)
+        point.append(time.perf_counter() - started)
+    for name, values in (("working point", working), ("design point", point)):
+        print(
+            f"{name:20s} {statistics.median(values):8.3f} s median, "
+            f"{min(values):.3f} to {max(values):.3f}, one core"
+        )
+
+
+if __name__ == "__main__":
+    main()

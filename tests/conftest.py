@@ -1,0 +1,76 @@
+"""Fixtures: one coarse brake for the whole session, and how models are built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import hypothesis
+import pytest
+
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import (
+    Basis,
+    BasisSettings,
+    ComponentModes,
+    ReducedModel,
+    component_modes,
+    reduce_cmt,
+)
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)  # kernels may compile
+hypothesis.settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Full-size validation runs only where it is asked for: ``pytest -m full_size``."""
+    if config.option.markexpr:
+        return
+    slow = [item for item in items if item.get_closest_marker("full_size")]
+    config.hook.pytest_deselected(items=slow)
+    items[:] = [item for item in items if item not in slow]
+
+
+TOP = 8e3  # Hz, top of the band of the reduced brake; cutoffs beyond it as studies have them
+CUTOFF = 1.5 * TOP
+LOAD_CUTOFF = 1.125 * TOP
+NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+
+
+@dataclass(frozen=True)
+class Brake:
+    """The coarse brake up to its nominal working point."""
+
+    assembly: Assembly
+    modes: dict[str, ComponentModes]
+    space: ContactSpace
+    point: WorkingPoint
+
+
+def build_model(name, options=None, **values):
+    """A model of the catalogue with default options and parameters but for those given."""
+    definition = MODELS[name]
+    chosen = {o.name: o.choices[0] for o in definition.options} | (options or {})
+    return definition.build(chosen, definition.defaults() | values)
+
+
+@pytest.fixture(scope="session")
+def brake() -> Brake:
+    assembly = build_model("disc_brake", {"mesh": "coarse"})
+    modes = component_modes(assembly, CUTOFF)
+    stiffness = reference_stiffness(assembly, NOMINAL)
+    space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
+    return Brake(assembly, modes, space, working_point(space, NOMINAL))
+
+
+@pytest.fixture(scope="session")
+def reduced(brake) -> tuple[ReducedModel, Basis]:
+    """Trained at the nominal point and at the ends of a pressure range, 2 and 30 bar."""
+    ends = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in (2e5, 30e5)]
+    settings = BasisSettings(CUTOFF, CUTOFF, LOAD_CUTOFF)
+    return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)

@@ -1,0 +1,132 @@
+"""Contact laws: closed form, tangent against central differences, NaN, and the readable twin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import reference
+from hypothesis import given
+from hypothesis import strategies as st
+
+from squealstudy.errors import ModelError
+from squealstudy.kernels import contact_laws
+from squealstudy.models.law import LAW_CODES, ContactLaw
+
+LAWS = {
+    "exponential": ContactLaw("exponential", p0=1e5, lam=5e5),
+    "unilateral": ContactLaw("unilateral", stiffness=5e11),
+    "power": ContactLaw("power", stiffness=3e14, exponent=1.5),
+    "bilateral": ContactLaw("bilateral", stiffness=5e11),
+}
+GAPS = np.array([-8e-6, -3e-6, -1e-7, 1e-7, 2e-6, 9e-6])
+
+
+def gaps(low=-2e-5, high=2e-5):
+    return st.floats(low, high, allow_nan=False)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_tangent_is_minus_the_slope(kind):
+    # central differences away from the kink at g = 0
+    h = 1e-10
+    p_plus, _ = LAWS[kind].evaluate(GAPS + h)
+    p_minus, _ = LAWS[kind].evaluate(GAPS - h)
+    _, kappa = LAWS[kind].evaluate(GAPS)
+    np.testing.assert_allclose(kappa, (p_minus - p_plus) / (2 * h), rtol=1e-5, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "gap", "pressure", "tangent"),
+    [
+        ("exponential", 0.0, 1e5, 5e10),
+        ("exponential", -math.log(2) / 5e5, 2e5, 1e11),
+        ("unilateral", -2e-6, 1e6, 5e11),
+        ("unilateral", 2e-6, 0.0, 0.0),
+        ("unilateral", 0.0, 0.0, 0.0),
+        ("power", -4e-6, 3e14 * 8e-9, 3e14 * 1.5 * 2e-3),
+        ("power", 4e-6, 0.0, 0.0),
+        ("power", 0.0, 0.0, 0.0),
+        ("bilateral", -2e-6, 1e6, 5e11),
+        ("bilateral", 2e-6, -1e6, 5e11),
+    ],
+)
+def test_closed_form(kind, gap, pressure, tangent):
+    p, kappa = LAWS[kind].evaluate(np.array([gap]))
+    assert p[0] == pytest.approx(pressure, rel=1e-14)
+    assert kappa[0] == pytest.approx(tangent, rel=1e-14)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_nan_stays_nan(kind):
+    p, kappa = LAWS[kind].evaluate(np.array([-1e-6, np.nan, 1e-6]))
+    assert np.isnan(p).tolist() == [False, True, False]
+    assert np.isfinite(kappa[[0, 2]]).all()
+
+
+def test_exponential_is_clipped_not_infinite():
+    p, kappa = LAWS["exponential"].evaluate(np.array([-1.0]))
+    assert p[0] == pytest.approx(1e5 * math.exp(200.0))
+    assert np.isfinite(kappa[0])
+
+
+@given(gap=gaps(), kind=st.sampled_from(sorted(LAWS)))
+def test_agrees_with_the_readable_twin(gap, kind):
+    law = LAWS[kind]
+    p, kappa = law.evaluate(np.array([gap]))
+    a, b = law.parameters
+    assert p[0] == pytest.approx(reference.contact_pressure(kind, a, b, gap), rel=1e-13)
+    # subnormal gaps: (-g)^b / (-g) of the kernel against (-g)^(b-1)
+    if gap == 0 or abs(gap) > 1e-200:
+        assert kappa[0] == pytest.approx(reference.contact_tangent(kind, a, b, gap), rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_compiled_and_python_agree(kind):
+    # the same source, interpreted: what NUMBA_DISABLE_JIT=1 runs
+    law = LAWS[kind]
+    plain = getattr(contact_laws.law_at, "py_func", contact_laws.law_at)
+    p, kappa = law.evaluate(GAPS)
+    for i, gap in enumerate(GAPS):
+        assert plain(law.code, *law.parameters, gap) == pytest.approx((p[i], kappa[i]), rel=1e-14)
+
+
+@given(gap=st.tuples(gaps(), gaps()), kind=st.sampled_from(sorted(LAWS)))
+def test_pressure_never_grows_as_the_gap_opens(gap, kind):
+    p, kappa = LAWS[kind].evaluate(np.sort(gap))
+    assert p[0] >= p[1]
+    assert (kappa >= 0).all()
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("pressure", [1e3, 1e6])
+def test_gap_at_inverts_the_law(kind, pressure):
+    law = LAWS[kind]
+    p, kappa = law.evaluate(np.array([law.gap_at(pressure)]))
+    assert p[0] == pytest.approx(pressure, rel=1e-12)
+    # over its gap scale the law changes by its own size
+    assert kappa[0] * law.gap_scale(pressure) == pytest.approx(
+        pressure * (law.exponent if kind == "power" else 1.0), rel=1e-12
+    )
+
+
+def test_every_law_has_a_code_of_its_own():
+    assert sorted(LAW_CODES) == sorted(LAWS)
+    assert len(set(LAW_CODES.values())) == len(LAW_CODES)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"kind": "hertz"},
+        {"kind": "exponential", "lam": 0.0},
+        {"kind": "exponential", "p0": -1.0},
+        {"kind": "unilateral", "stiffness": math.nan},
+        {"kind": "bilateral", "stiffness": math.inf},
+        {"kind": "power", "exponent": 0.9},
+    ],
+)
+def test_bad_law_is_refused(arguments):
+    with pytest.raises(ModelError):
+        ContactLaw(**arguments)

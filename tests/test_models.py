@@ -1,0 +1,287 @@
+"""Models: checks at construction, the minimal models' matrices, the generated brake's size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from conftest import build_model
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.assembly import Assembly, expand_rows
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.component import Component
+from squealstudy.models.disc_brake.solids import MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.surface import Surface
+from squealstudy.reduction.cmt import component_modes
+
+I2 = sp.csr_matrix(np.eye(2))
+TABLE = {  # theory.md section 2: first elastic free modes, Hz
+    "disc": (987, 987, 1416, 1719, 1719),
+    "inner_pad": (1815, 2787, 4269),
+    "outer_pad": (1815, 2787, 4269),
+    "caliper": (2343, 2544, 3076, 4237),
+}
+
+
+def csr(*rows):
+    return sp.csr_matrix(np.array(rows, dtype=float))
+
+
+def contact(n_dof=2, **changes):
+    fields = {
+        "N": sp.csr_matrix((1, n_dof)),
+        "T": sp.csr_matrix((1, n_dof)),
+        "T_perp": sp.csr_matrix((1, n_dof)),
+        "area": np.ones(1),
+        "gap0": np.zeros(1),
+        "radius": np.zeros(1),
+        "law": ContactLaw(),
+        "frictional": np.ones(1),
+    }
+    return ContactInterface(**(fields | changes))
+
+
+# -- checks at construction ----------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((I2, csr([1, 0, 0], [0, 1, 0])), "shape"),
+        ((csr([1, 0, 0], [0, 1, 0]), I2), "shape"),
+        ((csr([1, 0.1], [0, 1]), I2), "not symmetric"),
+        ((I2, csr([1, 0.1], [0, 1])), "not symmetric"),
+        ((csr([1, 0], [0, np.nan]), I2), "not finite"),
+        ((I2, csr([np.inf, 0], [0, 1])), "not finite"),
+        ((csr([-1, 0], [0, 1]), I2), "positive definite"),
+        ((csr([0, 0], [0, 1]), I2), "positive definite"),
+        ((I2, csr([-1, 0], [0, 1])), "semi-definite"),
+        ((I2, I2, np.zeros((1, 3))), "nodes"),
+    ],
+)
+def test_component_is_checked(arguments, message):
+    with pytest.raises(ModelError, match=message):
+        Component("body", *arguments)
+
+
+@pytest.mark.parametrize("name", ["", "a body", "1st"])
+def test_component_name_is_an_identifier(name):
+    with pytest.raises(ModelError, match="identifier"):
+        Component(name, I2, I2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"area": np.zeros(1)}, "positive"),
+        ({"area": np.ones(2)}, "area"),
+        ({"gap0": np.array([np.nan])}, "gap0"),
+        ({"radius": np.zeros(0)}, "radius"),
+        ({"frictional": np.array([np.inf])}, "frictional"),
+        ({"T": sp.csr_matrix((2, 2))}, "'T'"),
+        ({"T_perp": sp.csr_matrix((1, 3))}, "'T_perp'"),
+        ({"N": csr([np.nan, 1])}, "'N'"),
+    ],
+)
+def test_contact_is_checked(changes, message):
+    with pytest.raises(ModelError, match=message):
+        contact(**changes)
+
+
+@pytest.mark.parametrize("stiffness", [[1.0], [1.0, -1.0], [1.0, np.nan]])
+def test_springs_are_checked(stiffness):
+    with pytest.raises(ModelError, match="stiffness"):
+        SpringInterface("layer", I2, np.array(stiffness))
+
+
+def test_assembly_is_checked():
+    body = Component("body", I2, I2)
+    good = Assembly((body,), contact(), (), np.zeros(2), np.zeros(2))
+    for changes, message in [
+        ({"components": (body, replace(body))}, "unique"),
+        ({"components": ()}, "unique"),
+        ({"contact": contact(3)}, "columns"),
+        ({"springs": (SpringInterface("s", csr([1, 0, 0]), np.ones(1)),)}, "columns"),
+        ({"load": np.zeros(3)}, "load"),
+        ({"constant_load": np.array([0.0, np.inf])}, "constant_load"),
+    ]:
+        with pytest.raises(ModelError, match=message):
+            replace(good, **changes)
+
+
+def test_surface_is_checked():
+    shape, up = csr([1.0]), np.array([[0.0, 0.0, 1.0]])
+    points, area = np.zeros((1, 3)), np.ones(1)
+    for arguments in [
+        (points, np.ones(2), up, shape),
+        (points, -area, up, shape),
+        (points, area, up[0], shape),
+        (points, area, up, csr([0.5])),
+        (points[:0], area[:0], up[:0], sp.csr_matrix((0, 1))),
+    ]:
+        with pytest.raises(ModelError, match="surface"):
+            Surface(*arguments)
+
+
+def test_observation_rows_need_a_component():
+    with pytest.raises(ModelError):
+        expand_rows([], {}, 3)
+
+
+def test_numbering_follows_the_components():
+    bodies = (Component("a", I2, 2 * I2), Component("b", csr([3.0]), csr([4.0])))
+    assembly = Assembly(bodies, contact(3), (), np.zeros(3), np.zeros(3))
+    assert assembly.slices == {"a": slice(0, 2), "b": slice(2, 3)}
+    np.testing.assert_array_equal(assembly.M.diagonal(), [1, 1, 3])
+    np.testing.assert_array_equal(assembly.K_el.diagonal(), [2, 2, 4])
+    rows = assembly.expand([("b", csr([5.0])), ("a", csr([1.0, 2.0]))])
+    np.testing.assert_array_equal(rows.toarray(), [[1.0, 2.0, 5.0]])
+
+
+def test_static_springs_leave_out_the_others():
+    springs = tuple(
+        SpringInterface(name, csr([1.0, -1.0]), np.array([k]), in_static)
+        for name, k, in_static in (("layer", 2.0, True), ("piston", 3.0, False))
+    )
+    assembly = Assembly((Component("body", I2, I2),), contact(), springs, np.zeros(2), np.zeros(2))
+    pair = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    np.testing.assert_array_equal(assembly.K_springs().toarray(), 5 * pair)
+    np.testing.assert_array_equal(assembly.K_springs(static=True).toarray(), 2 * pair)
+
+
+# -- catalogue -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", list(MODELS))
+def test_definition_tells_the_truth(name):
+    definition = MODELS[name]
+    assert definition.name == name
+    names = [p.name for p in definition.parameters]
+    assert len(set(names)) == len(names)
+    for p in definition.parameters:
+        assert p.check(p.default) == p.default
+        assert p.description
+    assembly = build_model(name, {"mesh": "coarse"} if name == "disc_brake" else {})
+    assert assembly.component_names == definition.components
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("friction", -0.1), ("friction", np.nan), ("mass", 0.0), ("damping_ratio", 1.5)],
+)
+def test_parameter_bounds(name, value):
+    with pytest.raises(ParameterError, match=name):
+        MODELS["hulten"].parameter(name).check(value)
+
+
+# -- minimal models ------------------------------------------------------------------------------
+def contact_matrix(assembly, mu):
+    """K_el + springs + N^T k_n N - T^T (mu k_n) N with the law's own constant tangent."""
+    c = assembly.contact
+    k_n = np.diag(c.area * c.law.evaluate(np.zeros(c.n_points))[1])
+    N, T = c.N.toarray(), c.T.toarray()
+    K = (assembly.K_el + assembly.K_springs()).toarray()
+    return K + N.T @ k_n @ N - T.T @ (mu * k_n) @ N
+
+
+def test_hulten_matrix():
+    mu, m, w1, w2 = 0.3, 2.5, 2 * np.pi * 130, 2 * np.pi * 60
+    assembly = build_model("hulten", mass=m, frequency_1=130.0, frequency_2=60.0)
+    expected = m * np.array([[w1**2, -mu * w2**2], [mu * w1**2, w2**2]])
+    np.testing.assert_allclose(contact_matrix(assembly, mu), expected, rtol=1e-14)
+    np.testing.assert_array_equal(assembly.M.toarray(), m * np.eye(2))
+    assert assembly.K_el.nnz == 0
+
+
+def test_hoffmann_matrix():
+    mu, k1, k2, k3, a1, a2 = 0.4, 2e5, 5e5, 3e5, 100.0, 20.0
+    assembly = build_model("hoffmann", k1=k1, k2=k2, contact_stiffness=k3, alpha1=a1, alpha2=a2)
+    k, a = np.array([k1, k2]), np.deg2rad([a1, a2])
+    k11, k22 = k @ np.cos(a) ** 2, k @ np.sin(a) ** 2 + k3
+    k12 = k @ (np.sin(a) * np.cos(a))
+    expected = [[k11, k12 - mu * k3], [k12, k22]]
+    np.testing.assert_allclose(contact_matrix(assembly, mu), expected, rtol=1e-12)
+
+
+def test_hoffmann_defaults_are_round_numbers():
+    np.testing.assert_allclose(
+        contact_matrix(build_model("hoffmann"), 0.0), [[2e6, 1e6], [1e6, 2e6]], rtol=1e-12
+    )
+
+
+# -- generated brake -----------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def medium():
+    return build_model("disc_brake")
+
+
+def test_medium_brake_size(medium):
+    dof = {c.name: c.n_dof for c in medium.components}
+    assert dof == {"disc": 16200, "inner_pad": 2292, "outer_pad": 2292, "caliper": 4098}
+    assert medium.n_dof == 24882
+    assert medium.contact.n_points == 648
+    # two sectors of 60 degrees between 90 and 140 mm
+    assert medium.contact.area.sum() == pytest.approx(np.pi * (0.14**2 - 0.09**2) / 3, rel=1e-6)
+
+
+def test_medium_component_frequencies(medium):
+    modes = component_modes(medium, 4500.0)
+    for name, table in TABLE.items():
+        hz = modes[name].omega[6 : 6 + len(table)] / (2 * np.pi)
+        np.testing.assert_allclose(hz, table, rtol=3e-3, err_msg=name)
+
+
+def test_brake_contact_observes_the_right_motion(brake):
+    c, slices = brake.assembly.contact, brake.assembly.slices
+    half = c.n_points // 2  # inner pad first
+    lift = np.zeros(brake.assembly.n_dof)
+    lift[slices["disc"]][2::3] = 1.0  # disc along +z: away from the inner pad, into the outer one
+    np.testing.assert_allclose(c.N @ lift, np.repeat([1.0, -1.0], half), atol=1e-10)
+    turn = np.zeros(brake.assembly.n_dof)
+    x = next(k for k in brake.assembly.components if k.name == "disc").coordinates
+    turn[slices["disc"]] = np.column_stack([-x[:, 1], x[:, 0], 0 * x[:, 0]]).ravel()
+    np.testing.assert_allclose(c.T @ turn, c.radius, rtol=1e-10)
+    np.testing.assert_allclose(c.T_perp @ turn, 0.0, atol=1e-12)
+    np.testing.assert_allclose(c.N @ turn, 0.0, atol=1e-12)
+    rigid = np.tile([1.0, 2.0, 3.0], brake.assembly.n_dof // 3)
+    for rows in (c.N, c.T, c.T_perp):
+        np.testing.assert_allclose(rows @ rigid, 0.0, atol=1e-10)
+
+
+def test_brake_load_is_a_pair(brake):
+    f = brake.assembly.load.reshape(-1, 3)
+    pad = brake.assembly.load[brake.assembly.slices["inner_pad"]].reshape(-1, 3).sum(axis=0)
+    np.testing.assert_allclose(pad, [0.0, 0.0, 25e-4], atol=1e-15)
+    np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("points", [2, 4])
+def test_contact_points_option(points):
+    assembly = build_model("disc_brake", {"mesh": "coarse", "contact_points": points})
+    assert assembly.contact.n_points == 324 * points**2 // 9
+    assert assembly.contact.area.sum() == pytest.approx(0.0120428, rel=1e-5)
+
+
+@pytest.mark.parametrize("thickness", [0.0111, 0.0123, 0.013])
+def test_disc_thickness_is_free(thickness):
+    assembly = build_model("disc_brake", {"mesh": "coarse"}, **{"disc.thickness": thickness})
+    assert assembly.contact.n_points == 324
+
+
+@pytest.mark.full_size
+@pytest.mark.parametrize("name", ["disc", "outer_pad", "caliper"])
+def test_frequencies_converge_on_refinement(name):
+    values, hz = MODELS["disc_brake"].defaults(), []
+    for factor in (MESH_FACTOR["medium"], MESH_FACTOR["fine"], 0.5):
+        mesher = BrakeMesher(values, MEDIUM_SIZES * factor)
+        solid = mesher.pad(1) if name == "outer_pad" else getattr(mesher, name)()
+        omega, _ = real_modes(solid.M, solid.K, 4500.0, guess=20)
+        hz.append(omega[6 : 6 + len(TABLE[name])] / (2 * np.pi))
+    first, second = 1 - hz[1] / hz[0], 1 - hz[2] / hz[1]
+    assert (first > 0).all()  # conforming elements on one geometry: from above
+    assert (second > 0).all()
+    assert (second < first).all()
+    assert (first < 0.03).all()
+    assert (second < 0.003).all()

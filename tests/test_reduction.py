@@ -1,0 +1,249 @@
+"""Component-mode reduction: the basis to round-off, its modes against the full-order brake."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+import scipy.linalg as la
+import scipy.sparse as sp
+from conftest import NOMINAL, TOP
+from hypothesis import given
+from hypothesis import strategies as st
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import component_frequencies, linearise
+from squealstudy.analysis.quadratic import backward_error, dense_roots
+from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
+from squealstudy.reduction.orthonormal import complete_basis
+from squealstudy.reduction.prepared import shape_column
+from squealstudy.reduction.working_point import working_point
+
+BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
+
+
+# -- the basis -----------------------------------------------------------------------------------
+def test_mass_is_the_identity(brake, reduced):
+    _, basis = reduced
+    for component, T in zip(brake.assembly.components, basis.blocks, strict=True):
+        assert np.abs(T.T @ (component.M @ T) - np.eye(T.shape[1])).max() <= 1e-12
+
+
+def test_elastic_stiffness_is_diagonal(brake, reduced):
+    model, basis = reduced
+    for component, T in zip(brake.assembly.components, basis.blocks, strict=True):
+        K = T.T @ (component.K @ T)
+        k = model.k_el[model.slice_of(component.name)]
+        assert np.abs(K - np.diag(k)).max() <= 1e-12 * np.abs(k).max()
+
+
+def test_component_modes_are_coordinates(brake, reduced):
+    model, basis = reduced
+    omega = component_frequencies(model)
+    for name, T in zip(model.components, basis.blocks, strict=True):
+        modes = brake.modes[name]
+        np.testing.assert_array_equal(T[:, : len(modes.omega)], modes.phi)
+        for j in range(7, len(modes.omega) + 1):
+            assert model.mode_coordinate(name, j) == model.slice_of(name).start + j - 1
+            assert omega[name, j] == pytest.approx(modes.omega[j - 1], rel=1e-9)
+    assert model.n == sum(T.shape[1] for T in basis.blocks)
+
+
+@pytest.mark.parametrize("key", [("disc", 0), ("disc", 10_000), ("rotor", 7)])
+def test_modes_that_the_basis_does_not_hold(reduced, key):
+    with pytest.raises(KeyError):
+        reduced[0].mode_coordinate(*key)
+
+
+def test_observation_is_that_of_the_assembly(brake, reduced):
+    model, basis = reduced
+    x = np.random.default_rng(0).standard_normal(model.n)
+    q, c = basis.expand(x), brake.assembly.contact
+    for name in ("N", "T", "T_perp"):
+        seen = getattr(c, name) @ q
+        np.testing.assert_allclose(getattr(model, name) @ x, seen, atol=1e-12 * np.abs(seen).max())
+    energy = q @ (brake.assembly.K_springs() @ q)
+    assert x @ model.K_springs @ x == pytest.approx(energy, rel=1e-10)
+
+
+def test_nominal_real_modes(brake, reduced):
+    model, basis = reduced
+    K_sym = linearise(model, brake.point, DesignState(NOMINAL)).K_sym
+    omega = np.sqrt(la.eigvalsh(K_sym)[: len(basis.omega)])
+    np.testing.assert_allclose(omega, basis.omega, rtol=1e-8)
+    c = brake.assembly.contact
+    K = brake.assembly.K_el + brake.assembly.K_springs()
+    K = K + c.N.T @ sp.diags(c.area * brake.point.tangent) @ c.N
+    R = K @ basis.phi - (brake.assembly.M @ basis.phi) * basis.omega**2
+    assert np.linalg.norm(R, axis=0).max() < 1e-6 * np.linalg.norm(K @ basis.phi, axis=0).max()
+
+
+# -- complex modes against the full-order brake --------------------------------------------------
+def full_order(brake, point, state):
+    """Roots of the unreduced brake in the band, from theory.md section 1, residual checked."""
+    k_n = brake.assembly.contact.area * point.tangent
+    M, C, K = reference.linearised(brake.assembly, point.pressure, k_n, state.operating)
+    U, dk, dc = [], [], []
+    masses = {c.name: c.M for c in brake.assembly.components}
+    for name, j in {**state.frequency_scale, **state.mode_damping}:
+        u = np.zeros(brake.assembly.n_dof)
+        u[brake.assembly.slices[name]] = masses[name] @ brake.modes[name].phi[:, j - 1]
+        omega = brake.modes[name].omega[j - 1]
+        scale = state.frequency_scale.get((name, j), 1.0)
+        U.append(u)
+        dk.append((scale**2 - 1) * omega**2)
+        dc.append(2 * state.mode_damping.get((name, j), 0.0) * scale * omega)
+    low = np.array(U).reshape(len(U), -1).T
+    K_low, C_low = LowRankSum(K, low, np.array(dk)), LowRankSum(C, low, np.array(dc))
+    lam, psi = smallest_roots(M, C_low, K_low, 124, BAND[1] / 2)
+    assert np.abs(lam).max() > BAND[1]
+    kept = (np.abs(lam) > BAND[0]) & (np.abs(lam) < BAND[1])
+    assert reference.residuals(M, C_low, K_low, lam[kept], psi[:, kept]).max() < 1e-8
+    return lam[kept]
+
+
+def solve(brake, model, state):
+    """Working point and roots of the reduced brake."""
+    changes = state.stiffness_changes(component_frequencies(model))
+    space = brake.space.changed({shape_column(model, *key): dk for key, dk in changes.items()})
+    point = working_point(space, state.operating)
+    system = linearise(model, point, state)
+    lam, psi = dense_roots(system.C, system.K, (0.9 * BAND[0], 1.1 * BAND[1]))
+    assert backward_error(system.C, system.K, lam, psi).max() < 1e-12
+    return point, lam
+
+
+def compare(brake, model, state, tolerance):
+    """Every lightly damped full-order root has a reduced one of its own within tolerance."""
+    point, lam = solve(brake, model, state)
+    exact = full_order(brake, point, state)
+    exact = exact[np.abs(exact.real) < 0.05 * np.abs(exact)]
+    assert len(exact) > 30
+    nearest = np.abs(lam[None, :] - exact[:, None]).argmin(axis=1)
+    assert len(set(nearest)) == len(exact)
+    size, found = np.abs(exact), lam[nearest]
+    np.testing.assert_allclose(np.abs(found), size, rtol=tolerance)
+    zeta = -exact.real / size
+    np.testing.assert_allclose(-found.real / np.abs(found), zeta, atol=tolerance)
+    return zeta
+
+
+def test_complex_modes_at_the_nominal_point(brake, reduced):
+    zeta = compare(brake, reduced[0], DesignState(NOMINAL), 1e-5)
+    assert zeta.min() < -1e-3  # it squeals
+
+
+@pytest.mark.parametrize("pressure", [2e5, 30e5])
+def test_complex_modes_at_other_pressures(brake, reduced, pressure):
+    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=pressure)), 1e-3)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.5])
+def test_complex_modes_with_caliper_modes_shifted(brake, reduced, scale):
+    shifted = {("caliper", j): scale for j in (7, 8, 9)}
+    compare(brake, reduced[0], DesignState(NOMINAL, shifted), 1e-3)
+
+
+def test_complex_modes_with_damped_and_shifted_modes(brake, reduced):
+    state = DesignState(
+        replace(NOMINAL, pressure=2e5, friction=0.3, sliding_speed=1.5),
+        frequency_scale={("disc", 9): 1.5, ("inner_pad", 7): 0.5, ("caliper", 7): 1.2},
+        mode_damping={("caliper", 7): 0.1, ("outer_pad", 7): 0.05},
+    )
+    compare(brake, reduced[0], state, 1e-3)
+
+
+def test_changes_are_diagonal_entries(brake, reduced):
+    model = reduced[0]
+    plain = linearise(model, brake.point, DesignState(NOMINAL))
+    state = DesignState(NOMINAL, {("caliper", 8): 1.25}, {("caliper", 8): 0.1, ("disc", 9): 0.02})
+    system = linearise(model, brake.point, state)
+    omega = component_frequencies(model)
+    i, j = model.mode_coordinate("caliper", 8), model.mode_coordinate("disc", 9)
+    dK, dC = system.K - plain.K, system.C - plain.C
+    w8, w9 = omega["caliper", 8], omega["disc", 9]
+    assert dK[i, i] == pytest.approx((1.25**2 - 1) * w8**2, rel=1e-6)
+    assert dC[i, i] == pytest.approx(2 * 0.1 * 1.25 * w8, rel=1e-9)
+    assert dC[j, j] == pytest.approx(2 * 0.02 * w9, rel=1e-9)
+    dK[i, i] = dC[i, i] = dC[j, j] = 0.0
+    assert not dK.any()
+    assert not dC.any()
+
+
+def test_uniform_modal_damping(brake, reduced):
+    model = reduced[0]
+    calm = DesignState(replace(NOMINAL, friction=0.0), damping_ratio=0.02)
+    system = linearise(model, brake.point, calm)
+    lam, _ = dense_roots(system.C, system.K, BAND)
+    np.testing.assert_allclose(-lam.real / np.abs(lam), 0.02, rtol=1e-6)
+    omega = np.sqrt(la.eigvalsh(system.K_sym))
+    inside = (omega > BAND[0]) & (omega < BAND[1])
+    np.testing.assert_allclose(np.abs(lam), omega[inside], rtol=1e-9)
+
+
+# -- orthonormalisation --------------------------------------------------------------------------
+def pencil(n, seed):
+    """A mass and a stiffness with two rigid modes, and all their modes."""
+    rng = np.random.default_rng(seed)
+    A, B = rng.standard_normal((2, n, n))
+    M, K = A @ A.T + n * np.eye(n), B[:, 2:] @ B[:, 2:].T * 1e6
+    return sp.csr_matrix((M + M.T) / 2), sp.csr_matrix((K + K.T) / 2), la.eigh(K, M)[1]
+
+
+def check_basis(M, K, phi, T, k):
+    assert np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max() < 1e-11
+    off = T.T @ (K @ T) - np.diag(k)
+    assert np.abs(off).max() < 1e-11 * max(np.abs(K).max(), 1.0)
+    np.testing.assert_array_equal(T[:, : phi.shape[1]], phi)
+    assert T.shape[1] <= M.shape[0]
+    assert len(k) == T.shape[1]
+
+
+@given(
+    n=st.integers(3, 20),
+    kept=st.floats(0, 1),
+    copies=st.lists(st.floats(-9, 0), min_size=0, max_size=6),
+    seed=st.integers(0, 10_000),
+)
+def test_basis_of_near_dependent_traces(n, kept, copies, seed):
+    M, K, modes = pencil(n, seed)
+    phi = np.ascontiguousarray(modes[:, : round(kept * n)])
+    rng = np.random.default_rng(seed + 1)
+    traces = rng.standard_normal((n, 2))
+    copied = [traces[:, 0] + 10.0**e * rng.standard_normal(n) for e in copies]
+    traces = np.column_stack([traces, *copied, np.zeros(n), 1e-3 * traces[:, 1], phi[:, :1]])
+    T, k = complete_basis(M, K, phi, [(traces, 1e-6), (2 * traces, 1e-4)])
+    check_basis(M, K, phi, T, k)
+    left = traces - T @ (T.T @ (M @ traces))  # all but what the tolerance drops is spanned
+    size = np.sqrt(np.einsum("ij,ij->", traces, M @ traces))
+    assert np.sqrt(np.abs(np.einsum("ij,ij->", left, M @ left))) < 1e-5 * size
+
+
+def test_traces_inside_the_modes_add_nothing():
+    M, K, modes = pencil(6, 0)
+    phi = np.ascontiguousarray(modes[:, :3])
+    inside = phi @ np.random.default_rng(1).standard_normal((3, 5))
+    for traces in (inside, np.zeros((6, 4)), np.zeros((6, 0))):
+        T, k = complete_basis(M, K, phi, [(traces, 1e-6)])
+        check_basis(M, K, phi, T, k)
+        assert T.shape[1] == 3
+
+
+def test_complete_modes_leave_no_room_for_noise():
+    M, K, modes = pencil(6, 0)
+    traces = np.random.default_rng(1).standard_normal((6, 5))
+    T, k = complete_basis(M, K, modes, [(traces, 1e-6)])
+    check_basis(M, K, modes, T, k)
+    assert T.shape == (6, 6)
+
+
+def test_small_independent_trace_is_kept_or_dropped_by_the_tolerance():
+    M, K, modes = pencil(8, 3)
+    phi, rest = np.ascontiguousarray(modes[:, :3]), modes[:, 3:]
+    traces = np.column_stack([rest[:, 0], rest[:, 0] + 1e-4 * rest[:, 1]])
+    for tolerance, width in ((1e-6, 5), (1e-3, 4)):
+        T, k = complete_basis(M, K, phi, [(traces, tolerance)])
+        check_basis(M, K, phi, T, k)
+        assert T.shape[1] == width

@@ -1,0 +1,244 @@
+"""Runs from a study file to tables: resume, reuse, kill, failure, ownership."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import squealstudy
+from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
+from squealstudy.study import chunks
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan, reference_choice
+from squealstudy.study.runner import run_study, split_chunks
+
+HULTEN = """
+[study]
+name = "lockin"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = {stop}
+num = {num}
+[modes]
+band = [1.0, 1000.0]
+"""
+
+BRAKE = """
+[study]
+name = "brake"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+[[sweep]]
+parameter = "friction"
+start = 0.1
+stop = 0.6
+num = 12
+[modes]
+band = [500.0, 2500.0]
+reference_points = 0
+"""
+
+
+def plan_of(text: str) -> Plan:
+    return Plan(parse_study(text, Path("study.toml")))
+
+
+def hulten(stop: float = 0.6, num: int = 13) -> Plan:
+    return plan_of(HULTEN.format(stop=stop, num=num))
+
+
+def comparable(directory: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    results = squealstudy.open_results(directory)
+    return results.points.drop(columns="wall_s"), results.modes
+
+
+def test_tables_hold_every_point_and_the_flutter(tmp_path: Path) -> None:
+    report = run_study(hulten(), tmp_path / "r", jobs=1)
+    results = squealstudy.open_results(tmp_path / "r")
+    assert report.n_solved == 13
+    assert (results.points["status"] == "ok").all()
+    assert results.points["point_id"].is_unique
+    beyond = results.points["friction"] > 0.2916666
+    assert ((results.points["n_unstable"] == 1) == beyond).all()
+    merged = results.modes[results.modes["unstable"]]
+    real_part = (2 * np.pi * merged["frequency_hz"]) ** 2 - 2 * merged["growth_rate"] ** 2
+    expected = (2 * np.pi) ** 2 * (100.0**2 + 75.0**2) / 2
+    np.testing.assert_allclose(real_part, expected, rtol=1e-10)
+    energies = results.modes.filter(like="energy_").sum(axis=1)
+    np.testing.assert_allclose(energies, 1.0, rtol=1e-12)
+    assert results.points["reference_frequency_error"].notna().sum() == 1
+
+
+def test_same_study_again_does_nothing(tmp_path: Path) -> None:
+    run_study(hulten(), tmp_path / "r", jobs=1)
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "r").rglob("*") if p.name != ".lock"}
+    report = run_study(hulten(), tmp_path / "r", jobs=1)
+    after = {p: p.stat().st_mtime_ns for p in (tmp_path / "r").rglob("*") if p.name != ".lock"}
+    assert report.n_solved == 0
+    assert before == after
+
+
+def test_changed_study_solves_only_what_is_new(tmp_path: Path) -> None:
+    run_study(hulten(0.6, 13), tmp_path / "r", jobs=1)
+    report = run_study(hulten(0.6, 25), tmp_path / "r", jobs=1)
+    assert (report.n_solved, report.n_reused) == (12, 13)
+    run_study(hulten(0.6, 25), tmp_path / "fresh", jobs=1)
+    for mine, fresh in zip(comparable(tmp_path / "r"), comparable(tmp_path / "fresh"), strict=True):
+        pd.testing.assert_frame_equal(mine, fresh)
+
+
+def test_tables_do_not_depend_on_workers(tmp_path: Path) -> None:
+    run_study(hulten(), tmp_path / "one", jobs=1)
+    run_study(hulten(), tmp_path / "two", jobs=2)
+    for a, b in zip(comparable(tmp_path / "one"), comparable(tmp_path / "two"), strict=True):
+        pd.testing.assert_frame_equal(a, b)
+
+
+def test_a_failed_point_is_a_row(tmp_path: Path) -> None:
+    text = HULTEN.format(stop=0.6, num=3).replace("friction", "mass").replace("start = 0.0", "start = 1.0")
+    plan = plan_of(text.replace("stop = 0.6", "stop = 3.0"))
+    broken = plan.tasks[1]
+
+    def build(options: object, values: dict[str, float]) -> object:
+        if values["mass"] == 2.0:
+            raise SquealstudyError("no such mass")
+        return original(options, values)
+
+    original = broken.design.model.build
+    object.__setattr__(plan.study.model, "build", build)
+    try:
+        report = run_study(plan, tmp_path / "r", jobs=1)
+    finally:
+        object.__setattr__(plan.study.model, "build", original)
+    points = squealstudy.open_results(tmp_path / "r").points
+    assert points["status"].tolist() == ["ok", "structure", "ok"]
+    assert points["message"].tolist()[1] == "no such mass"
+    assert report.manifest["n_failed"] == 1
+    assert points["n_modes"].tolist() == [2, 0, 2]
+
+
+def test_directory_of_another_study_is_refused(tmp_path: Path) -> None:
+    run_study(hulten(), tmp_path / "r", jobs=1)
+    other = plan_of(HULTEN.format(stop=0.6, num=3).replace("lockin", "other"))
+    with pytest.raises(ResultsError, match="belongs to study 'lockin'"):
+        run_study(other, tmp_path / "r", jobs=1)
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "thesis.tex").write_text("precious")
+    with pytest.raises(ResultsError, match="not empty"):
+        run_study(hulten(), tmp_path / "foreign", jobs=1)
+    assert [p.name for p in (tmp_path / "foreign").iterdir()] == ["thesis.tex"]
+
+
+def test_mode_number_beyond_the_basis_writes_nothing(tmp_path: Path) -> None:
+    text = HULTEN.format(stop=0.6, num=3) + '[parameters]\n"mass.modes[7].damping_ratio" = 0.1\n'
+    with pytest.raises(StudyFileError, match="modes 1 to 2") as caught:
+        run_study(plan_of(text), tmp_path / "r", jobs=1)
+    assert caught.value.line is not None
+    assert not (tmp_path / "r").exists()
+
+
+def test_unfinished_and_damaged_results_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="no such"):
+        squealstudy.open_results(tmp_path / "nowhere")
+    run_study(hulten(), tmp_path / "r", jobs=1)
+    (tmp_path / "r" / "modes.parquet").unlink()
+    with pytest.raises(ResultsError, match="not finished"):
+        squealstudy.open_results(tmp_path / "r")
+    (tmp_path / "r" / "manifest.json").write_text("{")
+    with pytest.raises(ResultsError, match="readable manifest"):
+        squealstudy.open_results(tmp_path / "r")
+
+
+def test_point_ids_are_content(tmp_path: Path) -> None:
+    ids = {t.point_id for t in hulten().tasks}
+    assert {t.point_id for t in hulten().tasks} == ids
+    other_band = plan_of(HULTEN.format(stop=0.6, num=13).replace("1000.0", "900.0"))
+    assert not ids & {t.point_id for t in other_band.tasks}
+
+
+def test_chunks_balance_workers_and_bound_the_loss() -> None:
+    tasks = list(range(174))
+    parts = split_chunks(tasks, jobs=2)
+    assert [x for part in parts for x in part] == tasks
+    assert max(map(len, parts)) <= 16
+    assert len(parts) >= 8
+
+
+def test_reference_points_start_far_from_nominal() -> None:
+    plan = hulten(0.6, 13)
+    chosen = reference_choice(plan, 3)
+    friction = [plan.swept[i]["friction"] for i in chosen]
+    assert friction[0] == max((plan.swept[i]["friction"] for i in range(13)), key=lambda x: abs(x - 0.5))
+    assert len(set(chosen)) == 3
+
+
+# -- kill -----------------------------------------------------------------------------------------
+def _start(study: Path, directory: Path) -> subprocess.Popen[bytes]:
+    code = "from squealstudy.cli.app import main; main()"
+    arguments = ["run", str(study), "-o", str(directory), "-j", "2", "--no-pictures"]
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def _session_members(leader: int) -> list[int]:
+    """Processes of the session, the leader apart: the workers and their helpers."""
+    members = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        pid = int(stat.parent.name)
+        if int(fields[3]) == leader and pid != leader and fields[0] != "Z":
+            members.append(pid)
+    return members
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path) -> None:
+    study = tmp_path / "brake.toml"
+    study.write_text(BRAKE)
+    directory, clean = tmp_path / "killed", tmp_path / "clean"
+    plan = plan_of(BRAKE)
+    run_study(plan, clean, jobs=1)  # fills the cache too
+    kills = 0
+    for wanted in (1, 4, 8):
+        process = _start(study, directory)
+        deadline = time.monotonic() + 120
+        while time.monotonic() < deadline and process.poll() is None:
+            if len(list((directory / chunks.DIRECTORY).glob("*.parquet"))) >= wanted:
+                break
+            time.sleep(0.01)
+        if process.poll() is None:
+            os.kill(process.pid, signal.SIGKILL)
+            kills += 1
+        process.wait()
+        deadline = time.monotonic() + 15
+        while _session_members(process.pid) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert _session_members(process.pid) == []
+    assert kills >= 1
+    report = run_study(plan, directory, jobs=2)
+    assert report.n_reused >= 1
+    assert json.loads((directory / "manifest.json").read_text())["status"] == "complete"
+    for a, b in zip(comparable(directory), comparable(clean), strict=True):
+        pd.testing.assert_frame_equal(a, b)

@@ -1,0 +1,387 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial.distance import cdist
+
+from squealstudy.analysis.tracking import mac, pair_modes, track
+from squealstudy.analysis.tracking_tree import levels, tracking_tree
+
+HZ = 2 * np.pi
+
+
+def random_shapes(rng, m, k):
+    a = rng.normal(size=(m, k)) + 1j * rng.normal(size=(m, k))
+    return a / np.linalg.norm(a, axis=1, keepdims=True)
+
+
+def complex_modes(C, K):
+    """Oscillating roots and unit shapes of lam^2 + lam C + K, ascending in |lambda|."""
+    n = len(K)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    lam, z = np.linalg.eig(A)
+    kept = np.flatnonzero(lam.imag > 0)
+    kept = kept[np.argsort(np.abs(lam[kept]))]
+    shapes = z[:n, kept].T
+    return lam[kept], shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
+
+
+def hulten(mu, w1=100 * HZ, w2=75 * HZ, zeta=0.0):
+    K = np.array([[w1**2, -mu * w2**2], [mu * w1**2, w2**2]])
+    return complex_modes(np.diag([2 * zeta * w1, 2 * zeta * w2]), K)
+
+
+def line(states, coordinates=None):
+    parents = [-1, *range(len(states) - 1)]
+    return track(parents, [s[0] for s in states], [s[1] for s in states], coordinates)
+
+
+def along(states, tracks, label):
+    """Root of one track at each point."""
+    return np.array(
+        [s[0][labels == label][0] for s, labels in zip(states, tracks.labels, strict=True)]
+    )
+
+
+# -- MAC
+
+
+def test_mac_equals_its_definition_on_complex_shapes():
+    rng = np.random.default_rng(1)
+    a, b = random_shapes(rng, 4, 7) * 3.0, random_shapes(rng, 5, 7)
+    for i in range(4):
+        for j in range(5):
+            product = abs(np.vdot(a[i], b[j])) ** 2
+            expected = product / (np.vdot(a[i], a[i]).real * np.vdot(b[j], b[j]).real)
+            assert mac(a, b)[i, j] == pytest.approx(expected, rel=1e-12)
+
+
+def test_mac_tells_a_travelling_wave_from_its_reverse():
+    there, back = np.array([[1, 1j]]), np.array([[1, -1j]])
+    assert mac(there, back)[0, 0] == pytest.approx(0.0, abs=1e-15)
+    assert mac(there, there)[0, 0] == pytest.approx(1.0)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_mac_ignores_phase_and_size(seed):
+    rng = np.random.default_rng(seed)
+    a, b = random_shapes(rng, 3, 5), random_shapes(rng, 4, 5)
+    turned = a * (rng.uniform(0.1, 10, (3, 1)) * np.exp(2j * np.pi * rng.uniform(size=(3, 1))))
+    assert np.allclose(mac(turned, b), mac(a, b))
+    assert np.allclose(np.diag(mac(turned, a)), 1.0)
+    assert np.allclose(mac(a, b), mac(b, a).T)
+
+
+def test_mac_of_a_vanishing_shape_is_zero():
+    assert mac(np.zeros((1, 3), complex), np.ones((1, 3), complex))[0, 0] == 0.0
+
+
+# -- pairing
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(0, 12))
+@settings(max_examples=40, deadline=None)
+def test_pairing_does_not_depend_on_the_order_of_modes(seed, ma, mb):
+    rng = np.random.default_rng(seed)
+    lam = HZ * rng.uniform(1000, 2000, ma + mb) * (1j - rng.uniform(0, 0.02, ma + mb))
+    shapes = random_shapes(rng, ma + mb, 6)
+    a, b = slice(0, ma), slice(ma, None)
+    order = rng.permutation(mb)
+    one = pair_modes(lam[a], shapes[a], lam[b], shapes[b])
+    other = pair_modes(lam[a], shapes[a], lam[b][order], shapes[b][order])
+    paired = one.partner >= 0
+    assert np.array_equal(paired, other.partner >= 0)
+    assert np.array_equal(order[other.partner[paired]], one.partner[paired])
+    assert np.array_equal(one.ambiguous, other.ambiguous)
+    assert len(set(one.partner[paired])) == paired.sum()
+    assert np.array_equal(np.isnan(one.mac), ~paired)
+
+
+def test_a_small_change_pairs_every_mode_with_itself():
+    rng = np.random.default_rng(3)
+    lam = HZ * np.linspace(500, 8000, 50) * (1j - 0.01)
+    shapes = random_shapes(rng, 50, 120)
+    order = rng.permutation(50)
+    nearby = shapes + 0.02 * random_shapes(rng, 50, 120)
+    pairs = pair_modes(lam, shapes, (lam * 1.002)[order], nearby[order])
+    assert np.array_equal(order[pairs.partner], np.arange(50))
+    assert (pairs.mac > 0.99).all()
+    assert not pairs.ambiguous.any()
+
+
+def test_modes_far_apart_in_frequency_are_not_paired_for_their_shape():
+    shape = np.array([[1.0, 1j]])
+    assert pair_modes(HZ * 1000j * np.ones(1), shape, HZ * 1300j * np.ones(1), shape).partner == -1
+
+
+def test_modes_of_one_frequency_are_not_paired_without_likeness():
+    lam = np.array([HZ * 1000j])
+    pairs = pair_modes(lam, np.array([[1.0, 0j]]), lam, np.array([[0j, 1.0]]))
+    assert pairs.partner[0] == -1
+    assert np.isnan(pairs.mac[0])
+
+
+def test_a_good_pair_is_not_given_up_for_a_forbidden_one():
+    # a0 has no partner in reach but b0, which continues a1
+    lam_a, lam_b = HZ * 1j * np.array([1000.0, 1010.0]), HZ * 1j * np.array([1011.0, 3000.0])
+    shapes_a = np.array([[0.8, 0.6], [0.0, 1.0]], complex)
+    shapes_b = np.array([[0.0, 1.0], [1.0, 0.0]], complex)
+    assert list(pair_modes(lam_a, shapes_a, lam_b, shapes_b).partner) == [-1, 0]
+
+
+def test_parallel_shapes_are_told_by_their_place_in_the_complex_plane():
+    shapes = np.array([[1.0, 0.5j], [1.0, 0.5001j]])
+    lam_a = HZ * 1000 * np.array([1j - 0.010, 1j + 0.010])
+    lam_b = HZ * 1001 * np.array([1j + 0.012, 1j - 0.012])
+    pairs = pair_modes(lam_a, shapes, lam_b, shapes)
+    assert list(pairs.partner) == [1, 0]
+    assert not pairs.ambiguous.any()
+
+
+def test_equal_choices_are_ambiguous():
+    lam_a = HZ * 1j * np.array([1000.0, 1010.0])
+    lam_b = HZ * 1j * np.array([1004.9, 1005.1])
+    shape = np.array([[1.0, 1j], [1.0, 1j]])
+    assert pair_modes(lam_a, shape, lam_b, shape).ambiguous.all()
+    one = pair_modes(lam_a[:1], shape[:1], lam_b, shape)
+    assert one.ambiguous.all()  # a free rival
+
+
+def test_a_low_mac_is_ambiguous():
+    lam = np.array([HZ * 1000j])
+    pairs = pair_modes(lam, np.array([[1.0, 0j]]), lam, np.array([[0.6, 0.8]]))
+    assert pairs.partner[0] == 0
+    assert pairs.mac[0] == pytest.approx(0.36)
+    assert pairs.ambiguous[0]
+
+
+def test_points_without_modes_pair_nothing():
+    none, shapes = np.zeros(0, complex), np.zeros((0, 2), complex)
+    pairs = pair_modes(np.array([1j]), np.ones((1, 2), complex), none, shapes)
+    assert list(pairs.partner) == [-1]
+    assert not len(pair_modes(none, shapes, none, shapes).partner)
+
+
+# -- tracking
+
+
+@pytest.mark.parametrize("num", [15, 29, 200])
+def test_labels_go_through_hultens_lock_in(num):
+    states = [hulten(mu, zeta=0.002) for mu in np.linspace(0.0, 0.7, num)]
+    tracks = line(states)
+    assert all(sorted(labels) == [1, 2] for labels in tracks.labels)
+    low, high = along(states, tracks, 1), along(states, tracks, 2)
+    assert abs(low[0]) < abs(high[0])
+    locked = np.abs(low.imag - high.imag) < 1.0
+    assert locked.any()
+    assert not locked.all()
+    growing = {np.sign((low.real - high.real)[i]) for i in np.flatnonzero(locked)}
+    assert len(growing) == 1  # the labels stay on their branches
+    assert np.abs(np.diff(low.imag)).max() < 30 * HZ
+
+
+def test_at_an_undamped_lock_in_the_lower_mode_becomes_unstable():
+    for num in (15, 22, 29, 36):
+        states = [hulten(mu) for mu in np.linspace(0.0, 0.7, num)]
+        low = along(states, line(states), 1)
+        assert low.real[-1] > 1.0
+
+
+def test_the_step_into_an_undamped_lock_in_is_ambiguous_and_no_other():
+    states = [hulten(mu) for mu in (0.0, 0.1, 0.2, 0.28, 0.4, 0.5, 0.6)]  # flutter at 0.2917
+    tracks = line(states)
+    assert [a.any() for a in tracks.ambiguous] == [False, False, False, False, True, False, False]
+
+
+def coupled_pair(t, coupling):
+    a, b = (1000 * HZ) ** 2 * (1 + 0.1 * t), (1000 * HZ) ** 2 * (1 - 0.1 * t)
+    c = coupling * (1000 * HZ) ** 2
+    return complex_modes(0.002 * 1000 * HZ * np.eye(2), np.array([[a, c], [c, b]]))
+
+
+def test_labels_follow_frequencies_through_a_resolved_veering():
+    states = [coupled_pair(t, 0.02) for t in np.linspace(-1, 1, 81)]
+    tracks = line(states)
+    assert (np.abs(along(states, tracks, 1)) < np.abs(along(states, tracks, 2))).all()
+
+
+def test_labels_follow_shapes_through_a_crossing():
+    states = [coupled_pair(t, 1e-4) for t in np.linspace(-1, 1, 20)]
+    tracks = line(states)
+    first, second = np.abs(along(states, tracks, 1)), np.abs(along(states, tracks, 2))
+    assert first[0] < second[0]
+    assert first[-1] > second[-1]
+    assert min(m.min() for m in tracks.macs[1:]) > 0.99
+
+
+def test_roots_are_extrapolated_along_a_line_only():
+    shapes = np.ones((2, 2), complex)  # nothing but their motion tells these modes apart
+    frequencies = [(990, 1012), (1000, 1004), (996, 1010)]
+    states = [(HZ * 1j * np.array(f, float), shapes) for f in frequencies]
+    straight, bent = np.array([[0.0, 0], [1, 0], [2, 0]]), np.array([[0.0, 0], [1, 0], [1, 1]])
+    assert list(line(states, straight).labels[2]) == [2, 1]
+    assert list(line(states, bent).labels[2]) == [1, 2]
+    assert list(line(states).labels[2]) == [1, 2]
+
+
+def random_study(rng, without, n=14, m=8, k=10):
+    """Modes that move along a random tree; some are missing, all of them at points `without`."""
+    parents = [-1, *(int(rng.integers(0, i)) for i in range(1, n))]
+    lams, shapes = [HZ * 1j * np.linspace(500, 4000, m)], [random_shapes(rng, m, k)]
+    for p in parents[1:]:
+        lams.append(lams[p] * (1 + 0.01 * rng.normal(size=m)))
+        shapes.append(shapes[p] + 0.15 * random_shapes(rng, m, k))
+    for i in range(n):
+        kept = rng.permutation(m)[: m - int(rng.integers(0, 3))]
+        kept = kept[:0] if i in without else kept
+        lams[i], shapes[i] = lams[i][kept], shapes[i][kept]
+    return parents, lams, shapes, rng.uniform(size=(n, 2))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_labels_depend_on_the_tree_alone(seed):
+    rng = np.random.default_rng(seed)
+    parents, lams, shapes, x = random_study(rng, without=(3, 5))
+    order = rng.permutation(len(parents))  # new index -> old index
+    place = np.argsort(order)
+    moved = [-1 if parents[i] < 0 else int(place[parents[i]]) for i in order]
+    one = track(parents, lams, shapes, x)
+    other = track(moved, [lams[i] for i in order], [shapes[i] for i in order], x[order])
+    for new, old in enumerate(order):
+        assert np.array_equal(other.labels[new], one.labels[old])
+        assert np.array_equal(other.ambiguous[new], one.ambiguous[old])
+        assert np.array_equal(other.macs[new], one.macs[old], equal_nan=True)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_a_label_occurs_once_a_point_and_every_number_is_used(seed):
+    parents, lams, shapes, x = random_study(np.random.default_rng(seed), without=(0, 5))
+    tracks = track(parents, lams, shapes, x)
+    assert [len(labels) for labels in tracks.labels] == [len(lam) for lam in lams]
+    for labels in tracks.labels:
+        assert len(set(labels)) == len(labels)
+    used = np.unique(np.concatenate(tracks.labels))
+    assert np.array_equal(used, np.arange(1, len(used) + 1))
+
+
+def test_labels_start_by_frequency_with_overdamped_roots_last():
+    lam = np.array([-50.0, 3000j, 1000j, 2000j])
+    tracks = track([-1], [lam], [np.eye(4, dtype=complex)])
+    assert list(tracks.labels[0]) == [4, 3, 1, 2]
+    assert np.isnan(tracks.macs[0]).all()
+
+
+def test_newcomers_are_numbered_by_depth_then_frequency():
+    eye = np.eye(5, dtype=complex)
+    lam = HZ * 1j * np.arange(1000.0, 6000, 1000)
+    at = [[1], [1, 4], [1, 3], [1, 4, 2]]  # modes of root, two children, a grandchild
+    tracks = track([-1, 0, 0, 1], [lam[i] for i in at], [eye[i] for i in at])
+    assert [list(labels) for labels in tracks.labels] == [[1], [1, 3], [1, 2], [1, 3, 4]]
+    assert np.isnan(tracks.macs[1][1])
+    assert tracks.macs[3][1] == pytest.approx(1.0)
+
+
+def failed():
+    return np.zeros(0, complex), np.zeros((0, 2), complex)
+
+
+def test_a_failed_point_hands_labels_on():
+    states = [hulten(mu, zeta=0.002) for mu in np.linspace(0.0, 0.25, 6)]
+    expected = line(states).labels[-1]
+    gap = [*states[:2], failed(), failed(), *states[4:]]
+    tracks = line(gap)
+    assert not len(tracks.labels[2])
+    assert np.array_equal(tracks.labels[-1], expected)
+
+
+def test_children_of_a_failed_root_share_labels():
+    states = [failed(), hulten(0.1), hulten(0.15), hulten(0.05)]
+    tracks = track([-1, 0, 0, 2], [s[0] for s in states], [s[1] for s in states])
+    assert [list(labels) for labels in tracks.labels] == [[], [1, 2], [1, 2], [1, 2]]
+    assert not np.isnan(tracks.macs[2]).any()
+
+
+def test_nothing_but_failed_points():
+    tracks = line([failed(), failed()])
+    assert [len(labels) for labels in tracks.labels] == [0, 0]
+
+
+def test_lengths_must_agree():
+    with pytest.raises(ValueError, match="2 parents, 1 sets of roots"):
+        track([-1, 0], [np.zeros(0)], [np.zeros((0, 1))] * 2)
+
+
+# -- trees
+
+
+def test_grid_lines_run_along_the_first_parameter():
+    x = np.zeros((12, 3))
+    parents = tracking_tree(x, (3, 2, 2))
+    assert list(parents) == [-1, 0, 1, 0, 3, 4, 0, 6, 7, 6, 9, 10]
+
+
+@given(st.lists(st.integers(1, 5), min_size=1, max_size=4))
+@settings(max_examples=30, deadline=None)
+def test_grid_steps_change_one_parameter_by_one(shape):
+    index = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape, order="F"), axis=1)
+    parents = tracking_tree(index.astype(float), tuple(shape))
+    assert parents[0] == -1
+    child = np.arange(1, len(index))
+    step = index[child] - index[parents[child]]
+    assert (step.sum(axis=1) == 1).all()
+    assert (step >= 0).all()
+
+
+def test_a_grid_must_hold_its_points():
+    with pytest.raises(ValueError, match="does not have 5 points"):
+        tracking_tree(np.zeros((5, 2)), (2, 3))
+
+
+def tree_length(x, parents):
+    child = np.flatnonzero(parents >= 0)
+    return np.linalg.norm(x[child] - x[parents[child]], axis=1).sum()
+
+
+def test_one_scattered_parameter_gives_a_chain_from_its_middle():
+    x = np.array([[5.0], [1.0], [3.1], [4.0], [2.0]])
+    assert list(tracking_tree(x)) == [3, 4, -1, 2, 2]
+
+
+@pytest.mark.parametrize("n", [60, 2300])
+def test_scattered_points_hang_on_their_minimum_spanning_tree(n):
+    rng = np.random.default_rng(0)
+    unit = rng.uniform(size=(n, 2))
+    unit[: n // 2] = unit[: n // 2] * 0.1 + 0.9  # a dense cluster far from the other points
+    unit[n // 2 :] *= 0.2
+    unit[0], unit[1], unit[2] = [0.0, 0.0], [1.0, 1.0], [0.5, 0.5]
+    parents = tracking_tree(unit * [3e6, 0.7] + [1e5, 0.1])
+    levels(parents.tolist(), [1] * n)  # no cycle
+    assert (parents < 0).sum() == 1
+    assert parents[2] == -1
+    shortest = minimum_spanning_tree(cdist(unit, unit)).sum()
+    # joining the far clusters of the larger design may take a slightly longer edge
+    assert tree_length(unit, parents) == pytest.approx(shortest, rel=1e-12 if n < 100 else 0.01)
+
+
+def test_points_that_coincide_and_constant_parameters():
+    x = np.array([[1.0, 7.0], [1.0, 7.0], [2.0, 7.0], [1.0, 7.0]])
+    parents = tracking_tree(x)
+    assert sum(len(row) for row in levels(parents.tolist(), [1] * 4)[1]) == 4
+    assert tree_length(x, parents) == 1.0
+    assert list(tracking_tree(np.zeros((1, 0)))) == [-1]
+    assert len(tracking_tree(np.zeros((0, 2)))) == 0
+
+
+def test_coordinates_must_be_finite():
+    with pytest.raises(ValueError, match="finite"):
+        tracking_tree(np.array([[1.0], [np.nan]]))
+
+
+@pytest.mark.parametrize("parents", [[1, 0], [-1, 2], [-1, 1]])
+def test_parents_that_are_no_tree(parents):
+    with pytest.raises(ValueError, match=r"cycle|parent 2"):
+        levels(parents, [1] * len(parents))

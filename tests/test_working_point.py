@@ -1,0 +1,227 @@
+"""The working point against the full-order equations, closed forms and a plain Newton."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from conftest import NOMINAL, build_model
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import factorise
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.prepared import reference_stiffness
+from squealstudy.reduction.working_point import working_point
+
+NO_SHAPES = np.zeros((2, 0))
+
+
+@pytest.fixture(scope="module")
+def recover(brake):
+    """Displacements q from gaps: one solve with K0, as in the docstring of `working_point`."""
+    c, k_c = brake.assembly.contact, brake.space.k_c
+    K = reference.static_stiffness(brake.assembly)
+    factor = factorise((K + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc())
+
+    def solve(point, operating):
+        f = operating.pressure * brake.assembly.load + brake.assembly.constant_load
+        p = point.pressure
+        normal = c.N.T @ (c.area * (p + k_c * (point.gap - c.gap0)))
+        return factor.solve(f + normal - operating.friction * (c.T.T @ (c.area * p)))
+
+    return solve
+
+
+def full_order_residual(brake, q, operating):
+    """Imbalance of all degrees of freedom with the pressures of q itself, relative to the load."""
+    c = brake.assembly.contact
+    p, _ = operating.law.evaluate(c.gap0 + c.N @ q)
+    imbalance = reference.static_imbalance(brake.assembly, q, p, operating)
+    return np.linalg.norm(imbalance) / np.linalg.norm(operating.pressure * brake.assembly.load)
+
+
+@pytest.mark.parametrize("lam", [5e4, 5e5, 5e6])
+@pytest.mark.parametrize("friction", [0.0, 0.35, 0.7])
+def test_full_order_equations_hold(brake, recover, friction, lam):
+    for pressure in (1e5, 12e5, 40e5):
+        operating = OperatingPoint(friction, pressure, 0.5, ContactLaw(lam=lam))
+        point = working_point(brake.space, operating)
+        q = recover(point, operating)
+        assert full_order_residual(brake, q, operating) <= 1e-10
+        gap = brake.assembly.contact.N @ q
+        np.testing.assert_allclose(gap, point.gap, atol=1e-10 * np.abs(point.gap).max())
+        assert point.residual <= 1e-11
+
+
+@pytest.mark.parametrize("kind", ["unilateral", "power"])
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_lift_off(brake, recover, kind, friction):
+    law = ContactLaw(kind, stiffness=5e11 if kind == "unilateral" else 2e14)
+    operating = OperatingPoint(friction, 12e5, 0.5, law)
+    point = working_point(brake.space, operating)
+    assert full_order_residual(brake, recover(point, operating), operating) <= 1e-10
+    is_open = point.gap >= 0
+    assert is_open.any()
+    np.testing.assert_array_equal(point.pressure == 0, is_open)
+    np.testing.assert_array_equal(point.tangent == 0, is_open)
+    area = brake.assembly.contact.area
+    assert point.open_share >= area[is_open].sum() / area.sum()
+    assert 0 < point.open_share < 0.9
+
+
+def test_bilateral_law_is_one_linear_solve(brake):
+    c = brake.assembly.contact
+    operating = OperatingPoint(0.5, 12e5, 0.5, ContactLaw("bilateral", stiffness=5e11))
+    point = working_point(brake.space, operating)
+    k_n = sp.diags(5e11 * c.area)
+    K = reference.static_stiffness(brake.assembly) + c.N.T @ k_n @ c.N - 0.5 * c.T.T @ k_n @ c.N
+    gap = c.N @ spla.splu(K.tocsc()).solve(12e5 * brake.assembly.load)
+    np.testing.assert_allclose(point.gap, gap, atol=1e-8 * np.abs(gap).max())
+    assert (gap > 0).any()  # bilateral: it pulls there
+    assert point.pressure.min() < 0
+
+
+def test_agrees_with_a_plain_full_order_newton(brake, recover):
+    operating = OperatingPoint(0.35, 3e5, 1.0, ContactLaw(lam=2e5))
+    # started elsewhere: at the equilibrium of another pressure and friction
+    other = replace(operating, pressure=2 * operating.pressure, friction=0.0)
+    q0 = recover(working_point(brake.space, other), other)
+    q, p = reference.newton_equilibrium(brake.assembly, operating, q0)
+    point = working_point(brake.space, operating)
+    np.testing.assert_allclose(point.pressure, p, rtol=1e-7)
+    gap = brake.assembly.contact.N @ q
+    np.testing.assert_allclose(point.gap, gap, atol=1e-9 * np.abs(gap).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_forces_balance(brake, recover, friction):
+    assembly = brake.assembly
+    operating = replace(NOMINAL, friction=friction)
+    point = working_point(brake.space, operating)
+    q = recover(point, operating)
+    springs = assembly.K_springs(static=True) @ q
+
+    def axial(force, *names):
+        return sum(force[assembly.slices[name]][2::3].sum() for name in names)
+
+    force = assembly.contact.area * point.pressure
+    inner, outer = np.split(force, 2)
+    push = operating.pressure * 25e-4
+    # the fluid pushes the inner pad along +z and the caliper, which holds the outer pad, along -z;
+    # friction acts in the plane of the disc
+    assert inner.sum() == pytest.approx(push - axial(springs, "inner_pad"), rel=1e-9)
+    assert outer.sum() == pytest.approx(push + axial(springs, "caliper", "outer_pad"), rel=1e-9)
+    # soft axial springs of guides and abutments take little of it
+    assert inner.sum() == pytest.approx(push, rel=0.05)
+    assert outer.sum() == pytest.approx(push, rel=0.05)
+    # all that goes to the ground, in x, y, z
+    total = springs.reshape(-1, 3).sum(axis=0)
+    drag = -friction * (assembly.contact.T.T @ force).reshape(-1, 3).sum(axis=0)
+    np.testing.assert_allclose(total, drag, atol=1e-7 * push)  # action and reaction: zero
+    np.testing.assert_allclose(drag, 0.0, atol=1e-9 * push)
+
+
+def test_reference_stiffness_changes_nothing(brake):
+    c = brake.assembly.contact
+    other = contact_space(brake.assembly, 20 * brake.space.k_c, np.zeros((brake.assembly.n_dof, 0)))
+    point = working_point(other, NOMINAL)
+    np.testing.assert_allclose(point.gap, brake.point.gap, atol=1e-9 * np.abs(point.gap).max())
+    assert c.area @ point.pressure == pytest.approx(c.area @ brake.point.pressure, rel=1e-9)
+
+
+def test_start_changes_nothing(brake):
+    far = working_point(brake.space, replace(NOMINAL, pressure=2e5, friction=0.1))
+    point = working_point(brake.space, NOMINAL, far.gap)
+    np.testing.assert_allclose(point.gap, brake.point.gap, rtol=1e-9, atol=1e-15)
+    again = working_point(brake.space, NOMINAL, brake.point.gap)
+    assert again.iterations <= 2
+
+
+def test_more_pressure_closes_the_contact(brake):
+    points = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in (2e5, 12e5, 40e5)]
+    area = brake.assembly.contact.area
+    force = [area @ p.pressure for p in points]
+    np.testing.assert_allclose(np.array(force) / force[0], [1, 6, 20], rtol=0.05)
+
+
+# -- changes of component modes ------------------------------------------------------------------
+def test_changed_compliances_equal_a_new_factorisation(brake):
+    assembly = brake.assembly
+    changes = {("inner_pad", 7): 1.5, ("inner_pad", 8): 0.5}
+    columns, dk = {}, np.zeros((1308, 1308))
+    before = 0
+    pad = next(c for c in assembly.components if c.name == "inner_pad")
+    for name in assembly.component_names:
+        if name == "inner_pad":
+            break
+        before += brake.modes[name].phi.shape[1]
+    for (name, mode), scale in changes.items():
+        modes = brake.modes[name]
+        change = (scale**2 - 1) * modes.omega[mode - 1] ** 2
+        columns[before + mode - 1] = change
+        U = pad.M @ modes.phi[:, mode - 1]
+        dk += change * np.outer(U, U)
+    stiffer = replace(pad, K=(pad.K + sp.csr_matrix((dk + dk.T) / 2)).tocsr())
+    parts = tuple(stiffer if c.name == "inner_pad" else c for c in assembly.components)
+    rebuilt = contact_space(
+        replace(assembly, components=parts), brake.space.k_c, np.zeros((assembly.n_dof, 0))
+    )
+    changed = brake.space.changed(columns)
+    for name in ("H_NN", "H_NT", "H_Nf"):
+        new, old = getattr(rebuilt, name), getattr(brake.space, name)
+        assert np.abs(getattr(changed, name) - new).max() < 1e-9 * np.abs(new).max()
+        assert np.abs(old - new).max() > 1e-4 * np.abs(new).max()  # the change is there
+    a, b = working_point(changed, NOMINAL), working_point(rebuilt, NOMINAL)
+    np.testing.assert_allclose(a.gap, b.gap, atol=1e-9 * np.abs(b.gap).max())
+    assert brake.space.changed({3: 0.0}) is brake.space
+
+
+# -- minimal models ------------------------------------------------------------------------------
+@pytest.mark.parametrize("k_c", [1e5, 5e11, 1e14])
+def test_hulten_contact_forces(k_c):
+    mu, F = 0.4, 70.0
+    assembly = build_model("hulten", normal_force=F)
+    space = contact_space(assembly, k_c, NO_SHAPES)
+    point = working_point(space, OperatingPoint(mu, 1.0, 0.5, assembly.contact.law))
+    force = assembly.contact.area * point.pressure
+    exact = np.array([F * (1 + mu), F * (1 - mu)]) / (1 + mu**2)
+    np.testing.assert_allclose(force, exact, rtol=1e-10)
+
+
+@pytest.mark.parametrize("k_c", [1e5, 5e11, 1e14])
+def test_hoffmann_contact_force(k_c):
+    # far too soft a reference stiffness must not stall the step control either
+    mu, F = 0.3, 100.0
+    assembly = build_model("hoffmann", normal_force=F)
+    point = working_point(
+        contact_space(assembly, k_c, NO_SHAPES),
+        OperatingPoint(mu, 1.0, 0.5, assembly.contact.law),
+    )
+    k3 = 4e6 / 3
+    y = np.linalg.solve([[2e6, 1e6 - mu * k3], [1e6, 2e6]], [0.0, -F])[1]
+    assert assembly.contact.area[0] * point.pressure[0] == pytest.approx(-k3 * y, rel=1e-10)
+
+
+def test_sprag_has_no_equilibrium():
+    # inclined the other way, the springs press the mass into the belt as friction drags it:
+    # beyond mu = S_yy / S_yx (S the compliance of the springs) any contact force calls for more
+    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    assembly = build_model("hoffmann", alpha1=30.0, alpha2=150.0)
+    contact = replace(assembly.contact, law=law, area=np.array([1e-4]))
+    assembly = replace(assembly, contact=contact)
+    S = np.linalg.inv(assembly.K_springs().toarray())
+    limit = S[1, 1] / S[1, 0]
+    assert limit > 0
+    operating = OperatingPoint(0.0, 1.0, 0.5, law)
+    space = contact_space(assembly, reference_stiffness(assembly, operating), NO_SHAPES)
+    for friction in (0.0, 0.5 * limit, 0.9 * limit):
+        assert working_point(space, replace(operating, friction=friction)).pressure[0] > 0
+    with pytest.raises(ConvergenceError, match="no steady sliding") as failure:
+        working_point(space, replace(operating, friction=1.5 * limit))
+    assert failure.value.status == "working_point"
