@@ -23,7 +23,9 @@ from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
-hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)  # kernels may compile
+hypothesis.settings.register_profile(
+    "repeatable", derandomize=True, deadline=None
+)  # kernels may compile
 hypothesis.settings.load_profile("repeatable")
 
 

@@ -51,6 +51,8 @@ num = 12
 [modes]
 band = [500.0, 2500.0]
 reference_points = 0
+[reduction]
+enrichment = false
 """
 
 
@@ -81,7 +83,7 @@ def test_tables_hold_every_point_and_the_flutter(tmp_path: Path) -> None:
     np.testing.assert_allclose(real_part, expected, rtol=1e-10)
     energies = results.modes.filter(like="energy_").sum(axis=1)
     np.testing.assert_allclose(energies, 1.0, rtol=1e-12)
-    assert results.points["reference_frequency_error"].notna().sum() == 1
+    assert results.points["reference_frequency_error"].notna().sum() == 2
 
 
 def test_same_study_again_does_nothing(tmp_path: Path) -> None:
@@ -110,7 +112,11 @@ def test_tables_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 def test_a_failed_point_is_a_row(tmp_path: Path) -> None:
-    text = HULTEN.format(stop=0.6, num=3).replace("friction", "mass").replace("start = 0.0", "start = 1.0")
+    text = (
+        HULTEN.format(stop=0.6, num=3)
+        .replace("friction", "mass")
+        .replace("start = 0.0", "start = 1.0")
+    )
     plan = plan_of(text.replace("stop = 0.6", "stop = 3.0"))
     broken = plan.tasks[1]
 
@@ -183,7 +189,9 @@ def test_reference_points_start_far_from_nominal() -> None:
     plan = hulten(0.6, 13)
     chosen = reference_choice(plan, 3)
     friction = [plan.swept[i]["friction"] for i in chosen]
-    assert friction[0] == max((plan.swept[i]["friction"] for i in range(13)), key=lambda x: abs(x - 0.5))
+    assert friction[0] == max(
+        (plan.swept[i]["friction"] for i in range(13)), key=lambda x: abs(x - 0.5)
+    )
     assert len(set(chosen)) == 3
 
 

@@ -28,7 +28,7 @@ class FullOrderModes:
 
 
 @dataclass(frozen=True)
-class ReferenceError:
+class ReducedError:
     """Largest errors over the lightly damped modes of a band (|zeta| < 5 %).
 
     Attributes
@@ -95,9 +95,7 @@ def _sparse_system(
 
 
 def _frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
-    return {
-        (name, j + 1): float(w) for name, m in modes.items() for j, w in enumerate(m.omega)
-    }
+    return {(name, j + 1): float(w) for name, m in modes.items() for j, w in enumerate(m.omega)}
 
 
 def _component_terms(
@@ -126,19 +124,19 @@ def _roots_to(
         n_roots = min(int(n_roots * growth) + 20, most)
 
 
-def reference_error(lam: np.ndarray, reference: np.ndarray) -> ReferenceError:
+def reference_error(lam: np.ndarray, reference: np.ndarray) -> ReducedError:
     """Errors of `lam` against full-order roots `reference` (both rad/s, imaginary part >= 0)."""
     zeta = -reference.real / np.abs(reference)
     light = reference[np.abs(zeta) < LIGHT]
     if not len(light):
-        return ReferenceError(0.0, 0.0, 0)
+        return ReducedError(0.0, 0.0, 0)
     if not len(lam):
-        return ReferenceError(np.inf, np.inf, len(light))
+        return ReducedError(np.inf, np.inf, len(light))
     nearest = lam[np.abs(light[:, None] - lam[None, :]).argmin(axis=1)]
     near = np.abs(nearest - light) < 0.05 * np.abs(light)
     size, size_r = np.abs(light[near]), np.abs(nearest[near])
     d_zeta = np.abs(nearest[near].real / size_r - light[near].real / size)
     d_freq = np.abs(size_r - size) / size
-    return ReferenceError(
+    return ReducedError(
         float(d_freq.max(initial=0.0)), float(d_zeta.max(initial=0.0)), int((~near).sum())
     )

@@ -55,8 +55,7 @@ def state_working_point(
     """
     omega = component_frequencies(prepared.model)
     changes = {
-        shape_column(prepared.model, *key): dk
-        for key, dk in state.stiffness_changes(omega).items()
+        shape_column(prepared.model, *key): dk for key, dk in state.stiffness_changes(omega).items()
     }
     space = prepared.space.changed(changes)
     found = None if known is None else known_working_point(space, state.operating, known)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -23,17 +23,17 @@ app = typer.Typer(
 StudyPath = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
 ResultsPath = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results directory.")]
 Jobs = Annotated[
-    Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes; default: cores.")
+    int | None, typer.Option("--jobs", "-j", min=1, help="Worker processes; default: cores.")
 ]
 Output = Annotated[
-    Optional[Path], typer.Option("--output", "-o", help="Results directory; default results/NAME.")
+    Path | None, typer.Option("--output", "-o", help="Results directory; default results/NAME.")
 ]
 By = Annotated[
     str, typer.Option(help="share, growth, damping, threshold, frequency or energy_<component>.")
 ]
-Top = Annotated[Optional[int], typer.Option(min=1, help="Number of modes listed.")]
+Top = Annotated[int | None, typer.Option(min=1, help="Number of modes listed.")]
 Where = Annotated[
-    Optional[str], typer.Option(help="Condition on table columns, e.g. 'pressure < 1e6'.")
+    str | None, typer.Option(help="Condition on table columns, e.g. 'pressure < 1e6'.")
 ]
 
 
@@ -84,11 +84,9 @@ def rank(
 def plot(
     results: ResultsPath,
     output: Annotated[
-        Optional[Path], typer.Option("--output", "-o", help="Directory of the pictures.")
+        Path | None, typer.Option("--output", "-o", help="Directory of the pictures.")
     ] = None,
-    along: Annotated[
-        Optional[str], typer.Option(help="Parameter of the evolution picture.")
-    ] = None,
+    along: Annotated[str | None, typer.Option(help="Parameter of the evolution picture.")] = None,
 ) -> None:
     """Draw stability diagram, evolution along a parameter, stability map and ranking."""
     from squealstudy.cli.pictures import plot_command
@@ -98,7 +96,7 @@ def plot(
 
 @app.command()
 def models(
-    name: Annotated[Optional[str], typer.Argument(help="Model to describe.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Model to describe.")] = None,
     modes: Annotated[
         bool, typer.Option(help="Build the model and list its components' free-free modes.")
     ] = True,

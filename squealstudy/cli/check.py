@@ -62,8 +62,14 @@ def _facts(
     )
     return [
         *rows,
-        ("time", f"{_duration(total)}: {cost.point_s:.2f} s a point on one core, {workers} workers"),
-        ("memory", f"about {(cost.memory_mb or 0) / 1024:.1f} GB a process, {workers + 1} processes"),
+        (
+            "time",
+            f"{_duration(total)}: {cost.point_s:.2f} s a point on one core, {workers} workers",
+        ),
+        (
+            "memory",
+            f"about {(cost.memory_mb or 0) / 1024:.1f} GB a process, {workers + 1} processes",
+        ),
     ]
 
 

@@ -53,7 +53,9 @@ def _options(model: ModelDefinition) -> None:
 def _parameters(model: ModelDefinition) -> None:
     grid = _grid("parameter", "default", "unit", "")
     for p in model.parameters:
-        note = " (new reduction)" if p.structural and "mesh" in {o.name for o in model.options} else ""
+        note = (
+            " (new reduction)" if p.structural and "mesh" in {o.name for o in model.options} else ""
+        )
         grid.add_row(p.name, f"{p.default:g}", p.unit or "-", p.description + note)
     for row in MODE_PARAMETERS:
         grid.add_row(row[0], row[1], "-", row[2])
@@ -73,4 +75,3 @@ def _components(model: ModelDefinition, cutoff: float) -> None:
         listed = f"1-{rigid}: rigid" if rigid > 1 else "1: rigid" if rigid else ""
         grid.add_row(c.name, str(c.n_dof), "; ".join(t for t in (listed, elastic) if t))
     screen.console.print(grid)
-

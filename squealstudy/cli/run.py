@@ -30,10 +30,10 @@ def run_command(
     )
     screen.console.print()
     drawn = draw_pictures(results, directory) if pictures else []
-    screen.facts([*_summary(report, results), *((("picture"), str(p)) for p in drawn)])
+    screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])
 
 
-def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:
+def _summary(report: RunReport) -> list[tuple[str, str]]:
     manifest = report.manifest
     failed = manifest["n_failed"]
     rows = [

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -74,18 +75,18 @@ def _kept(onset: str) -> list[bool]:
     return [True] * 5 + [bool(onset), True, True]
 
 
-def _label(row: dict[str, object]) -> str:
+def _label(row: dict[Hashable, Any]) -> str:
     name = str(row["track"]) if row["kind"] == "mode" else str(row["kind"])
     return f"~{name}" if row["ambiguous"] else name
 
 
-def _threshold(row: dict[str, object]) -> str:
+def _threshold(row: dict[Hashable, Any]) -> str:
     value, kind = row["threshold"], row["threshold_kind"]
     if kind == "below range":
         return "below range"
     if not isinstance(value, float) or value != value:
         return "-"
-    return f"{'<= ' if kind == 'first seen' else ''}{value:.4g}"
+    return f"{'<= ' if kind == 'first seen' else ''}{round(value, 9):.4g}"
 
 
 @contextlib.contextmanager

@@ -71,7 +71,9 @@ class Assembly:
     def slices(self) -> dict[str, slice]:
         """Degrees of freedom of each component."""
         ends = np.cumsum([0, *(c.n_dof for c in self.components)])
-        return {c.name: slice(a, b) for c, a, b in zip(self.components, ends, ends[1:], strict=False)}
+        return {
+            c.name: slice(a, b) for c, a, b in zip(self.components, ends, ends[1:], strict=False)
+        }
 
     @cached_property
     def M(self) -> sp.csr_matrix:

@@ -41,10 +41,16 @@ class Parameter:
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+        ):
             raise ParameterError(self.name, f"expected a finite number, got {value!r}")
         if self.positive and value <= 0:
-            raise ParameterError(self.name, f"expected a positive value{self._unit()}, got {value:g}")
+            raise ParameterError(
+                self.name, f"expected a positive value{self._unit()}, got {value:g}"
+            )
         if value < self.minimum:
             raise ParameterError(
                 self.name, f"expected at least {self.minimum:g}{self._unit()}, got {value:g}"

@@ -8,7 +8,7 @@ low-rank change of K0, taken exactly by Woodbury's identity.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -55,7 +55,7 @@ class ContactSpace:
     H_UU: np.ndarray
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:
-        """The same with K0 + U diag(dk) U^T.
+        """The same with K0 + U diag(dk) U^T; it cannot be changed again.
 
         Parameters
         ----------
@@ -68,16 +68,16 @@ class ContactSpace:
         D = np.diag(np.fromiter(dk.values(), dtype=float))
         core = la.solve(np.eye(len(j)) + D @ self.H_UU[np.ix_(j, j)], D)
         left, right_T, right_f = self.H_NU[:, j] @ core, self.H_TU[:, j], self.H_fU[:, j]
-        return ContactSpace(
-            self.k_c,
-            self.area,
-            self.gap0,
-            self.frictional,
-            self.H_NN - left @ self.H_NU[:, j].T,
-            self.H_NT - left @ right_T.T,
-            self.H_Nf - left @ right_f.T,
-            *(np.zeros((len(h), 0)) for h in (self.H_NN, self.H_NN, self.H_fU)),
-            np.zeros((0, 0)),
+        empty = self.H_UU[:0, :0]
+        return replace(
+            self,
+            H_NN=self.H_NN - left @ self.H_NU[:, j].T,
+            H_NT=self.H_NT - left @ right_T.T,
+            H_Nf=self.H_Nf - left @ right_f.T,
+            H_NU=self.H_NU[:, :0],
+            H_TU=self.H_TU[:, :0],
+            H_fU=self.H_fU[:, :0],
+            H_UU=empty,
         )
 
 

@@ -68,7 +68,9 @@ def prepare(
     clock = _Clock()
     modes = component_modes(assembly, settings.component_cutoff)
     clock.stage("component_modes_s")
-    space = contact_space(assembly, reference_stiffness(assembly, nominal), mode_shapes(assembly, modes))
+    space = contact_space(
+        assembly, reference_stiffness(assembly, nominal), mode_shapes(assembly, modes)
+    )
     clock.stage("contact_space_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)

@@ -1,0 +1,1 @@
+"""Studies: definition, sampling, workers, store, tables, results."""

@@ -61,7 +61,7 @@ def estimate(plan: Plan) -> Estimate:
         )
     tasks = [t for t in plan.tasks if t.prepared_key in set(ready)]
     step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
-    seconds = [t for t in map(lambda task: _time(plan, task), tasks[::step][:TIMED_POINTS]) if t]
+    seconds = [t for t in (_time(plan, task) for task in tasks[::step][:TIMED_POINTS]) if t]
     prepared = load_prepared(ready[0])
     return Estimate(
         missing,

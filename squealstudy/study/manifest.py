@@ -18,8 +18,16 @@ from squealstudy.study.plan import Plan
 FILE = "manifest.json"
 LOCK = ".lock"
 PACKAGES = (
-    "squealstudy", "numpy", "scipy", "pandas", "pyarrow", "numba", "joblib", "scikit-fem", "pydantic"
-)  # fmt: skip
+    "squealstudy",
+    "numpy",
+    "scipy",
+    "pandas",
+    "pyarrow",
+    "numba",
+    "joblib",
+    "scikit-fem",
+    "pydantic",
+)
 
 
 def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:

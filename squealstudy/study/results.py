@@ -90,4 +90,6 @@ class Results:
         try:
             return pq.read_table(self.directory / name).to_pandas()
         except (OSError, ValueError) as error:
-            raise ResultsError(f"{self.directory / name}: not a readable table ({error})") from error
+            raise ResultsError(
+                f"{self.directory / name}: not a readable table ({error})"
+            ) from error

@@ -254,9 +254,7 @@ def _check_points(
     chosen = [plan.tasks[i] for i in reference_choice(plan, reference_count(plan))]
     present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
     tasks = [
-        ReferenceTask(
-            directory, t, plan.study.options, plan.settings, plan.band_hz, os.getpid()
-        )
+        ReferenceTask(directory, t, plan.study.options, plan.settings, plan.band_hz, os.getpid())
         for t in chosen
         if t.point_id not in present and t.prepared_key not in failures
     ]

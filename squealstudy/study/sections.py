@@ -157,7 +157,7 @@ class ModesSection(Section):
         default=True, description="follow modes along the lines of a grid by their shapes"
     )
     reference_points: int = Field(
-        default=1,
+        default=2,
         ge=0,
         le=MOST_LEVELS,
         description="design points also solved by the full-order model",
@@ -177,7 +177,10 @@ class ReductionSection(Section):
         default=1.5, ge=1, le=100, description="assembly modes up to this times the top of the band"
     )
     tolerance: float = Field(
-        default=3e-5, gt=0, le=0.1, description="enrichment shapes with relative singular values below this are left out"
+        default=3e-5,
+        gt=0,
+        le=0.1,
+        description="enrichment shapes with relative singular values below this are left out",
     )
     enrichment: bool = Field(
         default=True, description="add static responses to the friction forces"

@@ -59,7 +59,7 @@ def _track(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Tracks:
         lams.append(np.array([complex(m["re"], m["im"]) for m in modes]))
         vectors = [np.frombuffer(m["shape"], dtype=np.complex64) for m in modes]
         shapes.append(np.stack(vectors) if vectors else np.zeros((0, 1), dtype=np.complex64))
-    parents = tracking_tree(plan.coordinates, plan.grid_shape)
+    parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
     return track(parents, lams, shapes)
 
 
@@ -79,7 +79,7 @@ def _modes_table(
     table = pd.DataFrame(
         {
             "point_id": np.repeat([row["point_id"] for row in rows], counts),
-            "mode": np.concatenate([np.arange(1, n + 1) for n in counts] or [[]]).astype(np.int32),
+            "mode": np.array([j + 1 for n in counts for j in range(n)], dtype=np.int32),
             "track": label,
             "track_mac": mac,
             "track_ambiguous": ambiguous,

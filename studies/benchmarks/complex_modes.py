@@ -77,9 +77,7 @@ def main() -> None:
         for name, state in STATES.items():
             reduced = solve_point(prepared, state, BAND)
             started = time.perf_counter()
-            full = full_order_modes(
-                assembly, modes, reduced.working_point, state, BAND, CUTOFF
-            )
+            full = full_order_modes(assembly, modes, reduced.working_point, state, BAND, CUTOFF)
             seconds = time.perf_counter() - started
             error = reference_error(reduced.lam, full.lam)
             print(

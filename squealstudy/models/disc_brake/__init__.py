@@ -1,4 +1,4 @@
-"""The generated disc brake: disc with bell, two pads and a floating caliper (theory.md section 2)."""
+"""The generated disc brake: disc with bell, two pads and a floating caliper."""
 
 from __future__ import annotations
 

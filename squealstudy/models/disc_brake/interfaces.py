@@ -53,38 +53,43 @@ class BrakeInterfaces:
     def contact(self, law: ContactLaw, points_per_side: int) -> ContactInterface:
         """Both pad faces against the disc; the disc turns about +z."""
         z_faces = {"inner_pad": 0.0, "outer_pad": self._m.v("disc.thickness")}
-        N, T, T_perp, area, radius = [], [], [], [], []
-        for pad, z_face in z_faces.items():
-            s_pad, s_disc = self._facing(
-                pad, "disc", lambda r, t, z, zf=z_face: abs(z - zf) < EDGE, points_per_side
-            )
-            opening = -s_pad.normal  # from the disc towards the pad
-            N.append(
-                self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
-            )
-            for rows, direction in ((T, _around(s_pad.points)), (T_perp, _radial(s_pad.points))):
-                rows.append(
-                    self._rows(("disc", s_disc.observe(direction)), (pad, -s_pad.observe(direction)))
-                )
-            area.append(s_pad.area)
-            radius.append(np.hypot(s_pad.points[:, 0], s_pad.points[:, 1]))
-        n = sum(len(a) for a in area)
-        return ContactInterface(
-            sp.vstack(N).tocsr(),
-            sp.vstack(T).tocsr(),
-            sp.vstack(T_perp).tocsr(),
-            np.concatenate(area),
-            np.zeros(n),
-            np.concatenate(radius),
-            law,
-            np.ones(n),
+        sides = [self._contact_side(pad, z, points_per_side) for pad, z in z_faces.items()]
+        points = np.vstack([side.points for side, _ in sides])
+        N, T, T_perp = (
+            sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
         )
+        n = len(points)
+        return ContactInterface(
+            N,
+            T,
+            T_perp,
+            area=np.concatenate([side.area for side, _ in sides]),
+            gap0=np.zeros(n),
+            radius=np.hypot(points[:, 0], points[:, 1]),
+            law=law,
+            frictional=np.ones(n),
+        )
+
+    def _contact_side(
+        self, pad: str, z_face: float, points_per_side: int
+    ) -> tuple[Surface, tuple[sp.csr_matrix, ...]]:
+        """Contact points of one pad and their rows N, T and T_perp."""
+        s_pad, s_disc = self._facing(
+            pad, "disc", lambda r, t, z: abs(z - z_face) < EDGE, points_per_side
+        )
+        opening = -s_pad.normal  # from the disc towards the pad
+        normal = self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
+        sliding = [
+            self._rows(("disc", s_disc.observe(d)), (pad, -s_pad.observe(d)))
+            for d in (_around(s_pad.points), _radial(s_pad.points))
+        ]
+        return s_pad, (normal, *sliding)
 
     # -- linear layers and springs ---------------------------------------------------------------
     def springs(self) -> tuple[SpringInterface, ...]:
         """Hub, fingers, piston, abutments and guides."""
         v = self._m.v
-        z_in, z_out = self._m.plate_z
+        _, z_out = self._m.plate_z
         r_pad = v("pad.outer_radius")
         hub = sample_surface(self._solids["disc"], self._at_hub, LAYER_POINTS)
         fingers = self._facing(
@@ -96,10 +101,17 @@ class BrakeInterfaces:
         piston = self._facing("inner_pad", "caliper", self._at_piston, LAYER_POINTS)
         return (
             self._layer("hub", (("disc", hub),), v("hub.stiffness")),
-            self._layer("fingers", tuple(zip(("caliper", "outer_pad"), fingers, strict=True)),
-                        v("fingers.stiffness")),
-            self._layer("piston", tuple(zip(("inner_pad", "caliper"), piston, strict=True)),
-                        v("piston.stiffness"), in_static=False),
+            self._layer(
+                "fingers",
+                tuple(zip(("caliper", "outer_pad"), fingers, strict=True)),
+                v("fingers.stiffness"),
+            ),
+            self._layer(
+                "piston",
+                tuple(zip(("inner_pad", "caliper"), piston, strict=True)),
+                v("piston.stiffness"),
+                in_static=False,
+            ),
             *(self._abutment(pad) for pad in ("inner_pad", "outer_pad")),
             self._guides(),
         )
@@ -178,7 +190,5 @@ class BrakeInterfaces:
         """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
         pad, caliper = self._facing("inner_pad", "caliper", self._at_piston, LAYER_POINTS)
         per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
-        rows = self._rows(
-            ("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL))
-        )
+        rows = self._rows(("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL)))
         return np.asarray(rows.T @ per_area)

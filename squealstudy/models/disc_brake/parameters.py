@@ -67,7 +67,12 @@ PARAMETERS = (
             ("abutment.radial_stiffness", 2e7, "N/m", "each pad ear to ground, radial"),
             ("abutment.axial_stiffness", 1e5, "N/m", "each pad ear to ground, axial"),
             ("guides.stiffness", 1e7, "N/m", "caliper guides to ground, both together, in plane"),
-            ("guides.axial_stiffness", 1e5, "N/m", "caliper guides to ground, both together, axial"),
+            (
+                "guides.axial_stiffness",
+                1e5,
+                "N/m",
+                "caliper guides to ground, both together, axial",
+            ),
         )
     ),
 )

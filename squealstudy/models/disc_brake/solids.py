@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from squealstudy.models.fem.grid import Block, cylindrical_mesh, grid_lines
 from squealstudy.models.fem.material import Isotropic, Material, TransverselyIsotropic
 from squealstudy.models.fem.solid import Solid, assemble_solid
@@ -34,7 +35,9 @@ class BrakeMesher:
 
     def isotropic(self, prefix: str) -> Isotropic:
         """Material of the parameters that begin with `prefix`."""
-        return Isotropic(*(self.v(prefix + p) for p in ("young_modulus", "poisson_ratio", "density")))
+        return Isotropic(
+            *(self.v(prefix + p) for p in ("young_modulus", "poisson_ratio", "density"))
+        )
 
     def around(self, breaks: list[float]) -> np.ndarray:
         """Theta lines through the breaks [rad] and their mirror images."""
@@ -54,7 +57,9 @@ class BrakeMesher:
             Block((bi, bo), FULL_TURN, (-bell, 0.0), "iron"),
             Block((ri, bo), FULL_TURN, (-bell - top, -bell), "iron"),
         ]
-        return assemble_solid(cylindrical_mesh(r, theta, z, blocks), {"iron": self.isotropic("disc.")})
+        return assemble_solid(
+            cylindrical_mesh(r, theta, z, blocks), {"iron": self.isotropic("disc.")}
+        )
 
     def pad(self, side: int) -> Solid:
         """Outer pad (side +1, above the disc) or inner pad (-1, below it)."""
@@ -113,4 +118,6 @@ class BrakeMesher:
             Block((ri, ro), (near, far), (z_out, z_high), "iron"),
             Block((ri, ro), (-far, -near), (z_out, z_high), "iron"),
         ]
-        return assemble_solid(cylindrical_mesh(r, theta, z, blocks), {"iron": self.isotropic("caliper.")})
+        return assemble_solid(
+            cylindrical_mesh(r, theta, z, blocks), {"iron": self.isotropic("caliper.")}
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from skfem import MeshHex2
@@ -48,7 +49,7 @@ def grid_lines(breaks: Sequence[float], size: float) -> np.ndarray:
     ends = np.unique(np.round(np.asarray(breaks, dtype=float), 12))
     parts = [
         np.linspace(a, b, max(1, int(np.ceil((b - a) / size - 1e-6))), endpoint=False)
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
+        for a, b in pairwise(ends)
     ]
     return np.append(np.concatenate(parts), ends[-1])
 
@@ -80,9 +81,7 @@ def cylindrical_mesh(
     return CylindricalMesh(mesh, centres[:, cells], names[owner[cells]])
 
 
-def _mesh_of_cells(
-    ijk: np.ndarray, r: np.ndarray, theta: np.ndarray, z: np.ndarray
-) -> MeshHex2:
+def _mesh_of_cells(ijk: np.ndarray, r: np.ndarray, theta: np.ndarray, z: np.ndarray) -> MeshHex2:
     ring = abs(theta[-1] - theta[0] - 2 * np.pi) < 1e-9
     n_theta = len(theta) - 1 if ring else len(theta)
     ref = MeshHex2.elem.doflocs  # (27, 3) in [0, 1], corners first

@@ -1,0 +1,130 @@
+"""What all pictures share: colours, axes with units, limits, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+# Okabe and Ito: told apart by colour-blind readers
+COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+UNSTABLE = COLOURS[0]
+GREY = "#9A9A9A"
+PREFIXED = ("Pa", "N")  # units that take a prefix
+GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """How a parameter is shown: values times `factor`, in `unit`, on a log axis or not."""
+
+    name: str
+    unit: str
+    factor: float
+    log: bool
+
+    @property
+    def label(self) -> str:
+        """Text of an axis."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def scaled(self, values: pd.Series) -> np.ndarray:
+        """Values as drawn, (n,) float."""
+        shown: np.ndarray = values.to_numpy(dtype=float) * self.factor
+        return shown
+
+    def text(self, value: float) -> str:
+        """One value with its name and unit."""
+        return f"{self.name} = {value * self.factor:.4g} {self.unit}".rstrip()
+
+    def norm(self, values: np.ndarray) -> Normalize:
+        """Colour scale over scaled values."""
+        low, high = float(np.min(values)), float(np.max(values))
+        if low == high:
+            low, high = low - 0.5, high + 0.5
+        return LogNorm(low, high) if self.log else Normalize(low, high)
+
+
+def quantity(name: str, values: pd.Series, units: Mapping[str, str] | None) -> Quantity:
+    """How to show a parameter of these values; `units` maps names to SI units."""
+    unit = (units or {}).get(name, "")
+    x = np.unique(values.dropna().to_numpy(dtype=float))
+    size = float(np.abs(x).max(initial=0.0))
+    prefix, factor = "", 1.0
+    if unit.startswith(PREFIXED):
+        for prefix, factor in (("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("", 1.0)):
+            if size * factor >= 1.0:
+                break
+    return Quantity(name, prefix + unit, factor, is_geometric(x))
+
+
+def is_geometric(x: np.ndarray) -> bool:
+    """Whether sorted values are spaced by factors rather than by steps, over a decade or so."""
+    if len(x) < 3 or x[0] <= 0 or x[-1] < 5 * x[0]:
+        return False
+    steps, factors = np.diff(x), np.diff(np.log(x))
+    return bool(np.std(factors) / np.mean(factors) < GEOMETRIC * np.std(steps) / np.mean(steps))
+
+
+def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
+    """An empty figure whose parts make room for each other; sizes in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def empty_figure(message: str) -> Figure:
+    """A figure that says why there is nothing to see."""
+    figure = new_figure(7.0, 2.5)
+    axes = figure.add_subplot()
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, message, ha="center", va="center", fontsize=12, color="0.3")
+    return figure
+
+
+def finish(axes: Axes, x: str, y: str) -> None:
+    """Labels and a light grid."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(True, color="0.9", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def shade_unstable(axes: Axes) -> None:
+    """Mark the area below zero damping."""
+    low, _ = axes.get_ylim()
+    axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
+    if low < 0:
+        axes.axhspan(low, 0.0, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
+        axes.text(
+            0.006,
+            0.012,
+            "unstable",
+            transform=axes.transAxes,
+            color=UNSTABLE,
+            fontsize=9,
+            va="bottom",
+        )
+
+
+def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
+    """Limits that show instabilities and light damping; heavily damped modes lie beyond."""
+    zeta = zeta_percent[np.isfinite(zeta_percent)]
+    low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
+    high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 5.0), 0.5)
+    return (low if low < 0 else -0.1 * high), high
+
+
+def track_name(track: int, frequency_hz: float) -> str:
+    """A track in a legend or label."""
+    return f"T{track}  {frequency_hz:.0f} Hz" if track > 0 else f"{frequency_hz:.0f} Hz"
+
+
+def plural(n: int, word: str) -> str:
+    """A count with its word."""
+    return f"{n} {word}{'' if n == 1 else 's'}"

@@ -1,0 +1,78 @@
+"""The rows of a study's tables that a picture shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.analysis.ranking import parameter_columns, point_codes
+from squealstudy.errors import ResultsError
+from squealstudy.plots.style import quantity
+
+
+def with_parameters(points: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
+    """Modes with the varied parameters of their points, and the point's row as `point`."""
+    code = point_codes(points, modes)
+    names = parameter_columns(points, varied=True)
+    return modes.assign(point=code, **{name: points[name].to_numpy()[code] for name in names})
+
+
+def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
+    """Modes that are not overdamped."""
+    return modes[~modes["overdamped"].to_numpy(bool)]
+
+
+def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
+    """The row of largest growth of each unstable track, fastest first."""
+    unstable = modes[modes["unstable"].to_numpy(bool) & (modes["track"] > 0).to_numpy()]
+    worst = unstable.sort_values("growth_rate", ascending=False).drop_duplicates("track")
+    return worst.iloc[:top]
+
+
+def slice_points(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    along: tuple[str, ...],
+    fixed: Mapping[str, float] | None,
+) -> pd.DataFrame:
+    """Points where all varied parameters but those in `along` are fixed.
+
+    Parameters
+    ----------
+    fixed : mapping of parameter -> value or None
+        Values to keep; those not given are where most modes are unstable.
+
+    Raises
+    ------
+    ResultsError
+        For a parameter that the study does not vary or a value that it does not have.
+    """
+    varied = parameter_columns(points, varied=True)
+    for name in along:
+        if name not in varied:
+            choices = ", ".join(varied) or "none"
+            raise ResultsError(f"'{name}' is not varied in this study, expected one of: {choices}")
+    chosen = points
+    for name, value in (fixed or {}).items():
+        if name not in parameter_columns(points):
+            raise ResultsError(f"'{name}' is no parameter of this study")
+        chosen = chosen[np.isclose(chosen[name], value, rtol=1e-6, atol=0.0)]
+        if not len(chosen):
+            raise ResultsError(f"no design point has {name} = {value:g}")
+    others = [name for name in varied if name not in along]
+    if not others:
+        return chosen
+    unstable = modes.loc[modes["unstable"].to_numpy(bool), "point_id"].value_counts()
+    count = chosen["point_id"].map(unstable).fillna(0)
+    group = chosen.groupby(others, dropna=False).ngroup()
+    totals = count.groupby(group).sum() + 1e-6 * count.groupby(group).size()
+    return chosen[(group == totals.idxmax()).to_numpy()]
+
+
+def describe(
+    point: pd.Series, points: pd.DataFrame, names: list[str], units: Mapping[str, str] | None
+) -> str:
+    """Parameters of a point with units, in one line."""
+    return ", ".join(quantity(name, points[name], units).text(point[name]) for name in names)
