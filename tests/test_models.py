@@ -6,9 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import reference
 import scipy.sparse as sp
 from conftest import build_model
 
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly, expand_rows
@@ -17,8 +21,12 @@ from squealstudy.models.component import Component
 from squealstudy.models.disc_brake.solids import MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
 from squealstudy.models.interface import ContactInterface, SpringInterface
 from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
 from squealstudy.models.surface import Surface
-from squealstudy.reduction.cmt import component_modes
+from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.prepared import reference_stiffness
+from squealstudy.reduction.working_point import working_point
 
 I2 = sp.csr_matrix(np.eye(2))
 TABLE = {  # theory.md section 2: first elastic free modes, Hz
@@ -209,6 +217,92 @@ def test_hoffmann_defaults_are_round_numbers():
     np.testing.assert_allclose(
         contact_matrix(build_model("hoffmann"), 0.0), [[2e6, 1e6], [1e6, 2e6]], rtol=1e-12
     )
+
+
+def complex_modes(assembly, friction, damping_ratio=0.0):
+    """Roots of a minimal model by the very path of the brake: working point, reduction, roots."""
+    operating = OperatingPoint(friction, 1.0, 0.5, assembly.contact.law)
+    stiffness = reference_stiffness(assembly, operating)
+    point = working_point(contact_space(assembly, stiffness, np.zeros((2, 0))), operating)
+    modes = component_modes(assembly, 1e9)
+    model, _ = reduce_cmt(assembly, modes, point, BasisSettings(1e9, 1e9, 0.0))
+    system = linearise(model, point, DesignState(operating, damping_ratio=damping_ratio))
+    return dense_roots(system.C, system.K, (0.0, np.inf))[0]
+
+
+@pytest.mark.parametrize(("f1", "f2", "mass"), [(100.0, 75.0, 1.0), (40.0, 90.0, 3.7)])
+def test_hulten_flutter(f1, f2, mass):
+    assembly = build_model("hulten", frequency_1=f1, frequency_2=f2, mass=mass)
+    w1, w2 = 2 * np.pi * f1, 2 * np.pi * f2
+    exact, merged = reference.hulten_flutter(w1, w2)
+    if (f1, f2) == (100.0, 75.0):
+        assert exact == pytest.approx(0.29167, abs=5e-6)
+
+    def flutters(mu):
+        lam = complex_modes(assembly, mu)
+        return (lam.real > 1e-6 * np.abs(lam)).any()
+
+    low, high = 0.0, 2.0
+    assert not flutters(low)
+    assert flutters(high)
+    while high - low > 1e-13:
+        middle = (low + high) / 2
+        low, high = (low, middle) if flutters(middle) else (middle, high)
+    # |growth| = 1e-6 |lambda| lies about 1e-11 beyond the point: it goes with the square root
+    assert high == pytest.approx(exact, rel=1e-10)
+    np.testing.assert_allclose(np.abs(complex_modes(assembly, high)), merged, rtol=1e-10)
+
+
+def test_hulten_beyond_flutter():
+    mu, w1, w2 = 0.6, 2 * np.pi * 100.0, 2 * np.pi * 75.0
+    lam = complex_modes(build_model("hulten"), mu)
+    disc = (w1**2 - w2**2) ** 2 - 4 * mu**2 * w1**2 * w2**2
+    square = (-(w1**2 + w2**2) + 1j * np.sqrt(-disc)) / 2
+    growth = abs(np.sqrt(square).real)
+    np.testing.assert_allclose(np.sort(lam.real), [-growth, growth], rtol=1e-10)
+    np.testing.assert_allclose(lam.imag, abs(np.sqrt(square).imag), rtol=1e-10)
+
+
+def test_hulten_damping_is_that_of_the_modes():
+    lam = complex_modes(build_model("hulten"), 0.0, damping_ratio=0.03)
+    np.testing.assert_allclose(-lam.real / np.abs(lam), 0.03, rtol=1e-10)
+    np.testing.assert_allclose(np.abs(lam) / (2 * np.pi), [75.0, 100.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("mu", "unstable"), [(0.7499, False), (0.7501, True)])
+def test_hoffmann_default_threshold(mu, unstable):
+    lam = complex_modes(build_model("hoffmann"), mu)
+    assert (lam.real > 1e-6 * np.abs(lam)).any() == unstable
+
+
+def test_hoffmann_criterion_on_random_cases():
+    rng = np.random.default_rng(20240)
+    fluttered = diverged = 0
+    for _ in range(1000):
+        k1, k2, k3 = 10 ** rng.uniform(5, 6, 3)
+        a1, a2 = rng.uniform(-180, 180, 2)
+        mass, mu = 10 ** rng.uniform(-1, 1), rng.uniform(0, 3)
+        lam = complex_modes(
+            build_model(
+                "hoffmann", k1=k1, k2=k2, contact_stiffness=k3, alpha1=a1, alpha2=a2, mass=mass
+            ),
+            mu,
+        )
+        k, a = np.array([k1, k2]), np.deg2rad([a1, a2])
+        k11, k22 = k @ np.cos(a) ** 2, k @ np.sin(a) ** 2 + k3
+        k12 = k @ (np.sin(a) * np.cos(a))
+        disc = (k11 - k22) ** 2 + 4 * k12 * (k12 - mu * k3)
+        assert abs(disc) > 1e-9 * (k11 + k22) ** 2  # no case on the edge
+        oscillating = lam[lam.imag > 0]
+        growing = (oscillating.real > 1e-7 * np.abs(oscillating)).any()
+        assert growing == (disc < 0)
+        squares = (-(k11 + k22) + np.array([-1, 1]) * np.sqrt(complex(disc))) / (2 * mass)
+        for value in np.append(squares, squares.conj()):
+            assert np.abs(lam**2 - value).min() < 1e-9 * (k11 + k22) / mass
+        fluttered += disc < 0
+        diverged += (lam.real > 1e-7 * np.abs(lam)).any() and disc > 0
+    assert fluttered >= 100
+    assert diverged >= 10  # static divergence is an instability, but no flutter
 
 
 # -- generated brake -----------------------------------------------------------------------------

@@ -95,7 +95,7 @@ def full_order(brake, point, state):
         U.append(u)
         dk.append((scale**2 - 1) * omega**2)
         dc.append(2 * state.mode_damping.get((name, j), 0.0) * scale * omega)
-    low = np.array(U).reshape(len(U), -1).T
+    low = np.array(U).reshape(len(U), brake.assembly.n_dof).T
     K_low, C_low = LowRankSum(K, low, np.array(dk)), LowRankSum(C, low, np.array(dc))
     lam, psi = smallest_roots(M, C_low, K_low, 124, BAND[1] / 2)
     assert np.abs(lam).max() > BAND[1]

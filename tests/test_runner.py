@@ -104,6 +104,23 @@ def test_changed_study_solves_only_what_is_new(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(mine, fresh)
 
 
+def test_other_friction_range_reuses_reduction_and_working_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    run_study(hulten(0.6, 13), tmp_path / "a", jobs=1)
+    report = run_study(hulten(0.3, 7), tmp_path / "b", jobs=1)
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert report.n_solved == 7
+    assert report.manifest["timings"]["working_points_reused"] == 7
+    a, b = comparable(tmp_path / "a")[1], comparable(tmp_path / "b")[1]
+    shared = a[a["point_id"].isin(b["point_id"])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(
+        shared.drop(columns=["track_mac", "track_ambiguous"]),
+        b.drop(columns=["track_mac", "track_ambiguous"]),
+    )
+
+
 def test_tables_do_not_depend_on_workers(tmp_path: Path) -> None:
     run_study(hulten(), tmp_path / "one", jobs=1)
     run_study(hulten(), tmp_path / "two", jobs=2)

@@ -15,10 +15,11 @@ from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
 from squealstudy.study.manifest import check_ownership
-from squealstudy.study.plan import Plan
+from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.runner import build_first, default_directory
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import study_schema
+from squealstudy.study.structures import mode_counts
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -28,14 +29,14 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     directory = output or default_directory(plan)
     check_ownership(directory, plan)
     jobs = jobs or os.cpu_count() or 1
-    if build:
+    if build or not has_mesh(plan.study):
         reason = build_first(plan, jobs)
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
-    for structure in plan.structures:
-        if is_prepared(structure.key):
-            plan.check_modes(load_prepared(structure.key).model)
-            break
+    if plan.designs[0].mode_parameters():
+        first = plan.structures[0].key
+        ready = is_prepared(first)
+        plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
     done = chunks.finished_points(directory) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))

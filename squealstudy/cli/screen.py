@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any
 
@@ -20,7 +21,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
-console = Console()
+PLAIN_WIDTH = 132  # where the output is no terminal: wide enough for the ranking
+console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, soft_wrap=False)
 messages = Console(stderr=True)
 
 
@@ -39,40 +41,31 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     if not len(table):
         console.print("No mode is unstable anywhere in the study.")
         return
-    onset = f"from {along}" + (f" [{unit}]" if unit else "") if along else ""
+    onset = [f"from {along}" + (f" [{unit}]" if unit else "")] if along else []
+    titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *onset]
     grid = Table(box=None, pad_edge=False, header_style="bold")
-    for title, justify in (
-        ("mode", "right"),
-        ("frequency Hz", "right"),
-        ("unstable", "right"),
-        ("max growth 1/s", "right"),
-        ("min damping %", "right"),
-        (onset, "right"),
-        ("energy in", "left"),
-        ("worst at", "left"),
-    ):
-        if title:
-            grid.add_column(title, justify="right" if justify == "right" else "left")
+    for title in titles:
+        grid.add_column(title, justify="right", no_wrap=True)
+    for title in ("energy in", "worst at"):
+        grid.add_column(title, no_wrap=True)
     for row in table.to_dict("records"):
-        cells = [
+        grid.add_row(
             _label(row),
             f"{row['frequency_hz']:.0f}",
             f"{100 * row['unstable_share']:.1f} %",
             f"{row['max_growth_rate']:.1f}",
             f"{100 * row['min_damping_ratio']:.3f}",
-            _threshold(row),
+            *([_threshold(row)] if along else []),
             f"{row['main_component']} {100 * row['main_share']:.0f} %, "
             f"{row['second_component']} {100 * row['second_share']:.0f} %",
             str(row["at"]),
-        ]
-        grid.add_row(*(c for c, keep in zip(cells, _kept(onset), strict=True) if keep))
+        )
     console.print(grid)
+    console.print(
+        "unstable: share of the design points; growth, damping: at the worst point", style="dim"
+    )
     if table["ambiguous"].any():
-        console.print("~ : tracking was ambiguous somewhere on this mode's lines", style="dim")
-
-
-def _kept(onset: str) -> list[bool]:
-    return [True] * 5 + [bool(onset), True, True]
+        console.print("~ tracking was ambiguous somewhere on this mode's lines", style="dim")
 
 
 def _label(row: dict[Hashable, Any]) -> str:

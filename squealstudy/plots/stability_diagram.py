@@ -15,6 +15,7 @@ from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.style import (
     GREY,
     UNSTABLE,
+    colour_bar,
     damping_limits,
     finish,
     new_figure,
@@ -25,7 +26,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe, oscillating, with_parameters, worst_tracks
 
-LABELS = 12  # tracks named in one picture
+LABELS = 10  # tracks named in one picture
 STABLE_DOTS = 60_000  # more are thinned out
 
 
@@ -73,7 +74,7 @@ def stability_diagram(
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
     axes.set_title(f"{title}\n{_summary(shown, table)}", fontsize=10, loc="left")
     _edge_marks(axes, drawn)
-    place_labels(axes, _labels(drawn))
+    place_labels(axes, _labels(drawn), _obstacles(axes, drawn))
     return figure
 
 
@@ -99,12 +100,12 @@ def _all_points(
     unstable = modes["unstable"].to_numpy(bool)
     stable = np.flatnonzero(~unstable)
     stable = stable[:: max(1, -(-len(stable) // STABLE_DOTS))]
-    style = {"cmap": "viridis", "norm": norm, "rasterized": True}
+    style = {"cmap": "viridis", "norm": norm}
     axes.scatter(x[stable], y[stable], c=colour[stable], s=7, alpha=0.6, linewidth=0, **style)
     dots = axes.scatter(
         x[unstable], y[unstable], c=colour[unstable], s=20, edgecolor="0.2", linewidth=0.3, **style
     )
-    axes.figure.colorbar(dots, ax=axes, label=shown.label, pad=0.015)
+    colour_bar(axes, dots, shown, parameter)
 
 
 def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
@@ -114,6 +115,13 @@ def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
     if len(beyond):
         x = np.unique(np.round(beyond, -1))
         axes.plot(x, np.full(len(x), high), "^", color=GREY, markersize=5, clip_on=False)
+
+
+def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
+    """Points that labels should not cover: the modes and the line of zero damping."""
+    dots = np.column_stack([modes["frequency_hz"], 100 * modes["damping_ratio"]])
+    line = np.column_stack([np.linspace(*axes.get_xlim(), 300), np.zeros(300)])
+    return np.concatenate([dots[:: max(1, len(dots) // STABLE_DOTS)], line, line])
 
 
 def _labels(modes: pd.DataFrame) -> list[Label]:

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
 GREY = "#9A9A9A"
+DARK = "#505050"
 PREFIXED = ("Pa", "N")  # units that take a prefix
 GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
 
@@ -42,6 +45,13 @@ class Quantity:
     def text(self, value: float) -> str:
         """One value with its name and unit."""
         return f"{self.name} = {value * self.factor:.4g} {self.unit}".rstrip()
+
+    def ticks(self, values: pd.Series) -> list[float] | None:
+        """The values themselves where they are few and far enough apart, else None."""
+        x = np.unique(self.scaled(values.dropna()))
+        place = np.log(x) if self.log else x
+        crowded = len(x) > 1 and np.diff(place).min() < 0.03 * np.ptp(place)
+        return None if len(x) > 12 or crowded or not len(x) else [float(v) for v in x]
 
     def norm(self, values: np.ndarray) -> Normalize:
         """Colour scale over scaled values."""
@@ -72,6 +82,23 @@ def is_geometric(x: np.ndarray) -> bool:
     return bool(np.std(factors) / np.mean(factors) < GEOMETRIC * np.std(steps) / np.mean(steps))
 
 
+def colour_bar(axes: Axes, drawn: object, shown: Quantity, values: pd.Series) -> None:
+    """A colour bar of a parameter, its few values as ticks."""
+    bar = axes.figure.colorbar(drawn, ax=axes, label=shown.label, pad=0.015)
+    set_ticks(bar.ax.yaxis, shown, values)
+
+
+def set_ticks(axis: Axis, shown: Quantity, values: pd.Series) -> None:
+    """Tick a parameter's axis at its values where they are few, in plain numbers."""
+    ticks = shown.ticks(values)
+    if ticks is not None:
+        axis.set_major_locator(FixedLocator(ticks))
+        axis.set_minor_locator(NullLocator())
+    if shown.log:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
     """An empty figure whose parts make room for each other; sizes in inches."""
     return Figure(figsize=(width, height), layout="constrained")
@@ -95,28 +122,21 @@ def finish(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def shade_unstable(axes: Axes) -> None:
-    """Mark the area below zero damping."""
-    low, _ = axes.get_ylim()
+def shade_unstable(axes: Axes, above: bool = False) -> None:
+    """Mark the area below zero damping, or above zero growth."""
+    low, high = axes.get_ylim()
+    edge, place, align = (high, 0.985, "top") if above else (low, 0.015, "bottom")
     axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
-    if low < 0:
-        axes.axhspan(low, 0.0, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
-        axes.text(
-            0.006,
-            0.012,
-            "unstable",
-            transform=axes.transAxes,
-            color=UNSTABLE,
-            fontsize=9,
-            va="bottom",
-        )
+    axes.axhspan(edge, 0.0, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
+    text = {"color": UNSTABLE, "fontsize": 9, "va": align, "transform": axes.transAxes}
+    axes.text(0.006, place, "unstable", **text)
 
 
 def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
     """Limits that show instabilities and light damping; heavily damped modes lie beyond."""
     zeta = zeta_percent[np.isfinite(zeta_percent)]
     low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
-    high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 5.0), 0.5)
+    high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 3.0), 0.5)
     return (low if low < 0 else -0.1 * high), high
 
 

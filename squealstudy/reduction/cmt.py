@@ -88,6 +88,11 @@ class ReducedModel:
         """Number of coordinates."""
         return len(self.k_el)
 
+    @property
+    def mode_counts(self) -> dict[str, int]:
+        """Number of free-free modes held of each component."""
+        return {c: int(n) for c, n in zip(self.components, self.n_modes, strict=True)}
+
     def slice_of(self, component: str) -> slice:
         """Coordinates of a component."""
         i = self.components.index(component)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import time
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ from squealstudy.analysis.point import solve_point
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.plan import Plan
-from squealstudy.study.worker import PointTask
+from squealstudy.study.worker import PointTask, peak_memory_mb
 
 TIMED_POINTS = 3
 
@@ -67,7 +66,7 @@ def estimate(plan: Plan) -> Estimate:
         missing,
         float(sum(prepared.timings.values())),
         sum(seconds) / len(seconds) if seconds else None,
-        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        peak_memory_mb(),
         prepared.model.n,
         "" if seconds else "none of the timed design points has a working point",
     )

@@ -45,6 +45,7 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "parameters": list(study.shown_parameters),
         "sweeps": [s.parameter.name for s in study.sweeps],
         "units": {p: parameter_unit(plan, p) for p in study.shown_parameters},
+        "nominal": {p: plan.nominal_values[p] for p in study.shown_parameters},
         "grid_shape": plan.grid_shape,
         "study": study.text,
         "versions": {name: version(name) for name in PACKAGES},

@@ -10,7 +10,7 @@ import numpy as np
 
 from squealstudy.errors import StudyFileError
 from squealstudy.models.operating import OperatingPoint
-from squealstudy.reduction.cmt import BasisSettings, ReducedModel
+from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
 from squealstudy.study.design import Design
 from squealstudy.study.keys import content_hash, point_id, source_hash
@@ -150,6 +150,12 @@ class Plan:
         return [{p: d.values[p] for p in self.study.shown_parameters} for d in self.designs]
 
     @cached_property
+    def nominal_values(self) -> dict[str, float]:
+        """Values of all parameters where nothing is swept."""
+        neutral = {s.name: s.parameter.default for s in self.study.sweeps}
+        return {**neutral, **self.study.values}
+
+    @cached_property
     def coordinates(self) -> np.ndarray:
         """Swept values as coordinates (n_points, n_sweeps); log where swept in log."""
         columns = []
@@ -163,10 +169,13 @@ class Plan:
         """Points along each sweep, first fastest, or None where the design is no grid."""
         return grid_shape(self.study)
 
-    def check_modes(self, model: ReducedModel) -> None:
-        """Raise StudyFileError where a component mode in use is not in the basis."""
+    def check_modes(self, counts: Mapping[str, int]) -> None:
+        """Raise StudyFileError where a component mode in use is not in the basis.
+
+        `counts` has the number of free-free modes kept of each component in use.
+        """
         for parameter in self.designs[0].mode_parameters():
-            count = int(model.n_modes[model.components.index(parameter.component)])
+            count = counts[parameter.component]
             highest = max(parameter.modes)
             if highest > count:
                 raise self.error(
@@ -210,10 +219,9 @@ def reference_choice(plan: Plan, count: int) -> list[int]:
 
 
 def _nominal_coordinates(plan: Plan, span: np.ndarray) -> np.ndarray:
-    values: Mapping[str, float] = plan.study.values
     x = []
     for sweep, width in zip(plan.study.sweeps, span, strict=True):
-        value = values.get(sweep.name, sweep.parameter.default)
+        value = plan.nominal_values[sweep.name]
         value = np.log(value) if sweep.scale == "log" and value > 0 else value
         x.append(value / (width if width > 0 else 1.0))
     return np.array(x)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ from squealstudy.study.structures import (
     check_reference,
 )
 from squealstudy.study.tables import MODES, POINTS, build_tables, read_references
-from squealstudy.study.worker import ChunkTask, PointTask, solve_chunk
+from squealstudy.study.worker import ChunkTask, PointTask, peak_memory_mb, solve_chunk
 
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
@@ -104,7 +103,7 @@ def run_study(
     failures = build_structures(plan, jobs, progress)
     for structure in plan.structures:
         if structure.key not in failures:
-            plan.check_modes(load_prepared(structure.key).model)
+            plan.check_modes(load_prepared(structure.key).model.mode_counts)
     prepared_s = time.perf_counter() - started
     with locked(directory):
         found = check_ownership(directory, plan)
@@ -220,12 +219,14 @@ def _solve_points(
     ]
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     progress("design points", done, total)
-    busy = 0.0
+    busy = peak = 0.0
     for report in _parallel(jobs, [delayed(solve_chunk)(t) for t in tasks]) if tasks else ():
         done += report.n_points
         known += report.n_known_working_points
         busy += report.wall_s
+        peak = max(peak, report.peak_mb)
         progress("design points", done, total)
+    manifest["peak_memory_mb"] = {"largest_worker": peak}
     manifest["timings"] |= {
         "points_s": time.perf_counter() - started,
         "points_worker_s": busy,
@@ -287,17 +288,10 @@ def _finish(
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
     manifest["n_failed"] = int((points["status"] != "ok").sum())
-    manifest["peak_memory_mb"] = {
-        "parent": _peak(resource.RUSAGE_SELF),
-        "largest_worker": _peak(resource.RUSAGE_CHILDREN),
-    }
+    manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     progress("tables", 1, 1)
     if manifest["n_failed"] == len(points):
         message = str(points["message"].iloc[0])
         raise ResultsError(f"{directory}: every design point failed, the first with: {message}")
-
-
-def _peak(who: int) -> float:
-    return resource.getrusage(who).ru_maxrss / 1024.0

@@ -13,12 +13,13 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.full_order import full_order_modes, reference_error
 from squealstudy.analysis.point import solve_point
 from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes
 from squealstudy.reduction.prepared import prepare
 from squealstudy.study.cache import is_prepared, load_prepared, save_prepared
 from squealstudy.study.files import write_json
-from squealstudy.study.plan import Structure
+from squealstudy.study.plan import Plan, Structure
 from squealstudy.study.worker import PointTask, watch_parent
 
 REFERENCES = "references"
@@ -54,6 +55,22 @@ def build_structure(task: BuildTask) -> tuple[str, str]:
     except SquealstudyError as error:
         return key, str(error)
     return key, ""
+
+
+def mode_counts(plan: Plan) -> dict[str, int]:
+    """Free-free modes, up to the basis' cutoff, of the components whose modes are in use.
+
+    Assembles the first structure, but makes no reduction: a few seconds.
+    """
+    design = plan.structures[0].design
+    wanted = {p.component for p in design.mode_parameters()}
+    assembly = design.model.build(plan.study.options, design.plain_values())
+    cutoff = plan.settings.component_cutoff
+    return {
+        c.name: len(real_modes(c.M, c.K, cutoff)[0])
+        for c in assembly.components
+        if c.name in wanted
+    }
 
 
 @dataclass(frozen=True)

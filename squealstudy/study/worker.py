@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import threading
 import time
 from dataclasses import dataclass
@@ -53,6 +54,7 @@ class ChunkReport:
     n_failed: int
     n_known_working_points: int
     wall_s: float
+    peak_mb: float
 
 
 def watch_parent(parent: int) -> None:
@@ -79,6 +81,11 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
     return load_gaps(key)
 
 
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
 def solve_chunk(task: ChunkTask) -> ChunkReport:
     """Solve the points of a chunk, one BLAS thread, and write the chunk file."""
     watch_parent(task.parent)
@@ -101,7 +108,7 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
         save_gaps(key, name, gaps)
         _gaps(key).update(gaps)
     failed = sum(row["status"] != "ok" for row in rows)
-    return ChunkReport(len(rows), failed, known, time.perf_counter() - started)
+    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
 
 
 def _solve(

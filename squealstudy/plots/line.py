@@ -1,0 +1,94 @@
+"""One line of a study: all tracks along one parameter, everything else fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.plots.style import COLOURS, DARK, GREY, Quantity, quantity
+from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+
+
+@dataclass(frozen=True)
+class StudyLine:
+    """Tables of one line, one row a design point in ascending order.
+
+    Attributes
+    ----------
+    shown : Quantity
+        The parameter along the line.
+    x : ndarray (n,)
+        Its values as drawn.
+    failed : ndarray (n,) of bool
+    frequency_hz, growth_rate, damping_ratio : DataFrame (n, n_tracks)
+        One column a track, NaN where a track has no mode.
+    doubtful : DataFrame (n, n_tracks) of bool
+        Ambiguous labels.
+    untracked : DataFrame
+        Modes without a track, with the point's row as `row`.
+    worst : DataFrame
+        The row of largest growth of each unstable track, fastest first.
+    elsewhere : str
+        What is fixed.
+    """
+
+    shown: Quantity
+    x: np.ndarray
+    failed: np.ndarray
+    frequency_hz: pd.DataFrame
+    growth_rate: pd.DataFrame
+    damping_ratio: pd.DataFrame
+    doubtful: pd.DataFrame
+    untracked: pd.DataFrame
+    worst: pd.DataFrame
+    elsewhere: str
+
+    @property
+    def unstable_tracks(self) -> list[int]:
+        """Tracks that are unstable on the line, fastest growth first."""
+        return [int(track) for track in self.worst["track"]]
+
+    def colour(self, track: int) -> str:
+        """Its own colour for each of the worst tracks, dark for other unstable ones, else grey."""
+        tracks = self.unstable_tracks
+        if track not in tracks:
+            return GREY
+        return COLOURS[tracks.index(track)] if track in tracks[: len(COLOURS)] else DARK
+
+
+def study_line(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    along: str,
+    fixed: Mapping[str, float] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> StudyLine:
+    """The line along a parameter; of what `fixed` leaves open, that with most unstable modes.
+
+    Overdamped roots are left out. Raises ResultsError for an unknown parameter or value.
+    """
+    line = slice_points(points, modes, (along,), fixed).sort_values(along, kind="stable")
+    shown = quantity(along, points[along], units)
+    row = pd.Series(np.arange(len(line)), index=line["point_id"].to_numpy())
+    rows = oscillating(modes[modes["point_id"].isin(line["point_id"])])
+    rows = rows.assign(row=rows["point_id"].map(row))
+    tracked = rows[(rows["track"] > 0).to_numpy()].drop_duplicates(["row", "track"])
+    tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
+    wide = tracked.pivot(index="row", columns="track").reindex(range(len(line)))
+    others = [n for n in parameter_columns(points, varied=True) if n != along]
+    return StudyLine(
+        shown,
+        shown.scaled(line[along]),
+        (line["status"] != "ok").to_numpy(bool),
+        wide["frequency_hz"],
+        wide["growth_rate"],
+        wide["damping_ratio"],
+        wide["doubtful"] == 1.0,
+        rows[(rows["track"] <= 0).to_numpy()],
+        worst_tracks(rows),
+        describe(line.iloc[0], points, others, units),
+    )

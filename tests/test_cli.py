@@ -1,0 +1,188 @@
+"""The command line as a user meets it: one message, exit code 2, nothing written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from squealstudy.cli.app import main
+
+STUDY = """[study]
+name = "lockin"
+kind = "complex_modes"
+
+[model]
+name = "hulten"
+
+[parameters]
+friction = 0.5
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = 13
+
+[modes]
+band = [1.0, 1000.0]
+"""
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    code = caught.value.code
+    return code if isinstance(code, int) else 0 if code is None else 1
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+BAD = [
+    ("num = 13", "nmu = 13", 15, "sweep[1].nmu", "unknown key"),
+    ("num = 13", 'num = "many"', 15, "sweep[1].num", "whole number"),
+    ('parameter = "friction"', 'parameter = "frction"', 12, "sweep[1].parameter", "friction"),
+    ('parameter = "friction"', 'parameter = "disc.modes[1].damping_ratio"', 12, "sweep", "mass"),
+    ('parameter = "friction"', 'parameter = "mass.modes[0].damping_ratio"', 12, "sweep", "1"),
+    ('parameter = "friction"', 'parameter = "mass.modes[3].damping_ratio"', 12, "sweep", "1 to 2"),
+    ("friction = 0.5", "friction = -0.5", 9, "parameters.friction", "at least 0"),
+    ("friction = 0.5", 'friction = "much"', 9, "parameters.friction", "number"),
+    ("friction = 0.5", "pressure = -1.0", 9, "parameters.pressure", "parameter"),
+    ("[1.0, 1000.0]", "[1000.0, 1.0]", 18, "modes.band", "low"),
+    ("stop = 0.6\nnum = 13", "values = []", 12, "sweep[1]", "value"),
+    ("friction = 0.5", "friction = = 1", 9, "", "TOML"),
+    ('name = "hulten"', 'name = "hulton"', 6, "model.name", "hulten"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "key", "expected"), BAD)
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_bad_study_is_one_message(
+    study, monkeypatch, capsys, tmp_path, verb, old, new, line, key, expected
+):
+    study.write_text(STUDY.replace(old, new, 1))
+    assert command(monkeypatch, verb, "study.toml") == 2
+    screen = capsys.readouterr()
+    assert screen.err.count("\n") == 1
+    assert screen.err.startswith("squealstudy: study.toml")
+    assert f"line {line}" in screen.err or "sweep" in key
+    assert key in screen.err
+    assert expected in screen.err
+    assert screen.out == ""
+    assert [p.name for p in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_missing_and_unreadable_files(study, monkeypatch, capsys, tmp_path):
+    for name in ("nowhere.toml", "."):
+        assert command(monkeypatch, "run", name) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    study.write_bytes(b"\xff\xfe\x00")
+    assert command(monkeypatch, "run", "study.toml") == 2
+    assert "study.toml" in capsys.readouterr().err
+    assert not (tmp_path / "results").exists()
+
+
+def test_large_design_needs_yes(study, monkeypatch, capsys, tmp_path):
+    study.write_text(STUDY.replace("num = 13", "num = 13\n[design]\nlimit = 12"))
+    assert command(monkeypatch, "run", "study.toml") == 2
+    assert "--yes" in capsys.readouterr().err
+    assert not (tmp_path / "results").exists()
+    assert command(monkeypatch, "run", "study.toml", "--yes", "--no-pictures", "-j", "1") == 0
+
+
+def test_run_rank_and_plot(study, monkeypatch, capsys, tmp_path):
+    assert command(monkeypatch, "run", "study.toml", "-j", "1") == 0
+    screen = capsys.readouterr().out
+    assert "points.parquet" in screen
+    assert "51.2 %" not in screen
+    assert "53.8 %" in screen  # 7 of 13 points lie beyond 0.29167
+    pictures = sorted(p.name for p in (tmp_path / "results" / "lockin").glob("*.png"))
+    assert "stability_diagram.png" in pictures
+    assert all(name in screen for name in pictures)
+    assert command(monkeypatch, "rank", "results/lockin", "--csv", "--by", "growth") == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert rows[0].startswith("track,kind,frequency_hz")
+    assert len(rows) == 2
+    assert command(monkeypatch, "plot", "results/lockin", "-o", "pictures") == 0
+    assert sorted(p.name for p in (tmp_path / "pictures").glob("*.png")) == pictures
+    assert command(monkeypatch, "run", "study.toml", "-j", "1") == 0
+    assert "nothing to do" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--by", "colour"], "colour"),
+        (["--where", "friction >"], "friction >"),
+        (["--where", "colour > 1"], "colour"),
+    ],
+)
+def test_bad_rank_is_one_message(study, monkeypatch, capsys, arguments, expected):
+    assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+    capsys.readouterr()
+    assert command(monkeypatch, "rank", "results/lockin", *arguments) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert expected in message
+
+
+def test_results_that_are_none(study, monkeypatch, capsys, tmp_path):
+    for verb in ("rank", "plot"):
+        assert command(monkeypatch, verb, str(tmp_path)) == 2
+        assert "manifest" in capsys.readouterr().err
+
+
+def test_check_counts_and_estimates(study, monkeypatch, capsys, tmp_path):
+    assert command(monkeypatch, "check", "study.toml") == 0
+    screen = capsys.readouterr().out
+    assert "13 points" in screen
+    assert "s a point" in screen
+    assert not (tmp_path / "results").exists()
+
+
+def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
+    study.write_text(STUDY.replace('"hulten"', '"disc_brake"').replace("1000.0", "8000.0"))
+    assert command(monkeypatch, "check", "study.toml") == 0
+    assert "--build" in capsys.readouterr().out
+
+
+def test_models_lists_units_and_defaults(monkeypatch, capsys):
+    assert command(monkeypatch, "models") == 0
+    assert "disc_brake" in capsys.readouterr().out
+    assert command(monkeypatch, "models", "disc_brake", "--no-modes") == 0
+    screen = capsys.readouterr().out
+    assert "disc.young_modulus" in screen
+    assert "1.2e+11" in screen
+    assert command(monkeypatch, "models", "hoffman") == 2
+    assert "hoffmann" in capsys.readouterr().err
+
+
+def test_schema_is_json_schema(monkeypatch, capsys):
+    assert command(monkeypatch, "schema") == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert {"study", "model", "sweep", "modes"} <= set(schema["properties"])
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom squealstudy.cli.app import main\n"
+        "sys.argv = ['squealstudy', '--help']\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numba', 'numpy', 'scipy', 'pandas', 'pyarrow', 'joblib', 'skfem', 'matplotlib', "
+        "'pydantic'}\n"
+        "sys.stderr.write(' '.join(sorted(heavy & set(sys.modules))))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "Usage" in done.stdout
+    assert done.stderr == ""

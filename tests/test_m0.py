@@ -1,0 +1,84 @@
+"""Brake M0 (TU Berlin): the full-order solver finds the published roots, and no others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import reference
+import scipy.io
+import scipy.sparse as sp
+
+from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "m0"
+FILES = {
+    "M": "BMLL00",
+    "D1": "BDLL00",
+    "DG": "BYLL00",
+    "DR": "BDIWLL00",
+    "D4": "BHLL00",
+    "K1": "BKLL00",
+    "KR": "BKQLL00",
+    "KGeo": "BWLL00",
+}
+# printed roots: value and unit of the last digit of its real and imaginary part
+AT_4PI = [
+    (119.2 + 26258j, 0.1, 1),
+    (74.83 + 17399.6j, 0.01, 0.1),
+    (5.474 + 4932.24j, 1e-3, 0.01),
+    (0.5738 + 36380.5j, 1e-4, 0.1),
+    (9.587e-5 + 5130.6j, 1e-8, 0.1),
+    (-0.0433 + 10094.7j, 1e-4, 0.1),
+    (-1.122 + 1409.16j, 1e-3, 0.01),
+    (-1.433 + 3521.47j, 1e-3, 0.01),
+    (-1.834 + 3336.67j, 1e-3, 0.01),
+    (-1.913 + 16339.2j, 1e-3, 0.1),
+    (-2.367 + 4038.35j, 1e-3, 0.01),
+    (-3.983 + 39192.3j, 1e-3, 0.1),
+    (-6.571 + 22889.6j, 1e-3, 0.1),
+]
+AT_2PI_WITHOUT_D4 = [(-8.834e-4 + 5131j, 1e-7, 1), (-2.462 + 3338j, 1e-3, 1)]
+
+
+@pytest.fixture(scope="module")
+def m0():
+    if not DATA.is_dir():
+        pytest.skip(f"M0 IS NOT CHECKED: its matrices are not at {DATA}")
+    matrices = {}
+    for name, stem in FILES.items():
+        content = scipy.io.loadmat(DATA / f"{stem}.mat")
+        (value,) = (v for k, v in content.items() if not k.startswith("__"))
+        matrices[name] = sp.csr_matrix(value, dtype=float)
+    assert matrices["M"].shape == (4669, 4669)
+    return matrices
+
+
+def assert_printed(lam, published):
+    for value, unit_real, unit_imag in published:
+        root = lam[np.abs(lam - value).argmin()]
+        assert abs(root.real - value.real) <= 0.501 * unit_real, (value, root)
+        assert abs(root.imag - value.imag) <= 0.501 * unit_imag, (value, root)
+
+
+def test_published_roots(m0):
+    omega = 4 * np.pi
+    C = m0["D1"] + omega * m0["DG"] + (1 / omega - 1) * m0["DR"] + m0["D4"] / (2 * np.pi * 1600)
+    K = m0["K1"] + m0["KR"] + (omega**2 - 1) * m0["KGeo"]
+    # 100 roots reach |lambda| = 4.2e4, beyond the published region
+    lam, psi = smallest_roots(m0["M"], LowRankSum(C), LowRankSum(K), 100, 2e4)
+    assert np.abs(lam).max() > 4e4
+    assert reference.residuals(m0["M"], C, K, lam, psi).max() < 1e-8
+    assert_printed(lam, AT_4PI)
+    region = (lam.real > -7) & (np.abs(lam) < 4e4)
+    assert region.sum() == len(AT_4PI)  # all roots of their region, none besides
+
+
+def test_published_roots_of_the_second_convention(m0):
+    omega = 2 * np.pi
+    C = m0["D1"] + omega * m0["DG"] + m0["DR"] / omega
+    K = m0["K1"] + m0["KR"] + omega**2 * m0["KGeo"]
+    lam, psi = smallest_roots(m0["M"], LowRankSum(C), LowRankSum(K), 30, 5e3)
+    assert reference.residuals(m0["M"], C, K, lam, psi).max() < 1e-8
+    assert_printed(lam, AT_2PI_WITHOUT_D4)

@@ -1,0 +1,75 @@
+"""Every shipped study, at reduced size, with one of its numbers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import squealstudy
+from squealstudy.study.definition import load_study, parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
+
+STUDIES = sorted((Path(__file__).parents[1] / "studies").glob("*.toml"))
+
+
+def reduced(name: str, num: int) -> Plan:
+    """The study with the coarse mesh, a narrower band and `num` values a sweep."""
+    path = next(p for p in STUDIES if p.stem == name)
+    text = path.read_text().replace('"medium"', '"coarse"').replace("8000.0", "4000.0")
+    text = re.sub(r"num = \d+", f"num = {num}", text)
+    text = text.replace("[modes]", "[reduction]\nenrichment = false\n\n[modes]")
+    return Plan(parse_study(text, path))
+
+
+def results_of(plan: Plan, directory: Path) -> Results:
+    run_study(plan, directory, jobs=1)
+    results = squealstudy.open_results(directory)
+    assert (results.points["status"] == "ok").all()
+    assert (results.points["working_point_residual"] < 1e-10).all()
+    assert (results.modes["residual"] < 1e-13).all()
+    return results
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda p: p.stem)
+def test_file_is_valid_and_named_after_its_study(path: Path) -> None:
+    assert load_study(path).name == path.stem
+
+
+def test_hulten_flutter(tmp_path: Path) -> None:
+    results = results_of(reduced("hulten_flutter", 121), tmp_path / "r")
+    threshold = results.rank()["threshold"].iloc[0]
+    assert 0.2916667 - 0.005 <= threshold <= 0.2916667 + 0.005
+
+
+def test_friction_pressure(tmp_path: Path) -> None:
+    plan = reduced("friction_pressure", 3)
+    results = results_of(plan, tmp_path / "r")
+    points = results.points
+    assert len(points) == 18
+    assert (points.loc[points["friction"] == 0, "n_unstable"] == 0).all()  # nothing drives it
+    at_most = points[(points["friction"] == 0.7) & (points["pressure"] == 12e5)]
+    assert at_most["n_unstable"].iloc[0] >= 1
+    assert np.nanmax(points["reference_frequency_error"]) < 2e-2  # without enrichment
+
+
+def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
+    modes = results_of(reduced("caliper_modes", 3), tmp_path / "modes")
+    damping = results_of(reduced("caliper_damping", 2), tmp_path / "damping")
+    same = modes.points[(modes.points.filter(like="caliper") == 1.0).all(axis=1)]
+    none = damping.points[(damping.points.filter(like="caliper") == 0.0).all(axis=1)]
+    assert len(same) == len(none) == 1
+
+    def roots(results: Results, point_id: str) -> np.ndarray:
+        found = results.modes[results.modes["point_id"] == point_id]
+        return found[["frequency_hz", "growth_rate"]].to_numpy()
+
+    np.testing.assert_allclose(
+        roots(modes, same["point_id"].iloc[0]), roots(damping, none["point_id"].iloc[0]), atol=1e-6
+    )
+    shifted = modes.modes.groupby("point_id")["growth_rate"].max()
+    assert np.ptp(shifted) > 1.0  # a shifted caliper changes who squeals

@@ -1,0 +1,166 @@
+"""The sparse quadratic eigensolver and its parts against dense algebra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import reference
+import scipy.sparse as sp
+from conftest import build_model
+from hypothesis import given
+from hypothesis import strategies as st
+
+from squealstudy.analysis.quadratic import backward_error, dense_roots
+from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, WoodburyFactor, smallest_roots
+
+SPARSE = DENSE_LIMIT + 30  # degrees of freedom that go the ARPACK way
+
+
+def chain(n, seed, rank):
+    """M, C, K of a chain of masses with dampers, friction couplings and low-rank terms."""
+    rng = np.random.default_rng(seed)
+    M = sp.diags(rng.uniform(0.5, 2.0, n)).tocsr()
+    k = rng.uniform(0.5, 2.0, n + 1) * 1e6
+    K = sp.diags([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], [0, 1, -1]).tolil()
+    for i in rng.integers(0, n - 3, 4):  # one-sided couplings, as of friction
+        K[i, i + 3] -= 2e5
+    C = sp.diags(rng.uniform(0.0, 20.0, n)).tocsr()
+    U = rng.standard_normal((n, rank))
+    return M, LowRankSum(C, U, rng.uniform(0, 5.0, rank)), LowRankSum(
+        K.tocsr(), U, rng.uniform(-1e4, 1e5, rank)
+    )
+
+
+def dense(A):
+    return A.sparse.toarray() + A.U @ np.diag(A.d) @ A.U.T
+
+
+@pytest.mark.parametrize("rank", [0, 3])
+@pytest.mark.parametrize("seed", range(5))
+def test_against_the_dense_companion(seed, rank):
+    M, C, K = chain(SPARSE, seed, rank)
+    lam, psi = smallest_roots(M, C, K, 40, 1e3)
+    exact = reference.quadratic_roots(M.toarray(), dense(C), dense(K))
+    exact = exact[np.argsort(np.abs(exact))]
+    upper = exact[exact.imag >= 0][: len(lam)]
+    # 40 were asked for; a pair counts twice, and is never cut in two
+    assert 40 <= 2 * (lam.imag > 0).sum() + (lam.imag == 0).sum() <= 41
+    # conjugate pairs have one modulus: their order among equals is free
+    np.testing.assert_allclose(np.abs(lam), np.abs(upper), rtol=1e-9)
+    distance = np.abs(lam[:, None] - upper[None, :]).min(axis=1)
+    assert (distance < 1e-8 * np.abs(lam)).all()
+    assert reference.residuals(M, C, K, lam, psi).max() < 1e-10
+    np.testing.assert_allclose(np.linalg.norm(psi, axis=0), 1.0, rtol=1e-12)
+
+
+def test_conjugates_are_roots_too():
+    M, C, K = chain(SPARSE, 1, 2)
+    lam, psi = smallest_roots(M, C, K, 20, 1e3)
+    assert (lam.imag > 0).sum() >= 5
+    assert reference.residuals(M, C, K, lam.conj(), psi.conj()).max() < 1e-10
+    assert (np.diff(np.abs(lam)) >= 0).all()
+
+
+@pytest.mark.parametrize("n", [4, 20])
+def test_small_systems_give_all_roots(n):
+    M, C, K = chain(n, 5, 1)
+    lam, psi = smallest_roots(M, C, K, 2 * n, 1e3)
+    exact = reference.quadratic_roots(M.toarray(), dense(C), dense(K))
+    exact = exact[exact.imag >= 0]
+    np.testing.assert_allclose(lam, exact[np.argsort(np.abs(exact))], rtol=1e-9)
+    assert reference.residuals(M, C, K, lam, psi).max() < 1e-10
+
+
+@pytest.mark.parametrize("n", [40, SPARSE])
+def test_real_roots_are_listed_each(n):
+    # overdamped: mass 1, k 1e4, c 1e3 has roots near -10 and -990
+    C = np.zeros(n)
+    C[0] = 1e3
+    k = np.full(n, 1e6)
+    k[0] = 1e4
+    lam, _ = smallest_roots(
+        sp.eye(n, format="csr"),
+        LowRankSum(sp.diags(C).tocsr()),
+        LowRankSum(sp.diags(k).tocsr()),
+        12,
+        1e3,
+    )
+    real = np.sort(lam[lam.imag == 0].real)
+    split = np.sqrt(1e6 - 4e4)
+    np.testing.assert_allclose(real, [(-1e3 - split) / 2, (-1e3 + split) / 2], rtol=1e-9)
+
+
+@given(seed=st.integers(0, 1000), scale=st.sampled_from([1e2, 1e3, 3e4]))
+def test_scale_of_time_changes_nothing(seed, scale):
+    M, C, K = chain(SPARSE, seed, 1)
+    lam, _ = smallest_roots(M, C, K, 10, scale)
+    again, _ = smallest_roots(M, C, K, 10, 500.0)
+    np.testing.assert_allclose(lam, again, rtol=1e-8)
+
+
+@pytest.mark.parametrize("rank", [0, 1, 4])
+def test_low_rank_products_and_solves(rank):
+    _, _, K = chain(30, 7, rank)
+    A = dense(K)
+    b = np.random.default_rng(2).standard_normal((30, 5))
+    factor = WoodburyFactor(K)
+    for x in (b, b[:, 0], b + 1j * b[:, ::-1]):
+        np.testing.assert_allclose(K @ x, A @ x, rtol=1e-10, atol=1e-3)
+        np.testing.assert_allclose(factor.solve(x), np.linalg.solve(A, x), rtol=1e-9, atol=1e-15)
+
+
+# -- its neighbours in linalg and analysis -------------------------------------------------------
+@pytest.mark.parametrize("columns", [1, 5, 150])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_factor_solves_blocks(columns, kind):
+    _, _, K = chain(60, 3, 0)
+    b = np.random.default_rng(0).standard_normal((60, columns)).astype(kind)
+    if kind is complex:
+        b = b + 1j * b[::-1]
+    factor = factorise(K.sparse, backend="superlu")
+    x = factor.solve(b)
+    assert x.shape == b.shape
+    np.testing.assert_allclose(K.sparse @ x, b, atol=1e-12 * np.abs(b).max())
+    first = factor.solve(b[:, 0])
+    np.testing.assert_allclose(first, x[:, 0], rtol=1e-12, atol=1e-18)
+
+
+@pytest.mark.parametrize("n", [300, 450])
+def test_real_modes_of_a_free_chain(n):
+    # masses m in a row, springs k between: omega_j = 2 sqrt(k/m) sin(j pi / 2n), rigid mode first
+    k, m = 4e8, 2.0
+    D = sp.diags([np.ones(n - 1), -np.ones(n - 1)], [0, 1], shape=(n - 1, n))
+    K, M = (k * (D.T @ D)).tocsr(), (m * sp.eye(n)).tocsr()
+    exact = 2 * np.sqrt(k / m) * np.sin(np.arange(n) * np.pi / (2 * n))
+    # 300 goes the dense way, 450 the Lanczos way, where more modes are asked for than guessed
+    omega, phi = real_modes(M, K, exact[60] / (2 * np.pi) * 1.001, guess=20)
+    assert len(omega) == 61
+    np.testing.assert_allclose(omega[1:], exact[1:61], rtol=1e-9)
+    assert omega[0] < 1e-3 * exact[1]
+    assert np.abs(phi.T @ (M @ phi) - np.eye(61)).max() < 1e-12
+    K_modal = phi.T @ (K @ phi)
+    assert np.abs(K_modal - np.diag(np.diag(K_modal))).max() < 1e-12 * 4 * k / m
+
+
+def test_dense_roots_agree_with_the_twin():
+    M, C, K = chain(25, 11, 2)
+    m = np.sqrt(M.diagonal())
+    C_m, K_m = dense(C) / np.outer(m, m), dense(K) / np.outer(m, m)
+    lam, psi = dense_roots(C_m, K_m, (0.0, np.inf))
+    exact = reference.quadratic_roots(np.eye(25), C_m, K_m)
+    exact = exact[exact.imag >= 0]
+    np.testing.assert_allclose(lam, exact[np.argsort(np.abs(exact))], rtol=1e-8)
+    assert backward_error(C_m, K_m, lam, psi).max() < 1e-14
+    assert 2 * (lam.imag > 0).sum() + (lam.imag == 0).sum() == 50
+    low, high = np.abs(lam[5]) * 0.999, np.abs(lam[9]) * 1.001
+    np.testing.assert_array_equal(dense_roots(C_m, K_m, (low, high))[0], lam[5:10])
+
+
+def test_backward_error_sees_a_wrong_root():
+    assembly = build_model("hulten")
+    K = np.diag(assembly.contact.area) * assembly.contact.law.stiffness
+    lam, psi = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
+    assert backward_error(np.zeros((2, 2)), K, lam, psi).max() < 1e-15
+    assert backward_error(np.zeros((2, 2)), K, 1.01 * lam, psi).min() > 1e-3
