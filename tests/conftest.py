@@ -46,7 +46,7 @@ NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
 
 @dataclass(frozen=True)
 class Brake:
-    """The coarse brake up to its nominal working point."""
+    """A generated brake, and what its nominal working point needs."""
 
     assembly: Assembly
     modes: dict[str, ComponentModes]
@@ -61,18 +61,27 @@ def build_model(name, options=None, **values):
     return definition.build(chosen, definition.defaults() | values)
 
 
-@pytest.fixture(scope="session")
-def brake() -> Brake:
-    assembly = build_model("disc_brake", {"mesh": "coarse"})
+def prepare_brake(mesh) -> Brake:
+    """The brake of a mesh density, up to its nominal working point."""
+    assembly = build_model("disc_brake", {"mesh": mesh})
     modes = component_modes(assembly, CUTOFF)
     stiffness = reference_stiffness(assembly, NOMINAL)
     space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
     return Brake(assembly, modes, space, working_point(space, NOMINAL))
 
 
-@pytest.fixture(scope="session")
-def reduced(brake) -> tuple[ReducedModel, Basis]:
+def reduce_brake(brake) -> tuple[ReducedModel, Basis]:
     """Trained at the nominal point and at the ends of a pressure range, 2 and 30 bar."""
     ends = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in (2e5, 30e5)]
     settings = BasisSettings(CUTOFF, CUTOFF, LOAD_CUTOFF)
     return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)
+
+
+@pytest.fixture(scope="session")
+def brake() -> Brake:
+    return prepare_brake("coarse")
+
+
+@pytest.fixture(scope="session")
+def reduced(brake) -> tuple[ReducedModel, Basis]:
+    return reduce_brake(brake)

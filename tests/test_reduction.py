@@ -9,7 +9,7 @@ import pytest
 import reference
 import scipy.linalg as la
 import scipy.sparse as sp
-from conftest import NOMINAL, TOP
+from conftest import NOMINAL, TOP, prepare_brake, reduce_brake
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -153,6 +153,21 @@ def test_complex_modes_with_damped_and_shifted_modes(brake, reduced):
         mode_damping={("caliper", 7): 0.1, ("outer_pad", 7): 0.05},
     )
     compare(brake, reduced[0], state, 1e-3)
+
+
+@pytest.mark.full_size
+def test_medium_brake():
+    medium = prepare_brake("medium")
+    model, _ = reduce_brake(medium)
+    compare(medium, model, DesignState(NOMINAL), 1e-5)
+    shifted = {("caliper", j): 1.5 for j in (7, 8, 9)}
+    for state in (
+        DesignState(replace(NOMINAL, pressure=2e5)),
+        DesignState(replace(NOMINAL, pressure=30e5)),
+        DesignState(NOMINAL, shifted),
+        DesignState(NOMINAL, dict.fromkeys(shifted, 0.5)),
+    ):
+        compare(medium, model, state, 1e-3)
 
 
 def test_changes_are_diagonal_entries(brake, reduced):

@@ -11,15 +11,13 @@ from pathlib import Path
 from squealstudy.cli import screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.study import chunks
-from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
-from squealstudy.study.runner import build_first, default_directory
+from squealstudy.study.runner import build_first, check_component_modes, default_directory
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import study_schema
-from squealstudy.study.structures import mode_counts
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -33,10 +31,7 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
         reason = build_first(plan, jobs)
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
-    if plan.designs[0].mode_parameters():
-        first = plan.structures[0].key
-        ready = is_prepared(first)
-        plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
+    check_component_modes(plan)
     done = chunks.finished_points(directory) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))

@@ -95,6 +95,7 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
         TimeRemainingColumn(),
         console=messages,
         transient=True,
+        disable=not messages.is_terminal,
     ) as bars:
         tasks: dict[str, TaskID] = {}
 

@@ -3,38 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, Normalize
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, Normalize
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.tri import Triangulation
+from matplotlib.patheffects import withTickedStroke
 
-from squealstudy.analysis.ranking import parameter_columns
-from squealstudy.errors import ResultsError
-from squealstudy.plots.style import Quantity, finish, new_figure, quantity, set_ticks, track_name
-from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
+from squealstudy.plots.style import finish, new_figure, plural, set_ticks, track_name
 
-BOUNDARIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9")
+BOUNDARIES = ("#0072B2", "#000000", "#009E73", "#CC79A7", "#56B4E9")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
-MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
-
-
-@dataclass(frozen=True)
-class _Field:
-    """Points of a map: drawn coordinates, the measure (NaN where a point failed), the measure's
-    name, and damping ratios of the tracks with a boundary (n, tracks)."""
-
-    x: np.ndarray
-    y: np.ndarray
-    value: np.ndarray
-    measure: str
-    damping: pd.DataFrame
-    shown: tuple[Quantity, Quantity]
+STABLE = "#EFEFEF"
+SEVERITY = "YlOrBr"
+MOST_CLASSES = 12  # counts beyond share colours
 
 
 def stability_map(
@@ -47,7 +34,7 @@ def stability_map(
     measure: str = "count",
     top: int = 4,
 ) -> Figure:
-    """Cells of a grid (or triangles between scattered points) coloured by instability.
+    """Cells of a grid, or triangles between scattered points, coloured by instability.
 
     Parameters
     ----------
@@ -57,30 +44,112 @@ def stability_map(
         The plane to show; of what is left open, the plane with most unstable modes is taken.
     units : mapping of parameter -> unit, or None
     measure : str
-        "count" or "growth" (of the most unstable mode).
+        "count" of unstable modes, or "growth" of the fastest.
     top : int
-        Number of tracks, fastest growth first, whose boundary of stability is drawn.
+        Number of tracks, fastest growth first, whose boundary of stability is drawn; ticks point
+        to the unstable side.
 
     Raises
     ------
     ResultsError
         For an unknown parameter, measure or value.
     """
-    if measure not in MEASURES:
-        raise ResultsError(f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}")
-    if x == y:
-        raise ResultsError(f"a map needs two parameters, got '{x}' twice")
-    gridded = _is_grid(points, (x, y))
-    plane = slice_points(points, modes, (x, y), fixed) if gridded else points
-    rows = modes[modes["point_id"].isin(plane["point_id"])]
-    worst = worst_tracks(oscillating(rows), top)
-    field = _field(points, plane, rows, worst, (x, y), units, measure)
-    figure = new_figure(8.5, 6.0)
+    plane = study_plane(points, modes, (x, y), fixed, units, measure, min(top, len(BOUNDARIES)))
+    figure = new_figure(8.5, 6.2)
     axes = figure.add_subplot()
-    colours, norm = _colours(field)
-    if gridded:
-        drawn = _cells(axes, field, colours, norm)
-    else:
-        drawn = _triangles(axes, field, colours, norm)
-    ...
+    colours, norm = _colours(plane.value, measure)
+    drawn = _cells(axes, plane, colours, norm) if plane.gridded else None
+    drawn = drawn or _scattered(axes, plane, colours, norm)
+    bar = figure.colorbar(drawn, ax=axes, label=MEASURES[measure], pad=0.015)
+    if measure == "count":
+        highest = int(np.nanmax(np.append(plane.value, 1.0)))
+        bar.set_ticks(range(0, highest + 1, 1 + highest // MOST_CLASSES))
+        bar.minorticks_off()
+    for axis, shown in ((axes.xaxis, plane.across), (axes.yaxis, plane.up)):
+        set_ticks(axis, shown, points[shown.name])
+    drawable = 0 if plane.others_vary else len(plane.worst)
+    handles = [_boundary(axes, plane, place) for place in range(drawable)]
+    finish(axes, plane.across.label, plane.up.label)
+    axes.grid(False)
+    failed = int(np.isnan(plane.value).sum())
+    mark = "hatched" if plane.gridded else "x"
+    parts = [plane.elsewhere, f"{plural(failed, 'point')} failed ({mark})" if failed else ""]
+    parts += [] if len(plane.worst) else ["no unstable track"]
+    axes.set_title("; ".join(part for part in parts if part), fontsize=10, loc="left")
+    if handles:
+        title = "Boundary of stability, ticks to the unstable side"
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, title=title, fontsize=9)
     return figure
+
+
+def cell_edges(values: np.ndarray, log: bool) -> np.ndarray:
+    """Edges (n + 1,) of cells about ascending values (n,): midway, geometrically on a log axis."""
+    place = np.log(values) if log else np.asarray(values, dtype=float)
+    if len(place) == 1:
+        place = place + np.array([-0.5, 0.5])
+        return np.exp(place) if log else place
+    middle = (place[1:] + place[:-1]) / 2
+    edges = np.concatenate([[2 * place[0] - middle[0]], middle, [2 * place[-1] - middle[-1]]])
+    return np.exp(edges) if log else edges
+
+
+def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
+    """Light grey where all is stable, then darker with the measure."""
+    highest = float(np.nanmax(np.append(value, 0.0)))
+    if measure == "count":
+        classes = int(min(max(highest, 1), MOST_CLASSES))
+        shades = colormaps[SEVERITY](np.linspace(0.15, 1.0, classes))
+        limits = [-0.5, *np.linspace(0.5, max(highest, 1) + 0.5, classes + 1)]
+        return ListedColormap([STABLE, *shades]), BoundaryNorm(limits, classes + 1)
+    colours = ListedColormap(colormaps[SEVERITY](np.linspace(0.1, 1.0, 256)))
+    return colours.with_extremes(under=STABLE), Normalize(1e-9, max(highest, 1e-3))
+
+
+def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> object:
+    """A grid; hatched where a point failed or is missing."""
+    axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
+    x, y, table = plane.cells(plane.value)
+    edges = cell_edges(x, plane.across.log), cell_edges(y, plane.up.log)
+    _scales(axes, plane)
+    return axes.pcolormesh(*edges, np.ma.masked_invalid(table), cmap=colours, norm=norm)
+
+
+def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> object:
+    """Triangles between the points where that means something, and the points."""
+    _scales(axes, plane)
+    known = np.isfinite(plane.value)
+    triangles = plane.triangles(plane.value)
+    if triangles is not None:
+        style = {"cmap": colours, "norm": norm, "alpha": 0.6, "shading": "flat"}
+        axes.tripcolor(triangles, plane.value[known], **style)
+    axes.plot(plane.x[~known], plane.y[~known], "x", color="0.4")
+    style = {"cmap": colours, "norm": norm, "edgecolor": "0.3", "linewidth": 0.6, "s": 38}
+    return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], zorder=2, **style)
+
+
+def _scales(axes: Axes, plane: StudyPlane) -> None:
+    if plane.across.log:
+        axes.set_xscale("log")
+    if plane.up.log:
+        axes.set_yscale("log")
+
+
+def _boundary(axes: Axes, plane: StudyPlane, place: int) -> Line2D:
+    """The line of zero damping of one track, where it has one. Returns its legend entry."""
+    worst = plane.worst.iloc[place]
+    zeta = plane.damping_ratio.iloc[:, place].to_numpy(dtype=float)
+    known = np.isfinite(zeta)
+    style = {"colors": BOUNDARIES[place], "linestyles": [DASHES[place]], "linewidths": 1.8}
+    lines: ContourSet | None = None
+    crosses = known.any() and zeta[known].min() < 0 < zeta[known].max()
+    if crosses and plane.gridded:
+        x, y, table = plane.cells(zeta)
+        lines = axes.contour(x, y, np.ma.masked_invalid(table), [0.0], **style)
+    elif crosses and (triangles := plane.triangles(zeta)) is not None:
+        lines = axes.tricontour(triangles, zeta[known], [0.0], **style)
+    name = track_name(int(worst["track"]), float(worst["frequency_hz"]))
+    if lines is None:
+        note = "no boundary drawn" if crosses else "unstable throughout"
+        return Line2D([], [], linestyle="", label=f"{name}: {note}")
+    lines.set_path_effects([withTickedStroke(angle=-60, spacing=9, length=0.5)])
+    return Line2D([], [], color=BOUNDARIES[place], linestyle=DASHES[place], label=name)

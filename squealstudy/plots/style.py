@@ -42,6 +42,12 @@ class Quantity:
         shown: np.ndarray = values.to_numpy(dtype=float) * self.factor
         return shown
 
+    def stretched(self, drawn: np.ndarray) -> np.ndarray:
+        """Drawn values (n,) as evenly as the axis shows them, from 0 to 1."""
+        place = np.log(drawn) if self.log else drawn
+        even: np.ndarray = (place - place.min()) / (np.ptp(place) or 1.0)
+        return even
+
     def text(self, value: float) -> str:
         """One value with its name and unit."""
         return f"{self.name} = {value * self.factor:.4g} {self.unit}".rstrip()

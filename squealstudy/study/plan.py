@@ -178,11 +178,13 @@ class Plan:
             count = counts[parameter.component]
             highest = max(parameter.modes)
             if highest > count:
+                cutoff = f" up to {self.settings.component_cutoff:g} Hz in this basis"
+                more = "; a higher [reduction] component_cutoff_factor holds more"
+                meshed = has_mesh(self.study)
                 raise self.error(
                     parameter.name,
-                    f"{parameter.component} has modes 1 to {count} up to "
-                    f"{self.settings.component_cutoff:g} Hz in this basis, got mode {highest}; a "
-                    "higher [reduction] component_cutoff_factor holds more",
+                    f"{parameter.component} has modes 1 to {count}{cutoff if meshed else ''}, "
+                    f"got mode {highest}{more if meshed else ''}",
                 )
 
     def error(self, parameter: str, message: str) -> StudyFileError:

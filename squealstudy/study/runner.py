@@ -31,6 +31,7 @@ from squealstudy.study.structures import (
     ReferenceTask,
     build_structure,
     check_reference,
+    mode_counts,
 )
 from squealstudy.study.tables import MODES, POINTS, build_tables, read_references
 from squealstudy.study.worker import ChunkTask, PointTask, peak_memory_mb, solve_chunk
@@ -61,6 +62,17 @@ class RunReport:
     manifest: dict[str, Any]
     n_solved: int
     n_reused: int
+
+
+def check_component_modes(plan: Plan) -> None:
+    """Raise StudyFileError where the study names a component mode that the basis does not hold.
+
+    Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
+    """
+    if plan.designs[0].mode_parameters():
+        first = plan.structures[0].key
+        ready = is_prepared(first)
+        plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
 
 
 def default_directory(plan: Plan) -> Path:
@@ -100,10 +112,8 @@ def run_study(
     check_limit(plan.study, yes)
     check_ownership(directory, plan)
     started = time.perf_counter()
+    check_component_modes(plan)
     failures = build_structures(plan, jobs, progress)
-    for structure in plan.structures:
-        if structure.key not in failures:
-            plan.check_modes(load_prepared(structure.key).model.mode_counts)
     prepared_s = time.perf_counter() - started
     with locked(directory):
         found = check_ownership(directory, plan)

@@ -1,0 +1,97 @@
+"""The ranking as bars: how much of the study is unstable, and where the energy sits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.analysis.ranking import DIVERGENCE, UNTRACKED, energy_columns, unstable_groups
+from squealstudy.plots.style import UNSTABLE, empty_figure, finish, new_figure
+
+SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
+HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
+NAMES = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
+
+
+def ranking_bars(ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12) -> Figure:
+    """Unstable share of each ranked track, and its mean energy shares over unstable points.
+
+    Parameters
+    ----------
+    ranking : DataFrame
+        As `rank_modes` gives it, in the order to show.
+    modes : DataFrame
+        The table that was ranked.
+    top : int
+        Rows to show.
+    """
+    shown = ranking.iloc[:top]
+    if not len(shown):
+        return empty_figure("no unstable mode")
+    energies = mean_energies(modes, shown["track"].tolist())
+    figure = new_figure(10.5, 1.9 + 0.38 * len(shown))
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
+    place = np.arange(len(shown))
+    _shares(left, place, shown)
+    _energies(right, place, energies)
+    left.set_yticks(place, [_name(row) for row in shown.to_dict("records")])
+    left.set_ylim(len(shown) - 0.4, -0.6)
+    if len(ranking) > len(shown):
+        figure.suptitle(f"First {len(shown)} of {len(ranking)} rows", fontsize=10)
+    return figure
+
+
+def mean_energies(modes: pd.DataFrame, tracks: Sequence[int]) -> pd.DataFrame:
+    """Mean energy shares over the unstable points of each track, one row a track."""
+    columns = energy_columns(modes)
+    group = pd.Series(unstable_groups(modes), index=modes.index)
+    means = modes.loc[group.isin(tracks), columns].groupby(group).mean()
+    return means.reindex(tracks).rename(columns=lambda c: c.removeprefix("energy_"))
+
+
+def _name(row: dict[str, float]) -> str:
+    track = int(row["track"])
+    name = NAMES.get(track, f"T{track}")
+    return f"{name}   {row['frequency_hz']:.0f} Hz"
+
+
+def _shares(axes: Axes, place: np.ndarray, shown: pd.DataFrame) -> None:
+    """Bars of the unstable share with growth and threshold beside them."""
+    share = 100 * shown["unstable_share"].to_numpy()
+    axes.barh(place, share, height=0.62, color=UNSTABLE)
+    for y, x, row in zip(place, share, shown.to_dict("records"), strict=True):
+        text = f"{row['max_growth_rate']:+.3g} 1/s"
+        if np.isfinite(row["threshold"]):
+            text += f", from {row['threshold']:.3g}"
+        elif row["threshold_kind"]:
+            text += f", {row['threshold_kind']}"
+        axes.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
+    axes.set_xlim(0.0, 1.55 * max(share.max(), 1.0))
+    axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 100])
+    finish(axes, "Share of design points where unstable [%]", "")
+    axes.grid(False, axis="y")
+
+
+def _energies(axes: Axes, place: np.ndarray, energies: pd.DataFrame) -> None:
+    """Stacked bars, a component each; the share is written where it fits."""
+    left = np.zeros(len(place))
+    for k, component in enumerate(energies.columns):
+        share = 100 * energies[component].fillna(0.0).to_numpy()
+        shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
+        axes.barh(place, share, 0.62, left, color=shade, hatch=hatch, label=component)
+        for y, x, width in zip(place, left, share, strict=True):
+            if width >= 12:
+                axes.text(
+                    x + width / 2, y, f"{width:.0f}", ha="center", va="center", fontsize=8,
+                    color="black" if shade in ("#E69F00", "#56B4E9", "#F0E442") else "white",
+                )
+        left = left + share
+    finish(axes, "Elastic energy, mean over unstable points [%]", "")
+    axes.set_xlim(min(left.min(), 0.0), 100)
+    axes.grid(False, axis="y")
+    if len(energies.columns):
+        axes.figure.legend(loc="outside lower right", ncols=5, fontsize=9, frameon=False)
