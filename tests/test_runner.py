@@ -267,3 +267,30 @@ def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path)
     assert json.loads((directory / "manifest.json").read_text())["status"] == "complete"
     for a, b in zip(comparable(directory), comparable(clean), strict=True):
         pd.testing.assert_frame_equal(a, b)
+
+
+def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
+    """A swept material: nominal modes change sign and rotate, tracks must not."""
+    text = BRAKE.replace('"friction"', '"disc.young_modulus"').replace("num = 12", "num = 3")
+    text = text.replace("start = 0.1", "start = 1.19e11").replace("stop = 0.6", "stop = 1.21e11")
+    plan = plan_of(text)
+    assert len(plan.structures) == 3
+    run_study(plan, tmp_path / "r", jobs=2)
+    results = squealstudy.open_results(tmp_path / "r")
+    assert (results.points["status"] == "ok").all()
+    followed = results.modes[results.modes["track_mac"].notna() & ~results.modes["overdamped"]]
+    assert followed["track_mac"].median() > 0.98
+    counts = results.modes.groupby("track")["point_id"].nunique()
+    assert (counts[counts.index > 0] == 3).mean() > 0.9
+
+
+def test_a_damaged_cache_entry_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    run_study(hulten(), tmp_path / "a", jobs=1)
+    (entry,) = (tmp_path / "cache").iterdir()
+    (entry / "model.k_el.npy").write_bytes(b"")
+    run_study(hulten(), tmp_path / "b", jobs=1)
+    for a, b in zip(comparable(tmp_path / "a"), comparable(tmp_path / "b"), strict=True):
+        pd.testing.assert_frame_equal(a, b)

@@ -28,8 +28,10 @@ def chain(n, seed, rank):
         K[i, i + 3] -= 2e5
     C = sp.diags(rng.uniform(0.0, 20.0, n)).tocsr()
     U = rng.standard_normal((n, rank))
-    return M, LowRankSum(C, U, rng.uniform(0, 5.0, rank)), LowRankSum(
-        K.tocsr(), U, rng.uniform(-1e4, 1e5, rank)
+    return (
+        M,
+        LowRankSum(C, U, rng.uniform(0, 5.0, rank)),
+        LowRankSum(K.tocsr(), U, rng.uniform(-1e4, 1e5, rank)),
     )
 
 

@@ -17,7 +17,7 @@ from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness
-from squealstudy.reduction.working_point import working_point
+from squealstudy.reduction.working_point import known_working_point, working_point
 
 NO_SHAPES = np.zeros((2, 0))
 
@@ -141,6 +141,17 @@ def test_start_changes_nothing(brake):
     np.testing.assert_allclose(point.gap, brake.point.gap, rtol=1e-9, atol=1e-15)
     again = working_point(brake.space, NOMINAL, brake.point.gap)
     assert again.iterations <= 2
+
+
+def test_known_gaps_are_verified(brake):
+    known = known_working_point(brake.space, NOMINAL, brake.point.gap)
+    np.testing.assert_array_equal(known.gap, brake.point.gap)
+    np.testing.assert_array_equal(known.tangent, brake.point.tangent)
+    assert known.residual < 1e-11
+    # gaps of a slightly different pressure, or lost ones, are no working point of this one
+    for other in (replace(NOMINAL, pressure=12.001e5), replace(NOMINAL, friction=0.5001)):
+        assert known_working_point(brake.space, other, brake.point.gap) is None
+    assert known_working_point(brake.space, NOMINAL, np.nan * brake.point.gap) is None
 
 
 def test_more_pressure_closes_the_contact(brake):

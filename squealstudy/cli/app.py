@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,8 @@ import typer
 
 from squealstudy.errors import SquealstudyError
 
-USAGE_ERROR, INTERRUPTED = 2, 130
+INTERNAL_ERROR, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+DEBUG = "SQUEALSTUDY_DEBUG"
 
 app = typer.Typer(
     help="Which modes of a brake squeal, why, and which design change silences them.",
@@ -123,6 +125,14 @@ def main() -> None:
     except SquealstudyError as error:
         sys.stderr.write(f"squealstudy: {error}\n")
         raise SystemExit(USAGE_ERROR) from None
+    except Exception as error:
+        if os.environ.get(DEBUG):
+            raise
+        sys.stderr.write(
+            f"squealstudy: internal error, {type(error).__name__}: {error}; "
+            f"{DEBUG}=1 shows where\n"
+        )
+        raise SystemExit(INTERNAL_ERROR) from None
     except KeyboardInterrupt:
         sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
         raise SystemExit(INTERRUPTED) from None

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.ranking import parameter_columns
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 from squealstudy.plots.evolution import evolution
@@ -17,7 +18,7 @@ from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.results import Results
 
-NOT_IN_NAMES = str.maketrans({c: "_" for c in ".[],- "})
+NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 
 
 def plot_command(path: Path, output: Path | None, along: str | None) -> None:
@@ -45,7 +46,7 @@ def draw_pictures(results: Results, directory: Path, along: str | None = None) -
 
 def _figures(results: Results, along: str | None) -> dict[str, Figure]:
     points, modes, units = results.points, results.modes, results.manifest["units"]
-    varied = [p for p in results.swept if points[p].nunique() > 1]
+    varied = parameter_columns(points, varied=True)
     figures = {"stability_diagram": stability_diagram(points, modes, units=units)}
     if modes["unstable"].any() and len(points) > 1:
         worst = modes.loc[modes["growth_rate"].idxmax(), "point_id"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,11 +16,13 @@ from squealstudy.plots.line import StudyLine, study_line
 from squealstudy.plots.locus import draw_locus
 from squealstudy.plots.style import (
     COLOURS,
+    DARK,
     GREY,
     MARKERS,
     UNSTABLE,
     damping_limits,
     finish,
+    growth_limits,
     new_figure,
     plural,
     set_ticks,
@@ -28,7 +31,10 @@ from squealstudy.plots.style import (
 )
 
 LOCI = 2
-VERTICAL = {"damping_ratio": ("Damping ratio [%]", 100.0), "growth_rate": ("Growth rate [1/s]", 1.0)}
+VERTICAL = {
+    "damping_ratio": ("Damping ratio [%]", 100.0),
+    "growth_rate": ("Growth rate [1/s]", 1.0),
+}
 
 
 def evolution(
@@ -61,13 +67,14 @@ def evolution(
     line = study_line(points, modes, along, fixed, units)
     tracks = line.unstable_tracks
     figure = new_figure(11.5 if tracks else 8.0, 7.0)
-    parts = figure.subfigures(1, 2, width_ratios=[1.6, 1.0]) if tracks else [figure]
-    upper, lower = parts[0].subplots(2, 1, sharex=True)
+    widths = [1.6, 1.0] if tracks else [1.0]
+    left, *right = figure.subfigures(1, len(widths), squeeze=False, width_ratios=widths)[0]
+    upper, lower = left.subplots(2, 1, sharex=True)
     _draw(upper, line, "frequency_hz", 1.0)
     _draw(lower, line, show, VERTICAL[show][1])
     _finish(upper, lower, line, show)
     for place, track in enumerate(tracks[:LOCI]):
-        draw_locus(parts[1].add_subplot(LOCI, 1, place + 1), line, track)
+        draw_locus(right[0].add_subplot(LOCI, 1, place + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
     _legend(figure, line)
     return figure
@@ -79,7 +86,7 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
     stable = table.drop(columns=line.unstable_tracks)
     axes.plot(line.x, stable, color=GREY, linewidth=0.7, marker=".", markersize=1.5, zorder=1)
     for place, track in reversed(list(enumerate(line.unstable_tracks))):
-        style = {"color": line.colour(track), "zorder": 3, "linewidth": 1.5}
+        style: dict[str, Any] = {"color": line.colour(track), "zorder": 3, "linewidth": 1.5}
         marker = MARKERS[place] if place < len(MARKERS) else "."
         every = max(1, len(line.x) // 15)
         y = table[track]
@@ -99,18 +106,18 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
     if line.shown.log:
         upper.set_xscale("log")
     set_ticks(lower.xaxis, line.shown, pd.Series(line.x / line.shown.factor))
-    damping = np.append(line.damping_ratio.to_numpy().ravel(), line.untracked["damping_ratio"])
+    values = np.append(getattr(line, show).to_numpy(dtype=float), line.untracked[show])
     if show == "damping_ratio":
-        lower.set_ylim(damping_limits(100 * damping))
-        shade_unstable(lower)
+        lower.set_ylim(damping_limits(100 * values))
     else:
-        fastest = np.nanmax(np.append(line.growth_rate.to_numpy().ravel(), 1.0))
-        lower.set_ylim(-1.5 * fastest, 1.15 * fastest)
-        shade_unstable(lower, above=True)
-    if line.failed.any():
-        x = line.x[line.failed]
-        lower.plot(x, np.zeros(len(x)), "x", color="0.2", clip_on=False, label="failed",
-                   transform=lower.get_xaxis_transform())
+        lower.set_ylim(growth_limits(values))
+    shade_unstable(lower, above=show == "growth_rate")
+    place: dict[str, Any] = {
+        "clip_on": False,
+        "transform": lower.get_xaxis_transform(),
+        "color": "0.2",
+    }
+    lower.plot(line.x[line.failed], np.zeros(line.failed.sum()), "x", **place)
     finish(upper, "", "Frequency [Hz]")
     finish(lower, line.shown.label, VERTICAL[show][0])
 
@@ -130,10 +137,12 @@ def _legend(figure: Figure, line: StudyLine) -> None:
         for k, (t, f) in enumerate(zip(named["track"], named["frequency_hz"], strict=True))
     ]
     if len(line.worst) > len(COLOURS):
-        handles.append(Line2D([], [], color="0.35", marker=".", label="other unstable tracks"))
+        handles.append(Line2D([], [], color=DARK, marker=".", label="other unstable tracks"))
     if line.doubtful.reindex(columns=line.unstable_tracks).to_numpy().any():
-        ring = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
+        ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
         handles.append(Line2D([], [], linestyle="", color="0.2", label="ambiguous label", **ring))
     if handles:
         handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable tracks"))
-        figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=9, frameon=False)
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=5, fontsize=9, frameon=False
+        )

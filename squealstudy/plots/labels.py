@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
@@ -29,14 +30,17 @@ class Label:
 
 
 def place_labels(
-    axes: Axes, labels: Sequence[Label], avoid: np.ndarray, fontsize: float = 8.5
+    figure: Figure,
+    axes: Axes,
+    labels: Sequence[Label],
+    avoid: np.ndarray,
+    fontsize: float = 8.5,
 ) -> None:
     """Write labels near their points, inside the axes, none on another if that can be.
 
     In the order given, each takes the place that costs least: in distance, in covered labels and
     in covered points `avoid` (n, 2) in data coordinates. All else must have been drawn before.
     """
-    figure = axes.figure
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()
     scale = figure.dpi / 72
@@ -50,7 +54,7 @@ def place_labels(
         extent = text.get_window_extent(canvas.get_renderer())
         text.remove()
         places = [
-            (ring, direction, _box(point, ring * scale, direction, extent.size))
+            (ring, direction, _box(point, ring * scale, direction, np.array(extent.size)))
             for ring in RINGS
             for direction in DIRECTIONS
         ]

@@ -76,18 +76,22 @@ def study_line(
     row = pd.Series(np.arange(len(line)), index=line["point_id"].to_numpy())
     rows = oscillating(modes[modes["point_id"].isin(line["point_id"])])
     rows = rows.assign(row=rows["point_id"].map(row))
-    tracked = rows[(rows["track"] > 0).to_numpy()].drop_duplicates(["row", "track"])
+    tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
-    wide = tracked.pivot(index="row", columns="track").reindex(range(len(line)))
+
+    def wide(name: str) -> pd.DataFrame:
+        table = tracked.pivot_table(index="row", columns="track", values=name, aggfunc="first")
+        return table.reindex(range(len(line)))
+
     others = [n for n in parameter_columns(points, varied=True) if n != along]
     return StudyLine(
         shown,
         shown.scaled(line[along]),
         (line["status"] != "ok").to_numpy(bool),
-        wide["frequency_hz"],
-        wide["growth_rate"],
-        wide["damping_ratio"],
-        wide["doubtful"] == 1.0,
+        wide("frequency_hz"),
+        wide("growth_rate"),
+        wide("damping_ratio"),
+        wide("doubtful") == 1.0,
         rows[(rows["track"] <= 0).to_numpy()],
         worst_tracks(rows),
         describe(line.iloc[0], points, others, units),

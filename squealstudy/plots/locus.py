@@ -14,7 +14,7 @@ LEFT = 2.0  # of the fastest growth: how far the stable side reaches
 
 
 def draw_locus(axes: Axes, line: StudyLine, track: int) -> None:
-    """Growth rate against frequency of one track; arrows point to rising values of the parameter."""
+    """Growth rate against frequency of one track; arrows point to a rising parameter."""
     frequency, growth = line.frequency_hz[track], line.growth_rate[track]
     low, high = frequency.min() * (1 - NEAR), frequency.max() * (1 + NEAR)
     fastest = max(float(growth.max()), 1e-6)

@@ -100,7 +100,7 @@ def study_plane(
     rows = modes[modes["point_id"].isin(plane["point_id"])]
     worst = worst_tracks(oscillating(rows), top)
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
-    vary = [name for name in others if plane[name].nunique() > 1]
+    vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     held = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
     across, up = (quantity(name, points[name], units) for name in along)
@@ -128,11 +128,11 @@ def _measured(plane: pd.DataFrame, rows: pd.DataFrame, measure: str) -> np.ndarr
 
 
 def _damping(plane: pd.DataFrame, rows: pd.DataFrame, worst: pd.DataFrame) -> pd.DataFrame:
-    """Of the worst tracks (n, tracks); its sign is that of `unstable`, also where it is rounding."""
-    tracked = rows[rows["track"].isin(worst["track"])].drop_duplicates(["point_id", "track"])
+    """Of the worst tracks (n, tracks); where it is mere rounding `unstable` gives the sign."""
+    tracked = rows[rows["track"].isin(worst["track"])]
     zeta, unstable = tracked["damping_ratio"], tracked["unstable"].astype(bool)
     tracked = tracked.assign(
         damping_ratio=zeta.clip(lower=ROUNDING).where(~unstable, zeta.clip(upper=-ROUNDING))
     )
-    wide = tracked.pivot(index="point_id", columns="track", values="damping_ratio")
+    wide = tracked.pivot_table("damping_ratio", "point_id", "track", aggfunc="first")
     return wide.reindex(index=plane["point_id"], columns=worst["track"])

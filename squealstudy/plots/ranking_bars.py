@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,11 +14,15 @@ from squealstudy.analysis.ranking import DIVERGENCE, UNTRACKED, energy_columns, 
 from squealstudy.plots.style import UNSTABLE, empty_figure, finish, new_figure
 
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
+LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
+LEGIBLE = 8.0  # percent: narrower bars carry no number
 HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
 NAMES = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 
 
-def ranking_bars(ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12) -> Figure:
+def ranking_bars(
+    ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12, along: str | None = None
+) -> Figure:
     """Unstable share of each ranked track, and its mean energy shares over unstable points.
 
     Parameters
@@ -28,6 +33,8 @@ def ranking_bars(ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12) -> F
         The table that was ranked.
     top : int
         Rows to show.
+    along : str or None
+        Parameter of the thresholds in `ranking`, named in the title.
     """
     shown = ranking.iloc[:top]
     if not len(shown):
@@ -40,12 +47,13 @@ def ranking_bars(ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12) -> F
     _energies(right, place, energies)
     left.set_yticks(place, [_name(row) for row in shown.to_dict("records")])
     left.set_ylim(len(shown) - 0.4, -0.6)
-    if len(ranking) > len(shown):
-        figure.suptitle(f"First {len(shown)} of {len(ranking)} rows", fontsize=10)
+    parts = [f"first {len(shown)} of {len(ranking)} rows"] if len(ranking) > len(shown) else []
+    parts += [f"largest growth rate, and the {along} from which on unstable"] if along else []
+    left.set_title("; ".join(parts), fontsize=9, loc="left")
     return figure
 
 
-def mean_energies(modes: pd.DataFrame, tracks: Sequence[int]) -> pd.DataFrame:
+def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
     """Mean energy shares over the unstable points of each track, one row a track."""
     columns = energy_columns(modes)
     group = pd.Series(unstable_groups(modes), index=modes.index)
@@ -53,7 +61,7 @@ def mean_energies(modes: pd.DataFrame, tracks: Sequence[int]) -> pd.DataFrame:
     return means.reindex(tracks).rename(columns=lambda c: c.removeprefix("energy_"))
 
 
-def _name(row: dict[str, float]) -> str:
+def _name(row: Mapping[Hashable, Any]) -> str:
     track = int(row["track"])
     name = NAMES.get(track, f"T{track}")
     return f"{name}   {row['frequency_hz']:.0f} Hz"
@@ -82,13 +90,10 @@ def _energies(axes: Axes, place: np.ndarray, energies: pd.DataFrame) -> None:
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()
         shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
-        axes.barh(place, share, 0.62, left, color=shade, hatch=hatch, label=component)
-        for y, x, width in zip(place, left, share, strict=True):
-            if width >= 12:
-                axes.text(
-                    x + width / 2, y, f"{width:.0f}", ha="center", va="center", fontsize=8,
-                    color="black" if shade in ("#E69F00", "#56B4E9", "#F0E442") else "white",
-                )
+        bars = axes.barh(place, share, 0.62, left, color=shade, hatch=hatch, label=component)
+        texts = [f"{width:.0f}" if width >= LEGIBLE else "" for width in share]
+        ink = "black" if shade in LIGHT else "white"
+        axes.bar_label(bars, texts, label_type="center", fontsize=8, color=ink)
         left = left + share
     finish(axes, "Elastic energy, mean over unstable points [%]", "")
     axes.set_xlim(min(left.min(), 0.0), 100)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.analysis.ranking import parameter_columns, point_codes
 from squealstudy.errors import ResultsError
 from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.style import (
+    COLOURS,
     GREY,
     UNSTABLE,
     colour_bar,
@@ -24,7 +28,7 @@ from squealstudy.plots.style import (
     shade_unstable,
     track_name,
 )
-from squealstudy.plots.tables import describe, oscillating, with_parameters, worst_tracks
+from squealstudy.plots.tables import describe, oscillating, worst_tracks
 
 LABELS = 10  # tracks named in one picture
 STABLE_DOTS = 60_000  # more are thinned out
@@ -58,7 +62,7 @@ def stability_diagram(
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
         raise ResultsError(f"'{colour_by}' is no parameter of this study")
-    table = with_parameters(points, modes[modes["point_id"].isin(shown["point_id"])])
+    table = modes[modes["point_id"].isin(shown["point_id"])]
     drawn = oscillating(table)
     figure = new_figure()
     axes = figure.add_subplot()
@@ -68,44 +72,40 @@ def stability_diagram(
         _one_point(axes, drawn)
         title = describe(shown.iloc[0], points, varied or parameter_columns(points), units)
     else:
-        _all_points(axes, drawn, points[colour].to_numpy()[drawn["point"]], points[colour], units)
+        values = points[colour].to_numpy()[point_codes(points, drawn)]
+        shade = quantity(colour, points[colour], units)
+        dots = _all_points(axes, drawn, values * shade.factor, shade.norm(points[colour]))
+        colour_bar(figure, axes, dots, shade, points[colour])
         title = plural(len(shown), "design point")
     shade_unstable(axes)
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
     axes.set_title(f"{title}\n{_summary(shown, table)}", fontsize=10, loc="left")
     _edge_marks(axes, drawn)
-    place_labels(axes, _labels(drawn), _obstacles(axes, drawn))
+    if not len(drawn):
+        axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
+    place_labels(figure, axes, _labels(drawn), _obstacles(axes, drawn))
     return figure
 
 
 def _one_point(axes: Axes, modes: pd.DataFrame) -> None:
     unstable = modes["unstable"].to_numpy(bool)
     x, y = modes["frequency_hz"].to_numpy(), 100 * modes["damping_ratio"].to_numpy()
-    axes.scatter(
-        x[~unstable], y[~unstable], s=28, facecolor="none", edgecolor="#0072B2", label="stable"
-    )
-    axes.scatter(x[unstable], y[unstable], s=42, color=UNSTABLE, zorder=3, label="unstable")
+    axes.scatter(x[~unstable], y[~unstable], s=28, facecolor="none", edgecolor=COLOURS[1])
+    axes.scatter(x[unstable], y[unstable], s=42, color=UNSTABLE, zorder=3)
 
 
 def _all_points(
-    axes: Axes,
-    modes: pd.DataFrame,
-    values: np.ndarray,
-    parameter: pd.Series,
-    units: Mapping[str, str] | None,
-) -> None:
-    shown = quantity(str(parameter.name), parameter, units)
-    colour, norm = values * shown.factor, shown.norm(shown.scaled(parameter))
+    axes: Axes, modes: pd.DataFrame, colour: np.ndarray, norm: Normalize
+) -> ScalarMappable:
+    """Small dots for stable modes, rimmed ones for unstable modes, which are returned."""
     x, y = modes["frequency_hz"].to_numpy(), 100 * modes["damping_ratio"].to_numpy()
     unstable = modes["unstable"].to_numpy(bool)
     stable = np.flatnonzero(~unstable)
     stable = stable[:: max(1, -(-len(stable) // STABLE_DOTS))]
-    style = {"cmap": "viridis", "norm": norm}
+    style: dict[str, Any] = {"cmap": "viridis", "norm": norm}
     axes.scatter(x[stable], y[stable], c=colour[stable], s=7, alpha=0.6, linewidth=0, **style)
-    dots = axes.scatter(
-        x[unstable], y[unstable], c=colour[unstable], s=20, edgecolor="0.2", linewidth=0.3, **style
-    )
-    colour_bar(axes, dots, shown, parameter)
+    style |= {"edgecolor": "0.2", "linewidth": 0.3, "s": 20}
+    return axes.scatter(x[unstable], y[unstable], c=colour[unstable], **style)
 
 
 def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
@@ -125,7 +125,11 @@ def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
 
 
 def _labels(modes: pd.DataFrame) -> list[Label]:
-    worst = worst_tracks(modes, LABELS)
+    if len(modes["point_id"].unique()) > 1:
+        worst = worst_tracks(modes, LABELS)
+    else:
+        unstable = modes[modes["unstable"].to_numpy(bool)]
+        worst = unstable.sort_values("growth_rate", ascending=False).iloc[:LABELS]
     return [
         Label(f, 100 * z, track_name(t, f))
         for f, z, t in zip(
@@ -141,14 +145,18 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
     if len(points) == 1:
         text = f"{len(unstable)} of {plural(len(drawn), 'mode')} unstable"
     else:
-        n = int(unstable.groupby("track").ngroups)
-        text = f"{plural(n, 'unstable track')}, named where they grow fastest"
+        n = len(worst_tracks(drawn))
+        text = f"{plural(n, 'unstable track')}, named where growth is fastest"
+        loose = int((unstable["track"] <= 0).sum())
+        text += f"; {plural(loose, 'unstable mode')} without track" if loose else ""
     high = damping_limits(100 * drawn["damping_ratio"].to_numpy())[1]
     heavy = int((100 * drawn["damping_ratio"] > high).sum())
     failed = int((points["status"] != "ok").sum())
     overdamped = len(modes) - len(drawn)
+    diverging = int(modes["unstable"].sum()) - len(unstable)
     parts = [text]
     parts += [f"{heavy} above {high:.2g} % (▲)"] if heavy else []
     parts += [f"{plural(overdamped, 'overdamped root')} not shown"] if overdamped else []
+    parts += [f"{diverging} of them unstable"] if diverging else []
     parts += [f"{plural(failed, 'point')} failed"] if failed else []
     return "; ".join(parts)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, Normalize
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
@@ -18,7 +20,7 @@ from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
 from squealstudy.plots.style import finish, new_figure, plural, set_ticks, track_name
 
 BOUNDARIES = ("#0072B2", "#000000", "#009E73", "#CC79A7", "#56B4E9")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+DASHES = ("-", "--", "-.", (0, (3, 1)), (0, (5, 1, 1, 1, 1, 1)))
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
 MOST_CLASSES = 12  # counts beyond share colours
@@ -58,8 +60,8 @@ def stability_map(
     figure = new_figure(8.5, 6.2)
     axes = figure.add_subplot()
     colours, norm = _colours(plane.value, measure)
-    drawn = _cells(axes, plane, colours, norm) if plane.gridded else None
-    drawn = drawn or _scattered(axes, plane, colours, norm)
+    draw = _cells if plane.gridded else _scattered
+    drawn = draw(axes, plane, colours, norm)
     bar = figure.colorbar(drawn, ax=axes, label=MEASURES[measure], pad=0.015)
     if measure == "count":
         highest = int(np.nanmax(np.append(plane.value, 1.0)))
@@ -105,7 +107,7 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     return colours.with_extremes(under=STABLE), Normalize(1e-9, max(highest, 1e-3))
 
 
-def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> object:
+def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:
     """A grid; hatched where a point failed or is missing."""
     axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
     x, y, table = plane.cells(plane.value)
@@ -114,17 +116,17 @@ def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) ->
     return axes.pcolormesh(*edges, np.ma.masked_invalid(table), cmap=colours, norm=norm)
 
 
-def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> object:
+def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:
     """Triangles between the points where that means something, and the points."""
     _scales(axes, plane)
     known = np.isfinite(plane.value)
     triangles = plane.triangles(plane.value)
+    style: dict[str, Any] = {"cmap": colours, "norm": norm}
     if triangles is not None:
-        style = {"cmap": colours, "norm": norm, "alpha": 0.6, "shading": "flat"}
-        axes.tripcolor(triangles, plane.value[known], **style)
+        axes.tripcolor(triangles, plane.value[known], alpha=0.6, **style)
     axes.plot(plane.x[~known], plane.y[~known], "x", color="0.4")
-    style = {"cmap": colours, "norm": norm, "edgecolor": "0.3", "linewidth": 0.6, "s": 38}
-    return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], zorder=2, **style)
+    style |= {"edgecolor": "0.3", "linewidth": 0.6, "s": 38, "zorder": 2}
+    return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], **style)
 
 
 def _scales(axes: Axes, plane: StudyPlane) -> None:
@@ -139,7 +141,11 @@ def _boundary(axes: Axes, plane: StudyPlane, place: int) -> Line2D:
     worst = plane.worst.iloc[place]
     zeta = plane.damping_ratio.iloc[:, place].to_numpy(dtype=float)
     known = np.isfinite(zeta)
-    style = {"colors": BOUNDARIES[place], "linestyles": [DASHES[place]], "linewidths": 1.8}
+    style: dict[str, Any] = {
+        "colors": BOUNDARIES[place],
+        "linestyles": [DASHES[place]],
+        "linewidths": 1.8,
+    }
     lines: ContourSet | None = None
     crosses = known.any() and zeta[known].min() < 0 < zeta[known].max()
     if crosses and plane.gridded:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
@@ -19,6 +21,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
 GREY = "#9A9A9A"
 DARK = "#505050"
+PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
 PREFIXED = ("Pa", "N")  # units that take a prefix
 GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
 
@@ -59,9 +62,9 @@ class Quantity:
         crowded = len(x) > 1 and np.diff(place).min() < 0.03 * np.ptp(place)
         return None if len(x) > 12 or crowded or not len(x) else [float(v) for v in x]
 
-    def norm(self, values: np.ndarray) -> Normalize:
-        """Colour scale over scaled values."""
-        low, high = float(np.min(values)), float(np.max(values))
+    def norm(self, values: pd.Series) -> Normalize:
+        """Colour scale over these values."""
+        low, high = (float(limit) * self.factor for limit in (values.min(), values.max()))
         if low == high:
             low, high = low - 0.5, high + 0.5
         return LogNorm(low, high) if self.log else Normalize(low, high)
@@ -72,11 +75,8 @@ def quantity(name: str, values: pd.Series, units: Mapping[str, str] | None) -> Q
     unit = (units or {}).get(name, "")
     x = np.unique(values.dropna().to_numpy(dtype=float))
     size = float(np.abs(x).max(initial=0.0))
-    prefix, factor = "", 1.0
-    if unit.startswith(PREFIXED):
-        for prefix, factor in (("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("", 1.0)):
-            if size * factor >= 1.0:
-                break
+    fitting = ((p, f) for p, f in PREFIXES if size * f >= 1.0 and unit.startswith(PREFIXED))
+    prefix, factor = next(fitting, ("", 1.0))
     return Quantity(name, prefix + unit, factor, is_geometric(x))
 
 
@@ -88,9 +88,11 @@ def is_geometric(x: np.ndarray) -> bool:
     return bool(np.std(factors) / np.mean(factors) < GEOMETRIC * np.std(steps) / np.mean(steps))
 
 
-def colour_bar(axes: Axes, drawn: object, shown: Quantity, values: pd.Series) -> None:
+def colour_bar(
+    figure: Figure, axes: Axes, drawn: ScalarMappable, shown: Quantity, values: pd.Series
+) -> None:
     """A colour bar of a parameter, its few values as ticks."""
-    bar = axes.figure.colorbar(drawn, ax=axes, label=shown.label, pad=0.015)
+    bar = figure.colorbar(drawn, ax=axes, label=shown.label, pad=0.015)
     set_ticks(bar.ax.yaxis, shown, values)
 
 
@@ -134,7 +136,12 @@ def shade_unstable(axes: Axes, above: bool = False) -> None:
     edge, place, align = (high, 0.985, "top") if above else (low, 0.015, "bottom")
     axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
     axes.axhspan(edge, 0.0, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
-    text = {"color": UNSTABLE, "fontsize": 9, "va": align, "transform": axes.transAxes}
+    text: dict[str, Any] = {
+        "color": UNSTABLE,
+        "fontsize": 9,
+        "va": align,
+        "transform": axes.transAxes,
+    }
     axes.text(0.006, place, "unstable", **text)
 
 
@@ -144,6 +151,16 @@ def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
     low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
     high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 3.0), 0.5)
     return (low if low < 0 else -0.1 * high), high
+
+
+def growth_limits(growth: np.ndarray) -> tuple[float, float]:
+    """Limits that show instabilities and as much of stability again."""
+    known = np.append(growth[np.isfinite(growth)], 0.0)
+    fastest = float(known.max())
+    if fastest > 0:
+        return -1.5 * fastest, 1.15 * fastest
+    low = min(1.1 * float(known.min()), -1.0)
+    return low, -0.1 * low
 
 
 def track_name(track: int, frequency_hz: float) -> str:

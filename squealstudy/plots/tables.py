@@ -7,16 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.ranking import parameter_columns, point_codes
+from squealstudy.analysis.ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
-
-
-def with_parameters(points: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
-    """Modes with the varied parameters of their points, and the point's row as `point`."""
-    code = point_codes(points, modes)
-    names = parameter_columns(points, varied=True)
-    return modes.assign(point=code, **{name: points[name].to_numpy()[code] for name in names})
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:

@@ -8,11 +8,13 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 
 MAX_ITERATIONS = 200
-MAX_STEP = 3.0  # in gap scales of the law: beyond it, Newton on an exponential runs away
+MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
+HIGHEST_START = 100.0  # pressure at the start, in mean pressures
 TOLERANCE = 1e-11
 
 
@@ -69,7 +71,10 @@ def working_point(
     law, A = point.law, space.area
     equations = _GapEquations(space, point)
     estimate = _mean_pressure(space, point)
-    g = _uniform_start(space, point) if start is None else np.array(start, dtype=float)
+    if start is None:
+        g = np.full(len(A), law.gap_at(estimate))
+    else:  # gaps of a softer law may mean absurd pressures in this one
+        g = np.maximum(start, law.gap_at(HIGHEST_START * estimate))
     F, p, kappa = equations.imbalance(g)
     for iteration in range(1, MAX_ITERATIONS + 1):
         J = equations.jacobian(kappa)
@@ -77,12 +82,13 @@ def working_point(
         if not np.isfinite(step).all():
             break
         # the estimate is too small where k_c is soft beside the supports: p then takes over
-        longest = np.abs(step).max() / law.gap_scale(max(estimate, np.abs(A @ p) / A.sum()))
-        damping = min(1.0, MAX_STEP / longest) if longest > 0 else 1.0
+        level = max(estimate, float(np.abs(A @ p) / A.sum()))
+        damping = _damping(law, level, g, step)
         g = g + damping * step
         F, p, kappa = equations.imbalance(g)
         residual = equations.relative(F, g)
-        if damping == 1.0 and longest < TOLERANCE**0.5 and residual < TOLERANCE:
+        size = np.abs(step).max() / law.gap_scale(level)
+        if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
             return _result(space, g, p, kappa, iteration, residual)
     raise ConvergenceError(
         "working_point",
@@ -150,5 +156,11 @@ def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     return float(max(space.area @ stiffness / space.area.sum(), 1.0))
 
 
-def _uniform_start(space: ContactSpace, point: OperatingPoint) -> np.ndarray:
-    return np.full(len(space.area), point.law.gap_at(_mean_pressure(space, point)))
+def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:
+    """Share of a Newton step to go, so that no point closes too far.
+
+    Opening is harmless, and so is closing up to the gap of the pressure `level`: limiting those too
+    takes a hundred iterations where a stiff contact opens widely.
+    """
+    closing = float((np.minimum(g, law.gap_at(level)) - g - step).max() / law.gap_scale(level))
+    return min(1.0, MAX_STEP / closing) if closing > 0 else 1.0

@@ -18,6 +18,7 @@ from squealstudy.study.files import write_atomic
 
 ENVIRONMENT = "SQUEALSTUDY_CACHE"
 META = "meta.json"
+ARRAYS = ("shape_basis", "sensor_shapes", "nominal_gap")
 PARTS = {"space": ContactSpace, "model": ReducedModel}
 
 
@@ -35,8 +36,13 @@ def prepared_path(key: str) -> Path:
 
 
 def is_prepared(key: str) -> bool:
-    """Whether the cache holds that model, whole."""
-    return (prepared_path(key) / META).is_file()
+    """Whether the cache holds that model, whole: every array there in its full size."""
+    path = prepared_path(key)
+    try:
+        sizes = json.loads((path / META).read_text(encoding="utf-8"))["files"]
+        return all((path / name).stat().st_size == size for name, size in sizes.items())
+    except (OSError, ValueError, KeyError):
+        return False
 
 
 def save_prepared(key: str, prepared: PreparedModel) -> Path:
@@ -53,8 +59,9 @@ def save_prepared(key: str, prepared: PreparedModel) -> Path:
                 np.save(temporary / f"{part}.{f.name}.npy", item)
             else:
                 scalars[f"{part}.{f.name}"] = item
-    np.save(temporary / "shape_basis.npy", prepared.shape_basis)
-    np.save(temporary / "nominal_gap.npy", prepared.nominal_gap)
+    for name in ARRAYS:
+        np.save(temporary / f"{name}.npy", getattr(prepared, name))
+    scalars["files"] = {p.name: p.stat().st_size for p in sorted(temporary.iterdir())}
     (temporary / META).write_text(json.dumps(scalars), encoding="utf-8")
     try:
         temporary.rename(target)
@@ -92,8 +99,7 @@ def load_prepared(key: str) -> PreparedModel:
     return PreparedModel(
         space,
         model,
-        np.load(path / "shape_basis.npy", mmap_mode="r"),
-        np.load(path / "nominal_gap.npy", mmap_mode="r"),
+        *(np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS),
         scalars["timings"],
     )
 

@@ -53,3 +53,9 @@ def write_json(path: Path, content: Any) -> None:
 
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
+
+
+def remove_leftovers(directory: Path) -> None:
+    """Remove temporary files that a killed run left below `directory` (hold its lock)."""
+    for path in directory.rglob(".*.tmp"):
+        path.unlink(missing_ok=True)

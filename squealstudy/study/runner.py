@@ -6,6 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from joblib import Parallel, delayed, parallel_config
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
 from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.manifest import (
     check_ownership,
@@ -119,6 +121,7 @@ def run_study(
         found = check_ownership(directory, plan)
         if found and _is_complete(found, plan, directory):
             return RunReport(directory, found, 0, len(plan.tasks))
+        remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **_structure_timings(plan, failures)}
         write_manifest(directory, manifest)
@@ -140,8 +143,14 @@ def _is_complete(found: dict[str, Any], plan: Plan, directory: Path) -> bool:
 def _parallel(jobs: int, tasks: Sequence[Any]) -> Iterator[Any]:
     """Results of delayed tasks as they come, on loky workers with one BLAS thread each."""
     workers = max(1, min(jobs, len(tasks)))
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(tasks)
+    try:
+        with parallel_config(backend="loky", inner_max_num_threads=1):
+            yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(tasks)
+    except BrokenProcessPool as error:
+        raise SquealstudyError(
+            "a worker process died (out of memory, or killed); what is finished is kept, and the "
+            "same command goes on from there, with fewer workers by --jobs"
+        ) from error
 
 
 def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str]:

@@ -14,6 +14,7 @@ import pyarrow as pa
 from squealstudy.analysis.tracking import Tracks, track
 from squealstudy.analysis.tracking_tree import tracking_tree
 from squealstudy.errors import ResultsError
+from squealstudy.study.alignment import ShapeAlignment
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.files import write_parquet
 from squealstudy.study.plan import Plan
@@ -54,11 +55,13 @@ def read_references(directory: Path) -> dict[str, dict[str, Any]]:
 def _track(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Tracks:
     """Track the oscillating modes over the design."""
     lams, shapes = [], []
-    for row in rows:
+    alignment = ShapeAlignment(plan)
+    for task, row in zip(plan.tasks, rows, strict=True):
         modes = [m for m in row["modes"] if not m["overdamped"]]
         lams.append(np.array([complex(m["re"], m["im"]) for m in modes]))
         vectors = [np.frombuffer(m["shape"], dtype=np.complex64) for m in modes]
-        shapes.append(np.stack(vectors) if vectors else np.zeros((0, 1), dtype=np.complex64))
+        stacked = np.stack(vectors) if vectors else np.zeros((0, 1), dtype=np.complex64)
+        shapes.append(alignment.apply(task.prepared_key, stacked))
     parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
     return track(parents, lams, shapes)
 

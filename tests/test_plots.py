@@ -1,0 +1,621 @@
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PathCollection, QuadMesh, TriMesh
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from squealstudy.analysis.ranking import rank_modes
+from squealstudy.errors import ResultsError
+from squealstudy.plots.evolution import evolution
+from squealstudy.plots.files import save_figure
+from squealstudy.plots.labels import Label, place_labels
+from squealstudy.plots.plane import study_plane
+from squealstudy.plots.ranking_bars import mean_energies, ranking_bars
+from squealstudy.plots.stability_diagram import stability_diagram
+from squealstudy.plots.stability_map import cell_edges, stability_map
+from squealstudy.plots.style import damping_limits, is_geometric, quantity
+
+UNITS = {"friction": "", "pressure": "Pa", "sliding_speed": "m/s"}
+MU, P = np.linspace(0.0, 0.7, 8), np.array([2e5, 4e5, 8e5, 12e5, 20e5, 30e5])
+
+
+def points_table(friction, pressure, failed=(), **others):
+    n = len(friction)
+    status = ["working_point" if i in failed else "ok" for i in range(n)]
+    head = {"point_id": [f"p{i}" for i in range(n)], "status": status, "message": "", "wall_s": 1.0}
+    swept = {"friction": friction, "pressure": pressure, "sliding_speed": 0.5}
+    nan = {"reference_frequency_error": np.nan, "reference_damping_error": np.nan}
+    return pd.DataFrame(head | swept | others | {"n_modes": 6} | nan)
+
+
+def modes_table(points):
+    """Four tracks: 1 locks in with 2 at mu = 0.4, 3 is stable, 4 heavily damped."""
+    rows = []
+    for point in points[points["status"] == "ok"].to_dict("records"):
+        mu, p = point["friction"], point["pressure"] / 1e6
+        zeta = {1: 0.008 - 0.02 * mu, 2: 0.002 + 0.03 * mu, 3: 0.004 + 1e-3 * p, 4: 0.2}
+        for track, z in zeta.items():
+            frequency = {1: 3000 + 60 * mu, 2: 3100 - 60 * mu, 3: 5000 + 80 * p, 4: 900}[track]
+            rows.append(
+                {"point_id": point["point_id"], "mode": track, "track": track, "track_mac": 0.99}
+                | {"frequency_hz": float(frequency), "damping_ratio": z, "residual": 1e-14}
+                | {"energy_disc": 0.5, "energy_pad": 0.2 + 0.1 * mu}
+            )
+    modes = pd.DataFrame(rows)
+    modes["growth_rate"] = -modes["damping_ratio"] * 2 * np.pi * modes["frequency_hz"]
+    modes["unstable"] = modes["damping_ratio"] < 0
+    modes["overdamped"] = False
+    modes["track_ambiguous"] = False
+    modes["energy_interfaces"] = 1.0 - modes["energy_disc"] - modes["energy_pad"]
+    return modes
+
+
+def grid(failed=()):
+    mu, p = np.meshgrid(MU, P)
+    points = points_table(mu.ravel(), p.ravel(), failed)
+    return points, modes_table(points)
+
+
+def one_line(failed=()):
+    points = points_table(MU, np.full(len(MU), 12e5), failed)
+    return points, modes_table(points)
+
+
+def stable(tables):
+    points, modes = tables
+    return points, modes.assign(
+        damping_ratio=modes["damping_ratio"].abs() + 1e-3,
+        growth_rate=-1.0 - modes["growth_rate"].abs(),
+        unstable=False,
+    )
+
+
+def drawn(figure):
+    """Render as a file would be; all texts that show."""
+    FigureCanvasAgg(figure)
+    figure.draw_without_rendering()
+    return [text.get_text() for text in figure.findobj(lambda o: hasattr(o, "get_text"))]
+
+
+def dots(axes):
+    """Points of each scatter."""
+    return [len(c.get_offsets()) for c in axes.collections if isinstance(c, PathCollection)]
+
+
+def curve(axes, label_x):
+    return [line for line in axes.get_lines() if len(line.get_xdata()) == len(label_x)]
+
+
+# -- what all pictures share
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "label", "text"),
+    [
+        ("pressure", [2e5, 30e5], "pressure [MPa]", "pressure = 1.2 MPa"),
+        ("friction", [0.0, 0.7], "friction", "friction = 1.2e+06"),
+        ("sliding_speed", [0.1, 3e6], "sliding_speed [m/s]", "sliding_speed = 1.2e+06 m/s"),
+        ("contact.lambda", [5e4, 5e6], "contact.lambda", "contact.lambda = 1.2e+06"),
+    ],
+)
+def test_parameters_are_shown_with_units(name, values, label, text):
+    shown = quantity(name, pd.Series(values), UNITS)
+    assert shown.label == label
+    assert shown.text(1.2e6) == text
+
+
+def test_scaled_values_and_ticks():
+    shown = quantity("pressure", pd.Series(P), UNITS)
+    assert np.allclose(shown.scaled(pd.Series(P)), P / 1e6)
+    assert shown.ticks(pd.Series(P)) == pytest.approx([0.2, 0.4, 0.8, 1.2, 2.0, 3.0])
+    assert shown.ticks(pd.Series(np.linspace(1, 2, 40))) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "log"),
+    [
+        (P, True),
+        (np.geomspace(1e4, 1e6, 5), True),
+        (MU, False),
+        (np.linspace(2e5, 30e5, 6), False),
+        ([0.0, 1.0, 10.0, 100.0], False),
+        ([1.0, 10.0], False),
+        ([1.0, 1.1, 1.21, 1.331], False),
+    ],
+)
+def test_geometric_spacing_is_recognised(values, log):
+    assert is_geometric(np.asarray(values)) == log
+
+
+@given(st.lists(st.floats(1e-3, 1e6), min_size=1, max_size=20, unique=True), st.booleans())
+@settings(max_examples=50, deadline=None)
+def test_every_value_lies_in_its_cell(values, log):
+    values = np.array(sorted(values))
+    edges = cell_edges(values, log)
+    assert len(edges) == len(values) + 1
+    assert (np.diff(edges) >= 0).all()
+    tolerance = 1e-12 * np.abs(edges).max()
+    assert (edges[:-1] <= values + tolerance).all()
+    assert (values <= edges[1:] + tolerance).all()
+
+
+def test_cell_edges_are_midway():
+    assert np.allclose(cell_edges(np.array([1.0, 2.0, 4.0]), False), [0.5, 1.5, 3.0, 5.0])
+    halves = cell_edges(np.array([1.0, 2.0, 4.0]), True)
+    assert np.allclose(halves, 2.0 ** np.array([-0.5, 0.5, 1.5, 2.5]))
+
+
+def test_damping_limits_show_instability_and_leave_out_heavy_damping():
+    low, high = damping_limits(np.array([-1.0, 0.5, 80.0, np.nan]))
+    assert low < -1.0
+    assert 0.5 < high < 10
+    assert damping_limits(np.array([])) == pytest.approx((-0.05, 0.5))
+
+
+def test_labels_keep_off_each_other():
+    figure = Figure(figsize=(6, 4))
+    axes = figure.add_subplot()
+    axes.set_xlim(0, 10)
+    axes.set_ylim(0, 10)
+    labels = [Label(5 + 0.01 * k, 5.0, f"T{k}  3250 Hz") for k in range(8)]
+    labels += [Label(9.99, 9.99, "corner 8000 Hz"), Label(0.0, 0.0, "corner 500 Hz")]
+    place_labels(figure, axes, labels, np.zeros((0, 2)))
+    figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    notes = [text for text in axes.texts if isinstance(text, Annotation)]
+    boxes = [Annotation.get_window_extent(note, renderer) for note in notes]
+    texts = [super(Annotation, note).get_window_extent(renderer) for note in notes]
+    assert len(boxes) == 10
+    frame = axes.get_window_extent()
+    for k, one in enumerate(texts):
+        assert not any(one.overlaps(other) for other in texts[:k])
+        assert frame.x0 - 1 <= one.x0
+        assert one.x1 <= frame.x1 + 1
+        assert frame.y0 - 1 <= one.y0
+        assert one.y1 <= frame.y1 + 1
+
+
+# -- stability diagram
+
+
+def test_diagram_of_one_point():
+    points, modes = grid()
+    point = points[(points["friction"] > 0.69) & (points["pressure"] == 12e5)].iloc[0]
+    figure = stability_diagram(points, modes, point["point_id"], units=UNITS)
+    axes = figure.axes[0]
+    assert dots(axes) == [3, 1]
+    unstable = axes.collections[1].get_offsets()
+    assert np.allclose(unstable, [[3042.0, -0.6]])
+    texts = drawn(figure)
+    assert "T1  3042 Hz" in texts
+    title = axes.get_title(loc="left")
+    assert title.startswith("friction = 0.7, pressure = 1.2 MPa\n1 of 4 modes unstable; 1 above")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Frequency [Hz]", "Damping ratio [%]")
+    assert axes.get_ylim()[0] < -0.6
+
+
+def test_diagram_of_all_points():
+    points, modes = grid(failed=(3,))
+    figure = stability_diagram(points, modes, colour_by="pressure", units=UNITS)
+    assert sum(dots(figure.axes[0])) == len(modes) == 4 * 47
+    assert dots(figure.axes[0])[1] == modes["unstable"].sum()
+    colours = figure.axes[0].collections[1].get_array()
+    assert set(np.round(colours, 6)) == set(np.round(P / 1e6, 6))
+    texts = drawn(figure)
+    assert figure.axes[1].get_ylabel() == "pressure [MPa]"
+    assert "T1  3042 Hz" in texts
+    assert not any(text.startswith(("T2", "T3", "T4")) for text in texts)
+    assert "1 unstable track" in figure.axes[0].get_title(loc="left")
+    assert "1 point failed" in figure.axes[0].get_title(loc="left")
+
+
+def test_diagram_is_coloured_by_the_first_varied_parameter():
+    figure = stability_diagram(*grid(), units=UNITS)
+    assert figure.axes[1].get_ylabel() == "friction"
+
+
+def test_overdamped_roots_are_counted_not_drawn():
+    points, modes = one_line()
+    extra = (
+        modes[modes["point_id"] == "p7"]
+        .iloc[:2]
+        .assign(overdamped=True, damping_ratio=[-1.0, 1.0], unstable=[True, False], track=[8, 9])
+    )
+    figure = stability_diagram(points, pd.concat([modes, extra], ignore_index=True), "p7")
+    assert sum(dots(figure.axes[0])) == 4
+    title = figure.axes[0].get_title(loc="left")
+    assert "2 overdamped roots not shown; 1 of them unstable" in title
+    assert figure.axes[0].get_ylim()[0] > -5
+
+
+def test_modes_without_tracks_are_drawn_and_named():
+    points, modes = one_line()
+    modes["track"] = -1
+    assert "3042 Hz" in drawn(stability_diagram(points, modes, "p7"))
+    title = stability_diagram(points, modes).axes[0].get_title(loc="left")
+    assert f"{modes['unstable'].sum()} unstable modes without track" in title
+
+
+def test_diagram_with_nothing_unstable_or_no_modes_at_all():
+    points, modes = stable(grid())
+    figure = stability_diagram(points, modes)
+    assert dots(figure.axes[0]) == [len(modes), 0]
+    assert "0 unstable tracks" in figure.axes[0].get_title(loc="left")
+    empty = stability_diagram(points.assign(status="failed"), modes.iloc[:0])
+    assert "no modes" in drawn(empty)
+
+
+def test_diagram_of_a_single_point_study():
+    points, modes = one_line()
+    figure = stability_diagram(points.iloc[7:], modes[modes["point_id"] == "p7"], units=UNITS)
+    assert dots(figure.axes[0]) == [3, 1]
+    assert "pressure = 1.2 MPa" in figure.axes[0].get_title(loc="left")
+
+
+def test_diagram_refuses_what_is_not_there():
+    points, modes = grid()
+    with pytest.raises(ResultsError, match="no design point 'q1'"):
+        stability_diagram(points, modes, "q1")
+    with pytest.raises(ResultsError, match="'mu' is no parameter"):
+        stability_diagram(points, modes, colour_by="mu")
+
+
+# -- evolution
+
+
+def test_evolution_draws_every_track_on_the_line():
+    points, modes = grid()
+    figure = evolution(points, modes, "friction", {"pressure": 12e5}, UNITS)
+    upper, lower = figure.axes[:2]
+    line = modes[modes["point_id"].isin(points["point_id"][points["pressure"] == 12e5])]
+    for axes, column, factor in ((upper, "frequency_hz", 1.0), (lower, "damping_ratio", 100.0)):
+        curves = {
+            tuple(np.round(np.asarray(c.get_ydata(), float), 9))
+            for c in axes.get_lines()
+            if len(c.get_xdata()) == len(MU)
+        }
+        expected = {
+            tuple(np.round(factor * rows[column].to_numpy(), 9))
+            for _, rows in line.groupby("track")
+        }
+        assert expected <= curves
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("Frequency [Hz]", "Damping ratio [%]")
+    assert lower.get_xlabel() == "friction"
+    texts = drawn(figure)
+    assert "T1  3042 Hz" in texts
+    assert "pressure = 1.2 MPa; 1 unstable track" in texts
+
+
+def test_evolution_takes_the_line_of_most_unstable_modes():
+    points, modes = grid()
+    worse = points["point_id"][points["pressure"] == 4e5]
+    modes.loc[modes["point_id"].isin(worse) & (modes["track"] == 3), "unstable"] = True
+    figure = evolution(points, modes, "friction", units=UNITS)
+    assert any(text.startswith("pressure = 0.4 MPa") for text in drawn(figure))
+
+
+def test_evolution_over_a_geometric_parameter_is_on_a_log_axis():
+    points, modes = grid()
+    figure = evolution(points, modes, "pressure", {"friction": 0.7}, UNITS, "growth_rate")
+    lower = figure.axes[1]
+    assert lower.get_xscale() == "log"
+    assert lower.get_xlabel() == "pressure [MPa]"
+    assert lower.get_ylabel() == "Growth rate [1/s]"
+    drawn(figure)
+    ticks = [t.get_text() for t in lower.get_xticklabels()]
+    assert ticks == ["0.2", "0.4", "0.8", "1.2", "2", "3"]
+
+
+def test_the_root_locus_shows_the_track_and_its_neighbour():
+    points, modes = one_line()
+    locus = evolution(points, modes, "friction").axes[2]
+    curves = [np.asarray(line.get_ydata(), float) for line in locus.get_lines()]
+    for track in (1, 2):
+        expected = modes.loc[modes["track"] == track, "frequency_hz"].to_numpy()
+        assert any(len(c) == len(expected) and np.allclose(c, expected) for c in curves)
+    assert locus.get_xlabel() == "Growth rate [1/s]"
+    assert "rising friction" in locus.get_title(loc="left")
+
+
+def test_curves_are_broken_at_failed_points():
+    figure = evolution(*one_line(failed=(2, 5)), "friction")
+    lower = figure.axes[1]
+    broken = [
+        np.flatnonzero(np.isnan(np.asarray(c.get_ydata(), float))).tolist()
+        for c in lower.get_lines()
+        if len(c.get_xdata()) == len(MU)
+    ]
+    assert broken == [[2, 5]] * 4
+    crosses = [c for c in lower.get_lines() if c.get_marker() == "x" and not c.get_clip_on()]
+    assert np.allclose(crosses[0].get_xdata(), MU[[2, 5]])
+    assert any("2 points failed (x)" in text for text in drawn(figure))
+
+
+def test_ambiguous_labels_are_ringed():
+    points, modes = one_line()
+    modes.loc[(modes["track"] == 1) & (modes["point_id"] == "p4"), "track_ambiguous"] = True
+    figure = evolution(points, modes, "friction")
+    rings = [c for c in figure.axes[0].get_lines() if c.get_markersize() == 9]
+    assert [list(c.get_xdata()) for c in rings] == [[MU[4]]]
+    assert "ambiguous label" in drawn(figure)
+    assert "ambiguous label" not in drawn(evolution(*one_line(), "friction"))
+
+
+def test_many_unstable_tracks_share_a_colour():
+    points, modes = one_line()
+    many = pd.concat(
+        [
+            modes[modes["track"] == 1].assign(track=10 + k, frequency_hz=1000.0 + 100 * k)
+            for k in range(11)
+        ],
+        ignore_index=True,
+    )
+    texts = drawn(evolution(points, many, "friction"))
+    assert sum(text.startswith("T1") and text.endswith("Hz") for text in texts) == 8
+    assert "other unstable tracks" in texts
+
+
+@pytest.mark.parametrize("show", ["damping_ratio", "growth_rate"])
+def test_evolution_without_instability_or_modes(show):
+    points, modes = stable(one_line())
+    figure = evolution(points, modes, "friction", show=show)
+    assert len(figure.axes) == 2
+    assert any("no unstable mode" in text for text in drawn(figure))
+    low, high = figure.axes[1].get_ylim()
+    assert low < 0 < high
+    figure = evolution(points.assign(status="failed"), modes.iloc[:0], "friction", show=show)
+    assert any("8 points failed" in text for text in drawn(figure))
+
+
+def test_untracked_modes_are_dots():
+    points, modes = one_line()
+    figure = evolution(points, modes.assign(track=-1), "friction")
+    lines = figure.axes[1].get_lines()
+    crosses = [c for c in lines if c.get_marker() == "x" and c.get_clip_on()]
+    assert len(crosses[0].get_xdata()) == modes["unstable"].sum()
+    drawn(figure)
+
+
+def test_evolution_refuses_what_is_not_there():
+    points, modes = grid()
+    with pytest.raises(ResultsError, match="'sliding_speed' is not varied.*friction, pressure"):
+        evolution(points, modes, "sliding_speed")
+    with pytest.raises(ResultsError, match="no design point has pressure = 1"):
+        evolution(points, modes, "friction", {"pressure": 1.0})
+    with pytest.raises(ResultsError, match="'mu' is no parameter"):
+        evolution(points, modes, "friction", {"mu": 1.0})
+    with pytest.raises(ResultsError, match="expected damping_ratio or growth_rate"):
+        evolution(points, modes, "friction", show="volume")
+
+
+# -- stability map
+
+
+def mesh(axes, kind=QuadMesh):
+    return next(c for c in axes.collections if isinstance(c, kind))
+
+
+def test_map_counts_unstable_modes_in_cells():
+    points, modes = grid(failed=(9,))
+    figure = stability_map(points, modes, "friction", "pressure", units=UNITS)
+    axes = figure.axes[0]
+    counts = np.ma.filled(mesh(axes).get_array().reshape(len(P), len(MU)).astype(float), np.nan)
+    expected = np.tile((0.008 - 0.02 * MU < 0).astype(float), (len(P), 1))
+    expected[1, 1] = np.nan
+    assert np.array_equal(counts, expected, equal_nan=True)
+    corners = mesh(axes).get_coordinates()
+    assert np.allclose(corners[0, :, 0], cell_edges(MU, False))
+    assert np.allclose(corners[:, 0, 1], cell_edges(P / 1e6, True))
+    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("friction", "pressure [MPa]")
+    texts = drawn(figure)
+    assert "T1  3042 Hz" in texts
+    assert any("1 point failed (hatched)" in text for text in texts)
+    assert figure.axes[1].get_ylabel() == "Unstable modes"
+
+
+def boundary(axes):
+    """Vertices of the first contour."""
+    lines = [c for c in axes.collections if type(c).__name__.endswith("ContourSet")]
+    return lines[0].get_paths()[0].vertices
+
+
+def test_the_boundary_lies_at_zero_damping():
+    figure = stability_map(*grid(), "friction", "pressure", units=UNITS)
+    assert np.allclose(boundary(figure.axes[0])[:, 0], 0.4)
+
+
+def test_rounding_at_zero_friction_draws_no_boundary():
+    points, modes = grid()
+    zero = modes["point_id"].isin(points["point_id"][points["friction"] == 0.0])
+    flips = np.where(np.arange(zero.sum()) % 8 < 4, 1e-17, -1e-17)
+    modes.loc[zero, "damping_ratio"] = flips
+    modes.loc[zero, "unstable"] = False
+    line = boundary(stability_map(points, modes, "friction", "pressure").axes[0])
+    assert line[:, 0].min() > 0.3
+
+
+def test_map_of_growth():
+    points, modes = grid()
+    figure = stability_map(points, modes, "pressure", "friction", measure="growth", units=UNITS)
+    values = mesh(figure.axes[0]).get_array().reshape(len(MU), len(P))
+    fastest = modes.groupby("point_id")["growth_rate"].max()
+    expected = points.assign(g=points["point_id"].map(fastest)).pivot_table(
+        index="friction", columns="pressure", values="g"
+    )
+    assert np.allclose(values, expected.to_numpy())
+    assert figure.axes[1].get_ylabel() == "Largest growth rate [1/s]"
+    drawn(figure)
+
+
+def test_a_track_that_is_nowhere_stable_has_no_boundary():
+    points, modes = grid()
+    modes.loc[modes["track"] == 3, ["damping_ratio", "unstable", "growth_rate"]] = [-0.1, True, 9e3]
+    texts = drawn(stability_map(points, modes, "friction", "pressure"))
+    assert any(text.endswith("Hz: unstable throughout") for text in texts)
+
+
+def test_map_of_scattered_points():
+    rng = np.random.default_rng(0)
+    points = points_table(rng.uniform(0, 0.7, 60), rng.uniform(2e5, 30e5, 60), failed=(5,))
+    figure = stability_map(points, modes_table(points), "friction", "pressure", units=UNITS)
+    axes = figure.axes[0]
+    assert dots(axes) == [59]
+    assert len(mesh(axes, TriMesh).get_array()) == 59 or mesh(axes, TriMesh) is not None
+    assert np.allclose(boundary(axes)[:, 0], 0.4)
+    assert any("1 point failed (x)" in text for text in drawn(figure))
+
+
+def test_scattered_points_in_three_parameters_are_dots_only():
+    rng = np.random.default_rng(0)
+    a, b, c = rng.uniform(0.1, 1, (3, 40))
+    points = points_table(a, b, **{"contact.lambda": c})
+    figure = stability_map(points, modes_table(points), "friction", "pressure")
+    axes = figure.axes[0]
+    assert dots(axes) == [40]
+    assert not any(isinstance(k, TriMesh) for k in axes.collections)
+    assert "also varied: contact.lambda" in drawn(figure)
+
+
+def test_points_on_a_line_span_no_triangles():
+    mu = np.linspace(0, 0.7, 6)
+    points = points_table(mu, 1e6 * (1 + mu))
+    figure = stability_map(points, modes_table(points), "friction", "pressure")
+    assert dots(figure.axes[0]) == [6]
+    drawn(figure)
+
+
+def test_the_plane_of_most_unstable_modes_is_shown():
+    one, two = grid()[0].assign(speed=1.0), grid()[0].assign(speed=2.0)
+    points = pd.concat([one, two], ignore_index=True)
+    points["point_id"] = [f"p{i}" for i in range(len(points))]
+    modes = modes_table(points)
+    worse = modes["point_id"].isin(points["point_id"][points["speed"] == 2.0])
+    modes.loc[worse & (modes["track"] == 3), "unstable"] = True
+    figure = stability_map(points, modes, "friction", "pressure")
+    assert any(text.startswith("speed = 2") for text in drawn(figure))
+    plane = study_plane(points, modes, ("friction", "pressure"), {"speed": 1.0}, None, "count", 3)
+    assert plane.gridded
+    assert plane.value.max() == 1.0
+
+
+@pytest.mark.parametrize("measure", ["count", "growth"])
+def test_map_without_instability_or_modes(measure):
+    points, modes = stable(grid())
+    figure = stability_map(points, modes, "friction", "pressure", measure=measure)
+    assert any("no unstable track" in text for text in drawn(figure))
+    failed = points.assign(status="failed")
+    drawn(stability_map(failed, modes.iloc[:0], "friction", "pressure", measure=measure))
+
+
+def test_map_refuses_what_is_not_there():
+    points, modes = grid()
+    with pytest.raises(ResultsError, match="'pressure' is not varied.*friction"):
+        stability_map(*one_line(), "friction", "pressure")
+    with pytest.raises(ResultsError, match="'friction' twice"):
+        stability_map(points, modes, "friction", "friction")
+    with pytest.raises(ResultsError, match="expected count or growth"):
+        stability_map(points, modes, "friction", "pressure", measure="volume")
+
+
+# -- ranking
+
+
+def test_bars_of_the_ranking():
+    points, modes = grid()
+    modes.loc[modes["track"] == 3, "unstable"] = (
+        points.set_index("point_id")
+        .loc[modes.loc[modes["track"] == 3, "point_id"], "pressure"]
+        .to_numpy()
+        > 2.5e6
+    )
+    ranking = rank_modes(points, modes, along="friction")
+    figure = ranking_bars(ranking, modes, along="friction")
+    left, right = figure.axes
+    assert [bar.get_width() for bar in left.patches] == pytest.approx([37.5, 100 / 6])
+    assert [t.get_text() for t in left.get_yticklabels()] == ["T1   3034 Hz", "T3   5240 Hz"]
+    widths = np.array([bar.get_width() for bar in right.patches]).reshape(3, 2)
+    assert np.allclose(widths.sum(axis=0), 100.0)
+    assert np.allclose(widths[0], 50.0)
+    texts = drawn(figure)
+    assert {"disc", "pad", "interfaces"} <= set(texts)
+    assert any(text.endswith("from 0.4") for text in texts)
+    assert "the friction from which on unstable" in left.get_title(loc="left")
+
+
+def test_mean_energies_are_over_unstable_points_only():
+    points, modes = one_line()
+    modes.loc[~modes["unstable"], "energy_pad"] = 0.0
+    energies = mean_energies(modes, [1])
+    assert energies.loc[1, "pad"] == pytest.approx(0.2 + 0.1 * MU[MU > 0.4].mean())
+    assert list(energies.columns) == ["disc", "pad", "interfaces"]
+
+
+def test_bars_of_divergence_untracked_and_nan_energies():
+    points, modes = one_line()
+    modes.loc[modes["track"] == 1, "track"] = -1
+    modes.loc[modes["track"] == 2, ["overdamped", "unstable"]] = True
+    energies = ["energy_disc", "energy_pad", "energy_interfaces"]
+    modes[energies] = np.nan
+    figure = ranking_bars(rank_modes(points, modes), modes)
+    names = {t.get_text().split("   ")[0] for t in figure.axes[0].get_yticklabels()}
+    assert names == {"static divergence", "untracked"}
+    drawn(figure)
+    bare = modes.drop(columns=energies)
+    drawn(ranking_bars(rank_modes(points, bare), bare))
+
+
+def test_only_the_top_of_a_long_ranking_is_shown():
+    points, modes = one_line()
+    many = pd.concat(
+        [modes[modes["track"] == 1].assign(track=k) for k in range(1, 30)], ignore_index=True
+    )
+    figure = ranking_bars(rank_modes(points, many), many, top=5)
+    assert len(figure.axes[0].patches) == 5
+    assert "first 5 of 29 rows" in figure.axes[0].get_title(loc="left")
+
+
+def test_an_empty_ranking():
+    points, modes = stable(one_line())
+    assert "no unstable mode" in drawn(ranking_bars(rank_modes(points, modes), modes))
+
+
+# -- files
+
+
+def test_figures_are_saved_whole(tmp_path):
+    path = tmp_path / "new" / "map.png"
+    save_figure(stability_map(*grid(), "friction", "pressure"), path)
+    assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert [p.name for p in path.parent.iterdir()] == ["map.png"]
+
+
+def test_a_picture_that_fails_leaves_the_old_one(tmp_path):
+    class Broken(Figure):
+        def savefig(self, target, **kwargs):
+            target.write_bytes(b"half")
+            raise OSError("disk full")
+
+    path = tmp_path / "map.png"
+    path.write_bytes(b"old")
+    with pytest.raises(OSError, match="disk full"):
+        save_figure(Broken(), path)
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["map.png"]
+
+
+def test_pictures_leave_pyplot_alone():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, squealstudy.plots.evolution, squealstudy.plots.stability_map, "
+        "squealstudy.plots.stability_diagram, squealstudy.plots.ranking_bars, "
+        "squealstudy.plots.files; print('matplotlib.pyplot' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
