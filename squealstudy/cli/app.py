@@ -129,8 +129,7 @@ def main() -> None:
         if os.environ.get(DEBUG):
             raise
         sys.stderr.write(
-            f"squealstudy: internal error, {type(error).__name__}: {error}; "
-            f"{DEBUG}=1 shows where\n"
+            f"squealstudy: internal error, {type(error).__name__}: {error}; {DEBUG}=1 shows where\n"
         )
         raise SystemExit(INTERNAL_ERROR) from None
     except KeyboardInterrupt:

@@ -14,6 +14,7 @@ from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 from squealstudy.plots.evolution import evolution
 from squealstudy.plots.files import save_figure
+from squealstudy.plots.ranking_bars import ranking_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.results import Results
@@ -48,15 +49,16 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
     points, modes, units = results.points, results.modes, results.manifest["units"]
     varied = parameter_columns(points, varied=True)
     figures = {"stability_diagram": stability_diagram(points, modes, units=units)}
+    figures["ranking"] = ranking_bars(results.rank(), modes, along=results.along)
     if modes["unstable"].any() and len(points) > 1:
-        worst = modes.loc[modes["growth_rate"].idxmax(), "point_id"]
+        worst = str(modes["point_id"].iloc[int(modes["growth_rate"].to_numpy().argmax())])
         figures["stability_diagram_worst"] = stability_diagram(points, modes, worst, units=units)
     lines = [along] if along else varied if results.manifest["grid_shape"] else []
     for parameter in lines:
         name = f"evolution_{parameter.translate(NOT_IN_NAMES)}"
         fixed = _nominal(results, parameter, varied)
         figures[name] = evolution(points, modes, parameter, fixed, units)
-    if len(varied) == 2 and np.array_equal(*(np.unique(points[p]) for p in varied)):
+    if len(varied) == 2 and set(points[varied[0]]) == set(points[varied[1]]):
         figures["evolution_together"] = _together(results, varied, units)
     if len(varied) >= 2:
         for measure in ("count", "growth"):

@@ -73,8 +73,9 @@ def evolution(
     _draw(upper, line, "frequency_hz", 1.0)
     _draw(lower, line, show, VERTICAL[show][1])
     _finish(upper, lower, line, show)
-    for place, track in enumerate(tracks[:LOCI]):
-        draw_locus(right[0].add_subplot(LOCI, 1, place + 1), line, track)
+    rows = min(LOCI, len(tracks))
+    for place, track in enumerate(tracks[:rows]):
+        draw_locus(right[0].add_subplot(rows, 1, place + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
     _legend(figure, line)
     return figure
@@ -124,7 +125,9 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
 
 def _title(line: StudyLine) -> str:
     n = len(line.unstable_tracks)
-    parts = [line.elsewhere, plural(n, "unstable track") if n else "no unstable mode"]
+    loose = int(line.untracked["unstable"].sum())
+    parts = [line.elsewhere, plural(n, "unstable track") if n or loose else "no unstable mode"]
+    parts += [f"{plural(loose, 'unstable mode')} without track (x)"] if loose else []
     parts += [f"{plural(int(line.failed.sum()), 'point')} failed (x)"] if line.failed.any() else []
     return "; ".join(part for part in parts if part)
 

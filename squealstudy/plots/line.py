@@ -75,7 +75,7 @@ def study_line(
     shown = quantity(along, points[along], units)
     row = pd.Series(np.arange(len(line)), index=line["point_id"].to_numpy())
     rows = oscillating(modes[modes["point_id"].isin(line["point_id"])])
-    rows = rows.assign(row=rows["point_id"].map(row))
+    rows = rows.assign(row=rows["point_id"].map(row).astype("int64"))
     tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
 

@@ -103,8 +103,9 @@ def _all_points(
     stable = np.flatnonzero(~unstable)
     stable = stable[:: max(1, -(-len(stable) // STABLE_DOTS))]
     style: dict[str, Any] = {"cmap": "viridis", "norm": norm}
-    axes.scatter(x[stable], y[stable], c=colour[stable], s=7, alpha=0.6, linewidth=0, **style)
-    style |= {"edgecolor": "0.2", "linewidth": 0.3, "s": 20}
+    size = np.clip(8000 / max(len(modes), 1), 7, 24)
+    axes.scatter(x[stable], y[stable], c=colour[stable], s=size, alpha=0.6, linewidth=0, **style)
+    style |= {"edgecolor": "0.2", "linewidth": 0.3, "s": 13 + size}
     return axes.scatter(x[unstable], y[unstable], c=colour[unstable], **style)
 
 

@@ -100,7 +100,7 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     highest = float(np.nanmax(np.append(value, 0.0)))
     if measure == "count":
         classes = int(min(max(highest, 1), MOST_CLASSES))
-        shades = colormaps[SEVERITY](np.linspace(0.15, 1.0, classes))
+        shades = colormaps[SEVERITY](np.linspace(0.2, 1.0, max(classes, 5))[:classes])
         limits = [-0.5, *np.linspace(0.5, max(highest, 1) + 0.5, classes + 1)]
         return ListedColormap([STABLE, *shades]), BoundaryNorm(limits, classes + 1)
     colours = ListedColormap(colormaps[SEVERITY](np.linspace(0.1, 1.0, 256)))

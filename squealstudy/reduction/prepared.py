@@ -23,7 +23,6 @@ from squealstudy.reduction.cmt import (
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
-
 SENSORS = 900  # degrees of freedom, several times the number of modes they tell apart
 
 

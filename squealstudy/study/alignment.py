@@ -23,7 +23,7 @@ class ShapeAlignment:
         self._maps: dict[str, np.ndarray | None] = {}
 
     def apply(self, key: str, shapes: np.ndarray) -> np.ndarray:
-        """Unit shapes (m, k) in the first structure's coordinates, from those of structure `key`."""
+        """Unit shapes (m, k) of structure `key` in the first structure's coordinates."""
         if not self._several or key == self._first or not len(shapes):
             return shapes
         if key not in self._maps:

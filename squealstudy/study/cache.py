@@ -99,8 +99,8 @@ def load_prepared(key: str) -> PreparedModel:
     return PreparedModel(
         space,
         model,
-        *(np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS),
-        scalars["timings"],
+        **{name: np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS},
+        timings=scalars["timings"],
     )
 
 

@@ -145,7 +145,9 @@ def _parallel(jobs: int, tasks: Sequence[Any]) -> Iterator[Any]:
     workers = max(1, min(jobs, len(tasks)))
     try:
         with parallel_config(backend="loky", inner_max_num_threads=1):
-            yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(tasks)
+            yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(
+                tasks
+            )
     except BrokenProcessPool as error:
         raise SquealstudyError(
             "a worker process died (out of memory, or killed); what is finished is kept, and the "

@@ -148,7 +148,7 @@ class ModesSection(Section):
         description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake",
     )
     stability_tolerance: float = Field(
-        default=1e-9,
+        default=1e-7,
         ge=0,
         le=1,
         description="a mode is unstable where its damping ratio is below minus this",
