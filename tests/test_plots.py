@@ -333,6 +333,26 @@ def test_curves_are_broken_at_failed_points():
     assert any("2 points failed (x)" in text for text in drawn(figure))
 
 
+def test_curves_run_along_the_parameter_whatever_the_order_of_rows():
+    points, modes = one_line()
+    shuffled = points.sample(frac=1, random_state=1), modes.sample(frac=1, random_state=2)
+    one, other = evolution(points, modes, "friction"), evolution(*shuffled, "friction")
+    for a, b in zip(one.axes, other.axes, strict=True):
+        for line, same in zip(a.get_lines(), b.get_lines(), strict=True):
+            assert np.array_equal(line.get_xydata(), same.get_xydata(), equal_nan=True)
+
+
+@pytest.mark.parametrize("failed", [(), (2,)])
+def test_the_axes_fill_the_figure_however_often_it_is_drawn(failed):
+    figure = evolution(*one_line(failed), "friction")
+    drawn(figure)
+    before = [axes.get_window_extent().bounds for axes in figure.axes]
+    drawn(figure)
+    after = [axes.get_window_extent().bounds for axes in figure.axes]
+    assert np.allclose(before, after, atol=2.0)
+    assert sum(bounds[3] for bounds in after[:2]) > 0.7 * figure.bbox.height
+
+
 def test_ambiguous_labels_are_ringed():
     points, modes = one_line()
     modes.loc[(modes["track"] == 1) & (modes["point_id"] == "p4"), "track_ambiguous"] = True

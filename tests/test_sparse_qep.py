@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy.analysis.quadratic import backward_error, dense_roots
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, WoodburyFactor, smallest_roots
@@ -127,6 +128,11 @@ def test_factor_solves_blocks(columns, kind):
     np.testing.assert_allclose(K.sparse @ x, b, atol=1e-12 * np.abs(b).max())
     first = factor.solve(b[:, 0])
     np.testing.assert_allclose(first, x[:, 0], rtol=1e-12, atol=1e-18)
+
+
+def test_zero_pivot_is_a_named_failure():
+    with pytest.raises(ConvergenceError, match="singular"):
+        factorise(sp.csc_matrix(np.diag([1.0, 0.0])), backend="superlu")
 
 
 @pytest.mark.parametrize("n", [300, 450])

@@ -260,3 +260,11 @@ def test_sprag_has_no_equilibrium():
     with pytest.raises(ConvergenceError, match="no steady sliding") as failure:
         working_point(space, replace(operating, friction=1.5 * limit))
     assert failure.value.status == "working_point"
+
+
+def test_a_free_motion_has_no_working_point():
+    # both springs upright: nothing holds the mass along the belt, to round-off of cos 90 deg
+    assembly = build_model("hoffmann", alpha1=90.0, alpha2=90.0)
+    with pytest.raises(ConvergenceError, match="singular") as failure:
+        contact_space(assembly, 5e11, NO_SHAPES)
+    assert failure.value.status == "singular"

@@ -14,6 +14,7 @@ from squealstudy.errors import ResultsError
 NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "n_modes", "n_unstable"}
 NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
 NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
+ROUNDING = 1e-9
 DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
 KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 ORDER = {  # by: column, ascending
@@ -192,6 +193,7 @@ def _thresholds(
     entered = unstable & (first | ~np.roll(unstable, 1))
     before, x0 = np.maximum(np.roll(zeta, 1), 0.0), np.roll(at, 1)
     part = np.clip(before / np.maximum(before - zeta, np.finfo(float).tiny), 0.0, 1.0)
+    part[part < ROUNDING] = 0.0  # the damping before was zero but for round-off
     below = first & several & (at == start) & (group > 0)
     value = np.where(first, at, x0 + part * (at - x0))
     found = pd.DataFrame({"track": group, "value": np.where(below, -np.inf, value)})

@@ -118,7 +118,8 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
         "transform": lower.get_xaxis_transform(),
         "color": "0.2",
     }
-    lower.plot(line.x[line.failed], np.zeros(line.failed.sum()), "x", **place)
+    if line.failed.any():  # an unclipped curve without points would push the axes away
+        lower.plot(line.x[line.failed], np.zeros(line.failed.sum()), "x", **place)
     finish(upper, "", "Frequency [Hz]")
     finish(lower, line.shown.label, VERTICAL[show][0])
 

@@ -79,7 +79,7 @@ def stability_diagram(
         title = plural(len(shown), "design point")
     shade_unstable(axes)
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
-    axes.set_title(f"{title}\n{_summary(shown, table)}", fontsize=10, loc="left")
+    axes.set_title(f"{title}\n{_summary(shown, table)}", fontsize=9, loc="left")
     _edge_marks(axes, drawn)
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")

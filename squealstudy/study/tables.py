@@ -63,7 +63,7 @@ def _track(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Tracks:
         stacked = np.stack(vectors) if vectors else np.zeros((0, 1), dtype=np.complex64)
         shapes.append(alignment.apply(task.prepared_key, stacked))
     parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
-    return track(parents, lams, shapes)
+    return track(parents, lams, shapes, plan.coordinates)
 
 
 def _modes_table(
