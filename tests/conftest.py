@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 
 import hypothesis
 import pytest
+import threadpoolctl
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
@@ -23,10 +25,20 @@ from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
+threadpoolctl.threadpool_limits(1)  # as in workers; more threads are slower on a loaded machine
 hypothesis.settings.register_profile(
     "repeatable", derandomize=True, deadline=None
 )  # kernels may compile
 hypothesis.settings.load_profile("repeatable")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache_of_the_session(tmp_path_factory):
+    """Reductions of the tests stay out of the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "SQUEALSTUDY_CACHE" not in os.environ:
+            patch.setenv("SQUEALSTUDY_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 def pytest_collection_modifyitems(config, items):
