@@ -9,6 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from squealstudy.errors import ConvergenceError
+
+SINGULAR = "singular"  # status of the failure
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 
 
@@ -29,6 +32,11 @@ def factorise(A: sp.spmatrix, backend: str = "auto") -> Factor:
         Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest.
     backend : str
         ``auto`` (PARDISO where installed), ``superlu`` or ``pardiso``.
+
+    Raises
+    ------
+    ConvergenceError
+        ``singular``, where SuperLU meets a zero pivot.
     """
     if backend == "auto":
         backend = "pardiso" if importlib.util.find_spec("pypardiso") else "superlu"
@@ -59,12 +67,15 @@ class SuperLUFactor(_Refined):
 
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
-        self._lu = spla.splu(
-            A.tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        try:
+            self._lu = spla.splu(
+                A.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:  # "Factor is exactly singular"
+            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
     def _solve(self, b: np.ndarray) -> np.ndarray:
         if b.ndim == 1 or b.shape[1] <= BLOCK:

@@ -14,8 +14,11 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.linalg.factor import factorise
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import SINGULAR, Factor, factorise
 from squealstudy.models.assembly import Assembly
+
+HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
 @dataclass(frozen=True)
@@ -91,11 +94,17 @@ def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> Contact
         Contact stiffness per area, Pa/m: about that of the working points to come.
     shapes : ndarray (n_dof, m)
         U = M phi of component modes that may change; m may be 0.
+
+    Raises
+    ------
+    ConvergenceError
+        ``singular`` where neither springs nor contact hold some motion: no steady state.
     """
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True)
     K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc()
     factor = factorise(K0)
+    _check_held(K0, factor)
     X_N = factor.solve(c.N.T.toarray())
     X_U = factor.solve(shapes) if shapes.shape[1] else shapes
     loads = np.column_stack([assembly.load, assembly.constant_load])
@@ -113,3 +122,10 @@ def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> Contact
         loads.T @ X_U,
         shapes.T @ X_U,
     )
+
+
+def _check_held(K0: sp.csc_matrix, factor: Factor) -> None:
+    """Solve once for a known load: a matrix that is singular to round-off does not give it back."""
+    b = np.random.default_rng(0).standard_normal(K0.shape[0])
+    if not np.linalg.norm(K0 @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
+        raise ConvergenceError(SINGULAR, "the static stiffness is singular: some motion is free")

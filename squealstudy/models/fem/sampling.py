@@ -12,6 +12,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.fem.solid import Solid
 from squealstudy.models.surface import Surface
 
+INSIDE = 1e-8  # m, from the face into the facing solid
 # facet centre in (r, theta, z) -> keep it
 FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -51,9 +52,19 @@ def facing_surface(solid: Solid, surface: Surface) -> Surface:
     """The points of `surface` as seen by the facing `solid`: its own shape functions there.
 
     Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
+    The cells are looked up a hair inside `solid`: on the face itself it is round-off that decides.
     """
+    basis = solid.basis
+    find_cells = basis.mesh.element_finder(mapping=basis.mapping)
     try:
-        S = solid.basis.probes(surface.points.T)
+        cells = find_cells(*(surface.points + INSIDE * surface.normal).T)
     except ValueError as error:
         raise ModelError(f"a surface has points outside the facing solid ({error})") from error
-    return Surface(surface.points, surface.area, -surface.normal, sp.csr_matrix(S))
+    local = basis.mapping.invF(surface.points.T[:, :, None], tind=cells)
+    shape = [basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0] for k in range(basis.Nbfun)]
+    rows = np.tile(np.arange(len(cells)), basis.Nbfun)
+    S = sp.csr_matrix(
+        (np.ravel(shape), (rows, basis.element_dofs[:, cells].ravel())),
+        shape=(len(cells), basis.N),
+    )
+    return Surface(surface.points, surface.area, -surface.normal, S)
