@@ -11,7 +11,7 @@ import typer
 
 from squealstudy.errors import SquealstudyError
 
-INTERNAL_ERROR, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+INTERNAL_ERROR, USAGE_ERROR = 1, 2
 DEBUG = "SQUEALSTUDY_DEBUG"
 
 app = typer.Typer(
@@ -132,6 +132,3 @@ def main() -> None:
             f"squealstudy: internal error, {type(error).__name__}: {error}; {DEBUG}=1 shows where\n"
         )
         raise SystemExit(INTERNAL_ERROR) from None
-    except KeyboardInterrupt:
-        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
-        raise SystemExit(INTERRUPTED) from None

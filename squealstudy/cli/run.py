@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
 
+INTERRUPTED = 130
 LISTED = 12  # modes in the ranking that a run prints
 
 
@@ -22,8 +24,12 @@ def run_command(
     """Run, rank, draw, and say where everything is."""
     plan = Plan(load_study(study))
     directory = output or default_directory(plan)
-    with screen.progress_bars() as progress:
-        report = run_study(plan, directory, jobs or os.cpu_count() or 1, yes, progress)
+    try:
+        with screen.progress_bars() as progress:
+            report = run_study(plan, directory, jobs or os.cpu_count() or 1, yes, progress)
+    except KeyboardInterrupt:
+        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
+        raise SystemExit(INTERRUPTED) from None
     results = Results.open(directory)
     screen.ranking(
         results.rank(top=LISTED), results.along, results.manifest["units"].get(results.along, "")

@@ -22,8 +22,8 @@ from rich.progress import (
 from rich.table import Table
 
 PLAIN_WIDTH = 132  # where the output is no terminal: wide enough for the ranking
-console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, soft_wrap=False)
-messages = Console(stderr=True)
+console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, highlight=False)
+messages = Console(stderr=True, markup=False)
 
 
 def facts(rows: Sequence[tuple[str, str]]) -> None:
