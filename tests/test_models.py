@@ -379,3 +379,14 @@ def test_frequencies_converge_on_refinement(name):
     assert (second < first).all()
     assert (first < 0.03).all()
     assert (second < 0.003).all()
+
+
+def test_named_surfaces_lie_where_they_should(brake):
+    components = {c.name: c for c in brake.assembly.components}
+    hub = components["disc"].coordinates[components["disc"].surfaces["hub"]]
+    assert np.hypot(hub[:, 0], hub[:, 1]).max() <= 0.050 + 1e-9
+    assert np.ptp(hub[:, 2]) < 1e-12
+    for pad, z in (("inner_pad", 0.0), ("outer_pad", 0.012)):
+        lining = components[pad].coordinates[components[pad].surfaces["lining"]]
+        np.testing.assert_allclose(lining[:, 2], z, atol=1e-12)
+    assert set(components["caliper"].surfaces) == {"fingers", "guides"}

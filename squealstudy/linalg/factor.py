@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 import numpy as np
@@ -43,13 +44,14 @@ def factorise(A: sp.spmatrix, backend: str = "auto") -> Factor:
     return PardisoFactor(A) if backend == "pardiso" else SuperLUFactor(A)
 
 
-class _Refined:
+class _Refined(ABC):
     """Iterative refinement and complex right-hand sides over a real `_solve`."""
 
     A: sp.csr_matrix
 
+    @abstractmethod
     def _solve(self, b: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
+        """Solve once, real right-hand sides."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Solve with one step of iterative refinement; see `Factor.solve`."""

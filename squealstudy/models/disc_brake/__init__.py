@@ -8,9 +8,11 @@ import numpy as np
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
+from squealstudy.models.disc_brake.faces import brake_faces
 from squealstudy.models.disc_brake.interfaces import BrakeInterfaces
 from squealstudy.models.disc_brake.parameters import OPTIONS, PARAMETERS
 from squealstudy.models.disc_brake.solids import COMPONENTS, MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.fem.sampling import surface_nodes
 from squealstudy.models.operating import law_from_values
 from squealstudy.models.parameter import ModelDefinition
 
@@ -24,8 +26,15 @@ def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Asse
         "outer_pad": mesher.pad(+1),
         "caliper": mesher.caliper(),
     }
+    faces = brake_faces(mesher)
     components = tuple(
-        Component(name, solids[name].M, solids[name].K, solids[name].coordinates)
+        Component(
+            name,
+            solids[name].M,
+            solids[name].K,
+            solids[name].coordinates,
+            {face: surface_nodes(solids[name], keep) for face, keep in faces[name].items()},
+        )
         for name in COMPONENTS
     )
     interfaces = BrakeInterfaces(mesher, solids, components)

@@ -23,12 +23,7 @@ def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) ->
     `points_per_side` 3 gives 3 x 3 points a facet. Corner-node lumping is not offered: the
     corner weights of an 8-node face are negative. Raises ModelError where no facet is kept.
     """
-    mesh = solid.grid.mesh
-    facets = mesh.boundary_facets()
-    x, y, z = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-    kept = facets[keep(np.hypot(x, y), np.arctan2(y, x), z)]
-    if not len(kept):
-        raise ModelError("a surface selects no facet of its component")
+    mesh, kept = solid.grid.mesh, kept_facets(solid, keep)
     basis = FacetBasis(mesh, ElementHexS2(), facets=kept, intorder=2 * points_per_side - 1)
     n_facets, n_qp = basis.dx.shape
     shape = np.stack([np.asarray(f[0]) for f in basis.basis])  # (20, n_facets, n_qp)
@@ -46,6 +41,23 @@ def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) ->
         np.asarray(basis.normals).reshape(3, -1).T,
         S,
     )
+
+
+def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
+    """Numbers of the boundary facets whose centre passes `keep`; ModelError where there is none."""
+    mesh = solid.grid.mesh
+    facets = mesh.boundary_facets()
+    x, y, z = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
+    kept: np.ndarray = facets[keep(np.hypot(x, y), np.arctan2(y, x), z)]
+    if not len(kept):
+        raise ModelError("a surface selects no facet of its component")
+    return kept
+
+
+def surface_nodes(solid: Solid, keep: FacetFilter) -> np.ndarray:
+    """Ascending node numbers of the boundary facets whose centre passes `keep`."""
+    nodes: np.ndarray = np.sort(solid.basis.get_dofs(facets=kept_facets(solid, keep)).all())
+    return nodes
 
 
 def facing_surface(solid: Solid, surface: Surface) -> Surface:
