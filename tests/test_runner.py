@@ -202,14 +202,12 @@ def test_chunks_balance_workers_and_bound_the_loss() -> None:
     assert len(parts) >= 8
 
 
-def test_reference_points_start_far_from_nominal() -> None:
+def test_reference_points_begin_at_the_upper_corner_and_spread() -> None:
     plan = hulten(0.6, 13)
-    chosen = reference_choice(plan, 3)
-    friction = [plan.swept[i]["friction"] for i in chosen]
-    assert friction[0] == max(
-        (plan.swept[i]["friction"] for i in range(13)), key=lambda x: abs(x - 0.5)
-    )
-    assert len(set(chosen)) == 3
+    friction = [plan.swept[i]["friction"] for i in reference_choice(plan, 3)]
+    assert friction == pytest.approx([0.6, 0.0, 0.3])
+    assert reference_choice(plan, 0) == []
+    assert sorted(reference_choice(plan, 99)) == list(range(13))
 
 
 # -- kill -----------------------------------------------------------------------------------------

@@ -204,26 +204,16 @@ def has_mesh(study: Study) -> bool:
 def reference_choice(plan: Plan, count: int) -> list[int]:
     """Indices of the design points to check by the full-order model.
 
-    The point farthest from the nominal one first, then those farthest from all chosen.
+    The upper corner of the swept box first (most friction, pressure, change), where a reduced
+    model has most to lose; then the points farthest from all chosen.
     """
     X = plan.coordinates
-    span = np.ptp(X, axis=0) if len(X) else np.ones(X.shape[1])
-    X = X / np.where(span > 0, span, 1.0)
-    nominal = _nominal_coordinates(plan, span)
-    distance = np.linalg.norm(X - nominal, axis=1)
-    chosen: list[int] = []
-    for _ in range(min(count, len(X))):
-        distance[chosen] = -1.0
-        best = int(np.argmax(distance))
-        chosen.append(best)
-        distance = np.minimum(distance, np.linalg.norm(X - X[best], axis=1))
+    if not X.shape[1]:
+        return list(range(min(count, len(X))))
+    span = np.ptp(X, axis=0)
+    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
+    chosen = [int(np.argmax(X.sum(axis=1)))][:count]
+    while 0 < len(chosen) < min(count, len(X)):
+        distance = np.linalg.norm(X[:, None] - X[None, chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(distance)))
     return chosen
-
-
-def _nominal_coordinates(plan: Plan, span: np.ndarray) -> np.ndarray:
-    x = []
-    for sweep, width in zip(plan.study.sweeps, span, strict=True):
-        value = plan.nominal_values[sweep.name]
-        value = np.log(value) if sweep.scale == "log" and value > 0 else value
-        x.append(value / (width if width > 0 else 1.0))
-    return np.array(x)

@@ -82,7 +82,14 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident size of this process so far, MB."""
+    """Largest resident size of this process so far, MB.
+
+    From /proc where there is one: getrusage gives a worker its parent's size at the fork.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        return float(fields["VmHWM"].split()[0]) / 1024.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 

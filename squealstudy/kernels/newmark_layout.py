@@ -1,0 +1,103 @@
+"""What the Newmark kernels read and write: arrays in named tuples, and their integer columns.
+
+n modes, nc contact points, nb design points, m shapes, ns sensors, L halvings. Every array of a
+design has the design first, so that the row of a design is contiguous.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+RUNNING, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = 0, 1, 2, 3, 4  # status of a design
+
+START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
+
+# columns of Work.counts
+STATUS, MODE, STEP, POSITION, LEVEL, ITERATION = 0, 1, 2, 3, 4, 5
+STEP_PASSES, PASSES, MAX_PASSES, HALVINGS, NEWTON_STEPS, SAVED = 6, 7, 8, 9, 10, 11
+N_COUNT = 12
+
+# columns of Work.real: sub-step and the one before s; Aitken factor; squared residual of the
+# iteration before; square of the smallest force that means anything; Newton's damping; largest
+# contraction factor; work of the loads and of the belt, dissipation by friction and damping,
+# stored energy at the start and at the end, J
+SUBSTEP, SUBSTEP_OLD, OMEGA, E2_OLD, FLOOR2, STEP_LENGTH = 0, 1, 2, 3, 4, 5
+CONTRACTION, W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 6, 7, 8, 9, 10
+STORED_START, STORED_END = 11, 12
+N_REAL = 13
+
+HISTORY = (
+    "time",  # s
+    "torque",  # N m, positive when it brakes
+    "normal_force",  # N
+    "stick",  # shares of the contact area
+    "slip",
+    "open",
+    "work_load",  # J, since the start
+    "work_belt",
+    "dissipated_friction",
+    "dissipated_damping",
+    "stored",  # J, from the reference state, loads of the reference included
+    "modal_energy",  # J, (v^2 + w^2 q^2) / 2 of all modes
+)
+
+
+# rows of Modal.modes
+W2, C, LOAD = 0, 1, 2
+# rows of Work.x: accepted state; acceleration before it; q and v of the new time without the part
+# of the new acceleration; trial state; B^T r there; residual, then correction; correction before
+Q, V, A, A_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5
+Q_TRIAL, V_TRIAL, A_TRIAL, FORCE, DELTA, DELTA_OLD = 6, 7, 8, 9, 10, 11
+N_ROWS = 12
+# columns of Work.point after contact_point.OUT_* of the trial state: w1, w2, t1, t2 accepted last;
+# t1, t2 of the iteration before; their change a second over the last sub-step
+OLD, GUESS, SLOPE = 6, 10, 12
+N_POINT = 14
+
+
+class Modal(NamedTuple):
+    """The design points; see analysis.transient for units. W2 contains N^T k_ref N."""
+
+    points: np.ndarray  # (nc, 8) contact_point.POINT_*
+    laws: np.ndarray  # (nb, 9) contact_point.LAW_*
+    modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
+    shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
+    tuned: np.ndarray  # (nb, 2, m) d, s
+    fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
+    sensors: np.ndarray  # (ns, n)
+
+
+class Settings(NamedTuple):
+    """How to integrate."""
+
+    h: float
+    n_steps: int
+    save_every: int  # 0: nothing is saved
+    tolerance: float  # force balance, relative
+    tolerance_t: float  # change of the friction forces between iterations, relative
+    max_iterations: int
+    max_halvings: int
+    newton: bool  # the reference method: a fresh Jacobian at every iteration
+    aitken: bool
+    dense: bool  # the fixed Jacobian is not diagonal
+
+
+class Work(NamedTuple):
+    """State of the iteration; rows Q, V, A at the end are the final state."""
+
+    x: np.ndarray  # (nb, N_ROWS, n)
+    point: np.ndarray  # (nb, nc, N_POINT)
+    lu: np.ndarray  # (nb (L + 1) + 1, n, n) factors by design and halving level; Newton's last
+    pivots: np.ndarray  # (nb (L + 1) + 1, n)
+    counts: np.ndarray  # (nb, N_COUNT) int
+    real: np.ndarray  # (nb, N_REAL)
+
+
+class Saved(NamedTuple):
+    """Decimated histories; as many rows as were saved are filled."""
+
+    history: np.ndarray  # (nb, rows, len(HISTORY))
+    sensed: np.ndarray  # (nb, rows, 2, ns) sensors @ q, sensors @ v
+    q: np.ndarray  # (nb, rows or 0, n)

@@ -1,0 +1,142 @@
+"""Energies, torque, contact shares and the rows of the histories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.contact_point import potential
+from squealstudy.kernels.friction_laws import mu_at
+from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.newmark_layout import (
+    D_DAMPING,
+    D_FRICTION,
+    LOAD,
+    OLD,
+    SAVED,
+    STEP,
+    V_TRIAL,
+    W2,
+    W_BELT,
+    W_LOAD,
+    C,
+    Modal,
+    Q,
+    Saved,
+    Settings,
+    V,
+    Work,
+)
+from squealstudy.kernels.newmark_vector import copy, dot, fill
+
+OPEN = 0.01  # a point is open below this share of the mean pressure
+
+
+@fast_kernel
+def add_work(modal: Modal, work: Work, k: int, h: float) -> None:
+    """Work over an accepted sub-step h by the trapezoidal rule: exact for average acceleration.
+
+    Called with the new velocity in row V_TRIAL and the old one in V.
+    """
+    x, modes = work.x[k], modal.modes[k]
+    w_load = 0.0
+    damped = 0.0
+    for j in range(x.shape[1]):
+        total = x[V, j] + x[V_TRIAL, j]
+        w_load += modes[LOAD, j] * total
+        damped += modes[C, j] * total * total
+    for m in range(modal.shapes.shape[0]):
+        y = dot(modal.shapes[m], x[V]) + dot(modal.shapes[m], x[V_TRIAL])
+        damped += modal.tuned[k, 0, m] * y * y
+    speed = modal.laws[k, 8]
+    belt = 0.0
+    sliding = 0.0
+    point, points = work.point[k], modal.points
+    for i in range(point.shape[0]):
+        w1 = point[i, OLD] + point[i, 1]
+        w2 = point[i, OLD + 1] + point[i, 2]
+        t1 = point[i, OLD + 2] + point[i, 4]
+        t2 = point[i, OLD + 3] + point[i, 5]
+        belt += t1
+        sliding += w1 * t1 + w2 * t2
+        w_load -= points[i, 6] * (w1 - 2.0 * speed) + points[i, 7] * w2
+    real = work.real[k]
+    real[W_LOAD] += 0.5 * h * w_load
+    real[W_BELT] -= 0.5 * h * speed * belt
+    real[D_FRICTION] -= 0.25 * h * sliding
+    real[D_DAMPING] += 0.25 * h * damped
+
+
+@fast_kernel
+def modal_energy(x: np.ndarray, w2: np.ndarray) -> float:
+    """Kinetic energy and that of the reference stiffness, J."""
+    total = 0.0
+    for j in range(w2.size):
+        total += x[V, j] * x[V, j] + w2[j] * x[Q, j] * x[Q, j]
+    return 0.5 * total
+
+
+@fast_kernel
+def stored_energy(modal: Modal, work: Work, k: int) -> float:
+    """All stored energy of design k from the reference state, J, contact potential included."""
+    x = work.x[k]
+    total = modal_energy(x, modal.modes[k, W2])
+    for m in range(modal.shapes.shape[0]):
+        y = dot(modal.shapes[m], x[Q])
+        total += 0.5 * modal.tuned[k, 1, m] * y * y
+    law = modal.laws[k]
+    code = int(law[0])
+    for i in range(modal.points.shape[0]):
+        point, gap = modal.points[i], work.point[k, i, 0]
+        U = potential(code, law[1], law[2], point[0] + gap)
+        U -= potential(code, law[1], law[2], point[0])
+        total += point[1] * U + point[5] * gap - 0.5 * point[4] * gap * gap
+    return total
+
+
+@fast_kernel
+def contact_row(points: np.ndarray, law: np.ndarray, trial: np.ndarray, row: np.ndarray) -> None:
+    """Torque, normal force and the stick, slip and open shares of the area into row[1:6]."""
+    torque = 0.0
+    force = 0.0
+    area = 0.0
+    for i in range(points.shape[0]):
+        torque -= points[i, 3] * trial[i, 4]
+        force += points[i, 1] * trial[i, 3]
+        area += points[i, 1]
+    stick = 0.0
+    opened = 0.0
+    for i in range(points.shape[0]):
+        p = trial[i, 3]
+        s = (trial[i, 1] * trial[i, 1] + trial[i, 2] * trial[i, 2]) ** 0.5
+        mu, _ = mu_at(law[4], law[5], law[6], s)
+        if p <= OPEN * force / area:
+            opened += points[i, 1] / area
+        elif law[7] * s < points[i, 2] * mu * p:
+            stick += points[i, 1] / area
+    row[1] = torque
+    row[2] = force
+    row[3] = stick
+    row[4] = 1.0 - stick - opened
+    row[5] = opened
+
+
+@fast_kernel
+def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> None:
+    """Append the accepted state of design k to its histories."""
+    counts, x = work.counts[k], work.x[k]
+    at = counts[SAVED]
+    row = saved.history[k, at]
+    fill(row, 0.0)
+    row[0] = counts[STEP] * settings.h
+    if modal.points.shape[0] > 0:
+        contact_row(modal.points, modal.laws[k], work.point[k], row)
+    for i in range(4):
+        row[6 + i] = work.real[k, W_LOAD + i]
+    row[10] = stored_energy(modal, work, k)
+    row[11] = modal_energy(x, modal.modes[k, W2])
+    for m in range(modal.sensors.shape[0]):
+        saved.sensed[k, at, 0, m] = dot(modal.sensors[m], x[Q])
+        saved.sensed[k, at, 1, m] = dot(modal.sensors[m], x[V])
+    if saved.q.shape[1] > 0:
+        copy(x[Q], saved.q[k, at])
+    counts[SAVED] += 1

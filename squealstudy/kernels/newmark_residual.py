@@ -1,0 +1,74 @@
+"""Residual of a Newmark step at a trial state, and the change of the friction forces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.newmark_layout import (
+    A_TRIAL,
+    DELTA,
+    FLOOR2,
+    FORCE,
+    GUESS,
+    LOAD,
+    Q_TRIAL,
+    V_TRIAL,
+    W2,
+    C,
+    Modal,
+    Work,
+)
+from squealstudy.kernels.newmark_vector import dot, move
+
+
+@fast_kernel
+def balance(x: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
+    """DELTA = load + FORCE - a - c v - w2 q; the squares of it and of its scale |a|, |FORCE|."""
+    e2 = 0.0
+    scale2 = 0.0
+    for j in range(x.shape[1]):
+        a, F = x[A_TRIAL, j], x[FORCE, j]
+        R = modes[LOAD, j] + F - a
+        R -= modes[C, j] * x[V_TRIAL, j] + modes[W2, j] * x[Q_TRIAL, j]
+        x[DELTA, j] = R
+        e2 += R * R
+        scale2 += a * a + F * F
+    return e2, scale2
+
+
+@fast_kernel
+def residual(modal: Modal, work: Work, k: int) -> tuple[float, float]:
+    """Force residual of design k into row DELTA; its square and the square of its scale."""
+    x = work.x[k]
+    e2, scale2 = balance(x, modal.modes[k])
+    for m in range(modal.shapes.shape[0]):
+        u = modal.shapes[m]
+        force = modal.tuned[k, 0, m] * dot(u, x[V_TRIAL]) + modal.tuned[k, 1, m] * dot(
+            u, x[Q_TRIAL]
+        )
+        move(x[DELTA], -force, u)
+        e2 = dot(x[DELTA], x[DELTA])
+    return e2, scale2
+
+
+@fast_kernel
+def friction_change(modal: Modal, work: Work, k: int) -> tuple[float, float]:
+    """Squared change of the friction forces since the guess, and the square of their bounds.
+
+    This is the balance in the tangential directions: points that stick hardly show in the forces
+    of all modes. The new forces become the guess.
+    """
+    mu = modal.laws[k, 4]
+    point, points = work.point[k], modal.points
+    change = 0.0
+    bounds = work.real[k, FLOOR2]
+    for i in range(point.shape[0]):
+        e1 = point[i, 4] - point[i, GUESS]
+        e2 = point[i, 5] - point[i, GUESS + 1]
+        change += e1 * e1 + e2 * e2
+        bound = points[i, 1] * points[i, 2] * mu * point[i, 3]
+        bounds += bound * bound
+        point[i, GUESS] = point[i, 4]
+        point[i, GUESS + 1] = point[i, 5]
+    return change, bounds
