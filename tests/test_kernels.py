@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,3 +131,19 @@ def test_every_law_has_a_code_of_its_own():
 def test_bad_law_is_refused(arguments):
     with pytest.raises(ModelError):
         ContactLaw(**arguments)
+
+
+def test_compiled_kernels_are_kept_by_a_hash_of_all_sources(tmp_path, monkeypatch):
+    from squealstudy.kernels import jit
+
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    before = jit.compiled_directory()
+    assert before.is_relative_to(tmp_path)
+    copy = tmp_path / "kernels_source"
+    copy.mkdir()
+    for path in Path(jit.__file__).parent.glob("*.py"):
+        (copy / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setattr(jit, "__file__", str(copy / "jit.py"))
+    assert jit.compiled_directory() == before
+    (copy / "friction_laws.py").write_text("# another law")
+    assert jit.compiled_directory() != before

@@ -110,7 +110,7 @@ def test_other_friction_range_reuses_reduction_and_working_points(
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     run_study(hulten(0.6, 13), tmp_path / "a", jobs=1)
     report = run_study(hulten(0.3, 7), tmp_path / "b", jobs=1)
-    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert len(list((tmp_path / "cache" / "models").iterdir())) == 1
     assert report.n_solved == 7
     assert report.manifest["timings"]["working_points_reused"] == 7
     a, b = comparable(tmp_path / "a")[1], comparable(tmp_path / "b")[1]
@@ -287,7 +287,7 @@ def test_a_damaged_cache_entry_is_made_again(
 ) -> None:
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     run_study(hulten(), tmp_path / "a", jobs=1)
-    (entry,) = (tmp_path / "cache").iterdir()
+    (entry,) = (tmp_path / "cache" / "models").iterdir()
     (entry / "model.k_el.npy").write_bytes(b"")
     run_study(hulten(), tmp_path / "b", jobs=1)
     for a, b in zip(comparable(tmp_path / "a"), comparable(tmp_path / "b"), strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import sys
+import shutil
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any
 
@@ -21,8 +21,11 @@ from rich.progress import (
 )
 from rich.table import Table
 
-PLAIN_WIDTH = 132  # where the output is no terminal: wide enough for the ranking
-console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, highlight=False)
+NARROW, WIDE = 6, 30  # least column widths: figures are never cut
+LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
+console = Console(
+    width=max(shutil.get_terminal_size().columns, LEAST_WIDTH), markup=False, highlight=False
+)
 messages = Console(stderr=True, markup=False)
 
 
@@ -41,13 +44,12 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     if not len(table):
         console.print("No mode is unstable anywhere in the study.")
         return
-    onset = [f"from {along}" + (f" [{unit}]" if unit else "")] if along else []
-    titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *onset]
+    titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *(["onset"] if along else [])]
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in titles:
-        grid.add_column(title, justify="right", no_wrap=True)
-    for title in ("energy in", "worst at"):
-        grid.add_column(title, no_wrap=True)
+        grid.add_column(title, justify="right", no_wrap=True, min_width=NARROW)
+    grid.add_column("energy in", no_wrap=True, min_width=WIDE)
+    grid.add_column("worst at", no_wrap=True)
     for row in table.to_dict("records"):
         grid.add_row(
             _label(row),
@@ -58,14 +60,26 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
             *([_threshold(row)] if along else []),
             f"{row['main_component']} {100 * row['main_share']:.0f} %, "
             f"{row['second_component']} {100 * row['second_share']:.0f} %",
-            str(row["at"]),
+            ", ".join(value for _, value in _settings(row)),
         )
     console.print(grid)
     console.print(
         "unstable: share of the design points; growth, damping: at the worst point", style="dim"
     )
+    names = ", ".join(name for name, _ in _settings(table.iloc[0].to_dict()))
+    if names:
+        console.print(f"worst at: {names}", style="dim")
+    if along:
+        name = f"{along} [{unit}]" if unit else along
+        console.print(f"onset: {name} from which on the mode is unstable", style="dim")
     if table["ambiguous"].any():
         console.print("~ tracking was ambiguous somewhere on this mode's lines", style="dim")
+
+
+def _settings(row: dict[Hashable, Any]) -> list[tuple[str, str]]:
+    """Names and values of the worst point, from its text in the ranking."""
+    parts = [part.rpartition("=") for part in str(row["at"]).split(", ") if "=" in part]
+    return [(name, value) for name, _, value in parts]
 
 
 def _label(row: dict[Hashable, Any]) -> str:

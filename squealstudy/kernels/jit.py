@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 
+from squealstudy.paths import cache_directory
+
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled_directory() -> Path:
+    """Cache of compiled kernels, named by a hash of all kernel sources.
+
+    numba recompiles a kernel when its own file changes, not when one that it calls does: a hash
+    of them all never meets stale code, and works where the package cannot be written to.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return cache_directory() / "kernels" / digest.hexdigest()[:16]
+
+
+if not numba.config.CACHE_DIR:
+    numba.config.CACHE_DIR = str(compiled_directory())
 
 REORDER = {"reassoc", "contract", "nsz", "arcp"}  # sums may be vectorised; NaN and inf keep meaning
 

@@ -11,6 +11,7 @@ from squealstudy.plots.style import UNSTABLE, finish
 
 NEAR = 0.03  # relative distance in frequency within which other tracks are shown
 LEFT = 2.0  # of the fastest growth: how far the stable side reaches
+LONGEST_NAME = 36  # characters that fit a title
 
 
 def draw_locus(axes: Axes, line: StudyLine, track: int) -> None:
@@ -28,7 +29,8 @@ def draw_locus(axes: Axes, line: StudyLine, track: int) -> None:
     axes.axvspan(0.0, 1.2 * fastest, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
     axes.axvline(0.0, color="0.2", linewidth=1.0, zorder=1)
     finish(axes, "Growth rate [1/s]", "Frequency [Hz]")
-    axes.set_title(f"T{track}, arrows: rising {line.shown.name}", fontsize=9, loc="left")
+    name = line.shown.name if len(line.shown.name) <= LONGEST_NAME else "values"
+    axes.set_title(f"T{track}, arrows: rising {name}", fontsize=9, loc="left")
 
 
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from dataclasses import fields
@@ -11,28 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
+from squealstudy.paths import cache_directory
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.files import write_atomic
 
-ENVIRONMENT = "SQUEALSTUDY_CACHE"
 META = "meta.json"
 ARRAYS = ("shape_basis", "sensor_shapes", "nominal_gap")
 PARTS = {"space": ContactSpace, "model": ReducedModel}
 
 
-def cache_directory() -> Path:
-    """Where prepared models are kept: $SQUEALSTUDY_CACHE, else the user's cache directory."""
-    if os.environ.get(ENVIRONMENT):
-        return Path(os.environ[ENVIRONMENT])
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "squealstudy"
-
-
 def prepared_path(key: str) -> Path:
     """Directory of the prepared model of that key, there or not."""
-    return cache_directory() / key
+    return cache_directory() / "models" / key
 
 
 def is_prepared(key: str) -> bool:
