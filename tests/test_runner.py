@@ -210,6 +210,17 @@ def test_reference_points_begin_at_the_upper_corner_and_spread() -> None:
     assert sorted(reference_choice(plan, 99)) == list(range(13))
 
 
+def test_rigid_body_noise_is_never_counted(tmp_path: Path) -> None:
+    """A mass that is hardly held in one direction: a root below 1 Hz is no mode of the study."""
+    text = HULTEN.format(stop=0.2, num=3).replace("[1.0, 1000.0]", "[0.0, 1000.0]")
+    text += "[parameters]\nfrequency_2 = 0.5\n"
+    run_study(plan_of(text), tmp_path / "r", jobs=1)
+    results = squealstudy.open_results(tmp_path / "r")
+    assert (results.points["status"] == "ok").all()
+    assert results.modes["frequency_hz"].min() > 1.0
+    assert not results.modes["unstable"].any()
+
+
 # -- kill -----------------------------------------------------------------------------------------
 def _start(study: Path, directory: Path) -> subprocess.Popen[bytes]:
     code = "from squealstudy.cli.app import main; main()"

@@ -18,6 +18,8 @@ from squealstudy.reduction.working_point import (
     working_point,
 )
 
+RIGID_HZ = 1.0
+
 
 @dataclass(frozen=True)
 class PointModes:
@@ -81,7 +83,7 @@ def solve_point(
     prepared : PreparedModel
     state : DesignState
     band_hz : (low, high)
-        The lower bound also filters rigid-body noise, whose growth has a random sign.
+        Roots below 1 Hz are never listed: rigid-body noise, whose growth has a random sign.
     gap : ndarray (nc,) or None
         Known working-point gaps; verified and polished by the same Newton.
     solver : QuadraticSolver
@@ -93,7 +95,7 @@ def solve_point(
     """
     point = state_working_point(prepared, state, gap)
     system = linearise(prepared.model, point, state)
-    low, high = 2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1]
+    low, high = 2 * np.pi * max(band_hz[0], RIGID_HZ), 2 * np.pi * band_hz[1]
     lam, psi = solver(system.C, system.K, (low, high))
     overdamped = lam.imag == 0
     order = np.argsort(overdamped, kind="stable")

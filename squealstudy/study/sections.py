@@ -145,7 +145,8 @@ class ModesSection(Section):
 
     band: Band = Field(
         default=(1.0, 16000.0),
-        description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake",
+        description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake; "
+        "below 1 Hz nothing is listed (rigid-body noise)",
     )
     stability_tolerance: float = Field(
         default=1e-7,
