@@ -49,7 +49,7 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     for title in titles:
         grid.add_column(title, justify="right", no_wrap=True, min_width=NARROW)
     grid.add_column("energy in", no_wrap=True, min_width=WIDE)
-    grid.add_column("worst at", no_wrap=True)
+    grid.add_column("worst at", overflow="fold")
     for row in table.to_dict("records"):
         grid.add_row(
             _label(row),

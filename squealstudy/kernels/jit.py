@@ -45,7 +45,7 @@ def fast_kernel(function: F) -> F:
     """Like `kernel`, for functions that only other kernels call and whose sums may be reordered.
 
     The fast-math flags that assume finite values are left out: a NaN still arrives as NaN. There
-    are no wrappers for Python, which would be most of the time to compile (26 s against 11 s).
+    are no wrappers for Python, which would be most of the time to compile.
     """
     compiled: F = numba.njit(
         cache=True,

@@ -182,8 +182,8 @@ def _load_responses(
 ) -> np.ndarray:
     """K^-1 of the friction, friction-damping and contact-change loads of the modes `phi`.
 
-    Without them the basis has an error floor for complex modes of 1e-2 (theory.md section 4); the
-    contact-change loads take the error at 2 and 30 bar from 1e-3 to 1e-4 with fewer coordinates.
+    Without the first two the basis has an error floor for complex modes (theory.md section 4);
+    the contact-change loads serve design points at other pressures than the nominal one.
     """
     if not phi.shape[1]:
         return np.zeros((assembly.n_dof, 0))
