@@ -616,9 +616,10 @@ def test_schema_names_every_table_and_model():
     schema = study_schema()
     assert schema["$schema"].startswith("https://json-schema.org/")
     tables = {"study", "model", "parameters", "sweep", "design", "modes", "reduction"}
+    tables |= {"transient"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
-    assert model["name"]["enum"] == ["disc_brake", "hulten", "hoffmann"]
+    assert model["name"]["enum"] == ["disc_brake", "hulten", "hoffmann", "belt"]
     assert model["mesh"]["enum"] == ["medium", "coarse", "fine"]
     text = json.dumps(schema)
     assert "null" not in text

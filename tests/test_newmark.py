@@ -430,13 +430,43 @@ def test_contraction_of_sticking_points_is_the_stick_number():
     design = replace(design, contact=law, friction=friction, speed=0.0)
     friction = replace(friction, k_t=friction.k_t * 5 / stick_number(system, design, 1e-6))
     design = replace(design, friction=friction)
-    settings = TransientSettings(5e-5, 1e-6, 1)
+    settings = TransientSettings(5e-5, 1e-6, 1, tolerance=1e-4, tolerance_t=1e-3, mockup="never")
     r = run(system, design, settings, np.zeros(12), KICK * 1e-6)
     assert r.history["stick"].min() == pytest.approx(1.0)
     assert r.contraction == pytest.approx(5.0, rel=0.05)
     assert r.halvings == 0
     plain = run(system, design, replace(settings, aitken=False), np.zeros(12), KICK * 1e-6)
     assert plain.halvings > 0
-    mockup = run(system, design, replace(settings, mockup="always"), np.zeros(12), KICK * 1e-6)
-    assert mockup.contraction < 1.0
-    assert mockup.mean_iterations < r.mean_iterations
+    for mockup, contraction in (("always", 1.0), ("auto", 0.1)):
+        mocked = replace(settings, mockup=mockup)
+        other = run(system, design, mocked, np.zeros(12), KICK * 1e-6)
+        assert other.contraction < contraction
+        assert other.mean_iterations < r.mean_iterations
+        assert distance(other, r) < 1e-3
+
+
+def moved_base(system, design):
+    """The same assembly resting elsewhere: its own gaps and the forces that belong to them."""
+    p = np.linspace(0.6, 1.4, len(system.gap)) * 1e6
+    normal = system.area * p
+    mu = mu_at(0.5, 0.4, 0.5, design.speed)[0]
+    gap = np.array([design.contact.gap_at(x) for x in p])
+    return gap, np.column_stack([normal, -mu * normal, 0 * p])
+
+
+def test_a_design_with_its_own_base_is_a_system_built_there(rough):
+    system, design, r = rough
+    gap, force = moved_base(system, design)
+    moved = replace(design, gap=gap, force=force)
+    built = run(replace(system, gap=gap, force=force), design, SHORT, np.zeros(12), KICK)
+    assert built.outcome == "ok"
+    assert distance(built, r) > 1e-2
+    alone = run(system, moved, SHORT, np.zeros(12), KICK)
+    together = simulate(system, [moved, design, moved], SHORT, np.zeros(12), KICK)
+    for other, expected in zip([alone, *together], [built, built, r, built], strict=True):
+        assert distance(other, expected) < 1e-8
+        assert other.energy.residual == pytest.approx(expected.energy.residual, rel=1e-6)
+    np.testing.assert_array_equal(alone.v, built.v)
+    assert abs(alone.energy.relative) < 2e-3
+    rest = run(system, moved, SHORT, np.zeros(12), np.zeros(12))
+    assert np.abs(rest.v).max() < 1e-9

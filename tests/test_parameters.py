@@ -42,6 +42,18 @@ def test_mode_parameters(numbers, modes):
     assert parse_parameter("disc.modes[7].damping_ratio", BRAKE).default == 0.0
 
 
+@pytest.mark.parametrize(("numbers", "modes"), [("44", (44,)), ("3,7-9", (3, 7, 8, 9))])
+def test_modes_of_the_assembly(numbers, modes):
+    name = f"modes[{numbers}].damping_ratio"
+    found = parse_parameter(name, MODELS["hulten"])
+    assert found == ModeParameter(name, "", modes, "damping_ratio")
+    assert (found.default, found.unit, found.structural) == (0.0, "", False)
+    assert found.check(1) == 1.0
+    for value in (-0.1, 1.1, float("nan"), "1"):
+        with pytest.raises(ParameterError):
+            found.check(value)
+
+
 @given(
     st.sampled_from(BRAKE.components),
     st.sets(st.integers(1, 300), min_size=1, max_size=12),
@@ -85,6 +97,13 @@ def _written(modes: list[int], ranges: bool) -> str:
         ("caliper.modes[1-999999999].damping_ratio", "from 1 to 10000"),
         ("caliper.modes[3].stiffness", "frequency_scale or damping_ratio"),
         ("caliper.modes[3]", "expected a name like"),
+        ("modes[3].frequency_scale", "modes of the assembly have damping_ratio only"),
+        ("modes[3].frequency_scale", "expected '<component>.modes[3].frequency_scale'"),
+        ("modes[3].mass", "frequency_scale or damping_ratio"),
+        ("modes[0].damping_ratio", "numbers from 1 to 10000, got '0'"),
+        ("modes[].damping_ratio", "expected mode numbers from 1 like"),
+        (".modes[3].damping_ratio", "expected a name like"),
+        ("modes[3]", "'modes[44].damping_ratio'"),
         ("caliper.modes.damping_ratio", "expected a name like"),
         ("caliper.modes[3].damping_ratio ", "expected a name like"),
     ],
@@ -137,6 +156,15 @@ def test_two_names_for_the_same_mode_are_an_error():
     )
 
 
+def test_two_names_for_the_same_assembly_mode_are_an_error():
+    first, second = "modes[2-4].damping_ratio", "modes[4].damping_ratio"
+    with pytest.raises(ParameterError) as caught:
+        check_disjoint(_parsed(first, second))
+    assert caught.value.message == (
+        f"'{second}' and '{first}' both set damping_ratio of assembly mode 4"
+    )
+
+
 def test_other_quantities_components_modes_and_the_same_name_are_no_error():
     check_disjoint(
         _parsed(
@@ -145,6 +173,7 @@ def test_other_quantities_components_modes_and_the_same_name_are_no_error():
             "caliper.modes[12-14].frequency_scale",
             "disc.modes[12-14].damping_ratio",
             "caliper.modes[15].damping_ratio",
+            "modes[12-14].damping_ratio",
         )
     )
 

@@ -18,8 +18,9 @@ import squealstudy
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 from squealstudy.study import chunks
 from squealstudy.study.definition import parse_study
+from squealstudy.study.parallel import split_chunks
 from squealstudy.study.plan import Plan, reference_choice
-from squealstudy.study.runner import run_study, split_chunks
+from squealstudy.study.runner import run_study
 
 HULTEN = """
 [study]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
@@ -56,23 +57,31 @@ def full_order_modes(
 ) -> FullOrderModes:
     """Complex modes of the unreduced assembly at a working point (theory.md section 1).
 
-    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; uniform modal
-    damping (eq. 8) is put on the assembly's real modes up to `damped_to_hz`.
+    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
+    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`.
 
     Raises
     ------
     ConvergenceError
         Where ARPACK does not converge.
+    ParameterError
+        Damping of an assembly mode beyond `damped_to_hz`.
     """
     K, C, K_sym = _sparse_system(assembly, point, state)
     K_low = _component_terms(assembly, modes, state.stiffness_changes(_frequencies(modes)))
     C_low = _component_terms(assembly, modes, state.modal_dampers(_frequencies(modes)))
-    if state.damping_ratio:
+    if state.damping_ratio or state.assembly_damping:
         omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
+        omega, phi = _changed_modes(omega, phi, *K_low)
+        zeta = state.assembly_damping_ratios(len(omega))
         C_low = (
-            np.hstack([C_low[0], assembly.M @ phi]),
-            np.concatenate([C_low[1], 2 * state.damping_ratio * omega]),
+            np.hstack([C_low[0], assembly.M @ phi[:, zeta > 0]]),
+            np.concatenate([C_low[1], (2 * zeta * omega)[zeta > 0]]),
         )
+    if state.stiffness_damping:
+        beta = state.stiffness_damping
+        C = (C + beta * K_sym).tocsr()
+        C_low = (np.hstack([C_low[0], K_low[0]]), np.concatenate([C_low[1], beta * K_low[1]]))
     C_sum, K_sum = LowRankSum(C, *C_low), LowRankSum(K, *K_low)
     lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1])
     kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
@@ -87,11 +96,27 @@ def _sparse_system(
 ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
     c = assembly.contact
     k_n = c.area * point.tangent
-    mu = state.operating.friction * c.frictional
+    operating = state.operating
+    mu = operating.mu_steady * c.frictional
     K_sym = assembly.K_el + assembly.K_springs() + c.N.T @ sp.diags(k_n) @ c.N
     K = K_sym - c.T.T @ sp.diags(mu * k_n) @ c.N
-    damper = mu * c.area * point.pressure / state.operating.sliding_speed
-    return K.tocsr(), (c.T_perp.T @ sp.diags(damper) @ c.T_perp).tocsr(), K_sym.tocsr()
+    normal = c.area * point.pressure
+    C = c.T_perp.T @ sp.diags(mu * normal / operating.sliding_speed) @ c.T_perp
+    if operating.friction_slope:
+        falling = operating.friction_slope * c.frictional * normal
+        C = C + c.T.T @ sp.diags(falling) @ c.T
+    return K.tocsr(), C.tocsr(), K_sym.tocsr()
+
+
+def _changed_modes(
+    omega: np.ndarray, phi: np.ndarray, U: np.ndarray, d: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Real modes with the stiffness U diag(d) U^T added, within the span of the modes without."""
+    if not len(d):
+        return omega, phi
+    seen = phi.T @ U
+    w2, y = la.eigh(np.diag(omega**2) + (seen * d) @ seen.T)
+    return np.sqrt(np.maximum(w2, 0.0)), phi @ y
 
 
 def _frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:

@@ -45,28 +45,43 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> R
     """Tangent system about a working point (theory.md section 1).
 
     K = diag(k_el) + K_springs + N^T k_n N - T^T (mu k_n) N,
-    C = 2 zeta omega of damped component modes + T_perp^T (mu A p / |w0|) T_perp + modal damping.
+    C = 2 zeta omega of damped component modes + T_perp^T (mu A p / |w0|) T_perp
+        + T^T (dmu/ds A p) T + modal damping + beta K_sym.
+
+    mu and dmu/ds are those of the sliding speed; friction that falls with it damps negatively.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the basis does not have.
     """
     omega = component_frequencies(model)
     k_el = model.k_el.copy()
     for key, change in state.stiffness_changes(omega).items():
         k_el[model.mode_coordinate(*key)] += change
     k_n = model.area * point.tangent
-    mu = state.operating.friction * model.frictional
+    operating = state.operating
+    mu = operating.mu_steady * model.frictional
     K_sym = model.K_springs + model.N.T @ (k_n[:, None] * model.N)
     K_sym[np.diag_indices_from(K_sym)] += k_el
     K = K_sym - model.T.T @ ((mu * k_n)[:, None] * model.N)
-    damper = mu * model.area * point.pressure / state.operating.sliding_speed
+    normal = model.area * point.pressure
+    damper = mu * normal / operating.sliding_speed
     C = model.T_perp.T @ (damper[:, None] * model.T_perp)
+    if operating.friction_slope:
+        falling = operating.friction_slope * model.frictional * normal
+        C += model.T.T @ (falling[:, None] * model.T)
     for key, c in state.modal_dampers(omega).items():
         j = model.mode_coordinate(*key)
         C[j, j] += c
-    if state.damping_ratio:
-        C += modal_damping(K_sym, state.damping_ratio)
+    if state.damping_ratio or state.assembly_damping:
+        C += modal_damping(K_sym, state.assembly_damping_ratios(model.n))
+    if state.stiffness_damping:
+        C += state.stiffness_damping * K_sym
     return ReducedSystem(C, K, k_el, K_sym)
 
 
-def modal_damping(K_sym: np.ndarray, zeta: float) -> np.ndarray:
-    """Uniform modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over all real modes."""
+def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    """Modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over all real modes, zeta (n,)."""
     w2, phi = la.eigh(K_sym)
     return (phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))) @ phi.T

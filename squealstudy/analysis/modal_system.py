@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.analysis.energy import energy_shares
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.transient_system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
@@ -27,12 +28,25 @@ class ReferenceModes:
     C, K : ndarray (n, n)
         The linearised damping and stiffness of the same reference in modal coordinates: what
         complex modes are computed from.
+    energies : ndarray (n_components + 1, n)
+        Share of each component, then of the interfaces, in the elastic energy of each mode.
+    n_exact : int
+        Leading coordinates that are assembly modes; all of them unless the basis was reduced.
+    rates : ndarray (n,)
+        Diagonal damping for a damping ratio of one, 2 omega of assembly modes, rad/s.
+    coupling : ndarray (m,)
+        Damping, for a damping ratio of one, of the last m rows of `system.shapes`: what is not
+        diagonal in a reduced basis, rad/s.
     """
 
     system: ModalSystem
     phi: np.ndarray
     C: np.ndarray
     K: np.ndarray
+    energies: np.ndarray
+    n_exact: int
+    rates: np.ndarray
+    coupling: np.ndarray
 
 
 def reference_modes(
@@ -61,7 +75,7 @@ def reference_modes(
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
     normal = model.area * point.pressure
-    drag = -state.operating.friction * model.frictional * normal
+    drag = -state.operating.mu_steady * model.frictional * normal
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
         omega2,
@@ -77,7 +91,16 @@ def reference_modes(
         phi[rows],
         np.zeros((0, model.n)) if sensors is None else sensors @ phi,
     )
-    return ReferenceModes(system, phi, phi.T @ tangent.C @ phi, phi.T @ tangent.K @ phi)
+    return ReferenceModes(
+        system,
+        phi,
+        phi.T @ tangent.C @ phi,
+        phi.T @ tangent.K @ phi,
+        energy_shares(model, tangent, phi),
+        len(omega2),
+        2.0 * np.sqrt(np.maximum(omega2, 0.0)),
+        np.zeros(0),
+    )
 
 
 def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from keyword import iskeyword
 from tokenize import TokenError
 from typing import Any
 
@@ -77,7 +78,7 @@ def rank_modes(
         For an unknown `by` or `along`, or a query that cannot be used.
     """
     (key, ascending), code = _order(points, modes, along, by), point_codes(points, modes)
-    counted, wanted = _selection(points, modes, code, where)
+    counted, wanted = selection(points, modes, code, where)
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
     if along is not None and len(table):
@@ -202,7 +203,7 @@ def _thresholds(
     return found.drop_duplicates("track").set_index("track")
 
 
-def _selection(
+def selection(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
@@ -237,7 +238,8 @@ def _conditions(where: str) -> list[str]:
 def _holds(table: pd.DataFrame, condition: str) -> np.ndarray | None:
     """Rows for which a condition holds, None where the table lacks a column. ResultsError."""
     odd = sorted((str(c) for c in table if not str(c).isidentifier()), key=len, reverse=True)
-    names = "|".join([_QUOTED.pattern, *map(re.escape, odd)])
+    words = [rf"\b{c}\b" for c in map(str, table) if iskeyword(c)]
+    names = "|".join([_QUOTED.pattern, *map(re.escape, odd), *words])
     text = re.sub(names, lambda m: m[0] if m[0][0] in "`'\"" else f"`{m[0]}`", condition)
     scope: dict[str, Any] = {"local_dict": {}, "global_dict": {}, "target": None}
     try:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from squealstudy.analysis.transient_arrays import modal_arrays, saved_arrays, work_arrays
+from squealstudy.analysis.transient_observation import observation
 from squealstudy.analysis.transient_settings import (
     EnergyBalance,
     TransientResult,
@@ -72,23 +73,23 @@ def simulate(
         settings.aitken,
         dense,
     )
-    work = work_arrays(modal, options)
+    B = observation(system, settings.single_storage)
+    work = work_arrays(modal, options, B)
     rows = ((layout.Q, layout.Q_TRIAL, q0), (layout.V, layout.V_TRIAL, v0))
     for row, trial, initial in rows:
         shapes = ((system.n,), (len(designs), system.n))
         if np.shape(initial) not in shapes or not np.isfinite(initial).all():
             raise ModelError(f"an initial state needs {system.n} finite values a design")
-        work.x[:, row] = initial
-        work.x[:, trial] = initial
-    saved = saved_arrays(modal, settings)
-    B = system.observation_f4 if settings.single_storage else system.observation
+        work.x[:, row, : system.n] = initial
+        work.x[:, trial, : system.n] = initial
+    saved = saved_arrays(modal, system.n, settings)
     kernel = newmark if len(designs) == 1 else newmark_batch
     kernel(B, modal, options, work, saved)
-    return [_result(work, saved, settings, k) for k in range(len(designs))]
+    return [_result(work, saved, settings, k, system.n) for k in range(len(designs))]
 
 
 def _result(
-    work: layout.Work, saved: layout.Saved, settings: TransientSettings, k: int
+    work: layout.Work, saved: layout.Saved, settings: TransientSettings, k: int, n: int
 ) -> TransientResult:
     """One design's part of the working arrays."""
     count, real = work.counts[k], work.real[k]
@@ -103,8 +104,8 @@ def _result(
         OUTCOMES[status],
         message,
         time,
-        work.x[k, layout.Q].copy(),
-        work.x[k, layout.V].copy(),
+        work.x[k, layout.Q, :n].copy(),
+        work.x[k, layout.V, :n].copy(),
         history,
         saved.sensed[k, :rows, 0].copy(),
         saved.sensed[k, :rows, 1].copy(),

@@ -51,8 +51,8 @@ class TransientSettings:
     step: float
     save_every: int = 10
     method: str = "newmark"
-    tolerance: float = 1e-4
-    tolerance_t: float = 1e-3
+    tolerance: float = 1e-3
+    tolerance_t: float = 1e-2
     max_iterations: int = 40
     max_halvings: int = 4
     aitken: bool = True

@@ -7,8 +7,10 @@ reference working point (M = I)::
     g = gap + N q,    w = (speed + T1 q', T2 q')
     K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + U^T diag(d) U
 
-with q the deviation from the reference state. Load, law, friction, speed and damping belong to a
-design point; they may all change against one reference.
+with q the deviation from a base state (gap, rn_ref, t_ref): the system's, or a design point's own,
+which makes q = 0 its steady sliding. Load, law, friction, speed, damping and base belong to a
+design point; they may all change against one reference. `k_ref` stays the system's: it is the
+tangent taken into `omega2`, wherever the base is.
 """
 
 from __future__ import annotations
@@ -124,20 +126,26 @@ class ModalSystem:
         return int(self.N.shape[1])
 
     @cached_property
-    def observation(self) -> np.ndarray:
-        """B (nc, 3, n), point by point."""
-        return np.ascontiguousarray(np.stack([self.N, self.T1, self.T2], axis=1), dtype=np.float64)
+    def tiles(self) -> dict[type[np.floating], np.ndarray]:
+        """The observation matrix by precision; transient_observation puts it here when needed."""
+        return {}
 
-    @cached_property
-    def observation_f4(self) -> np.ndarray:
-        """B (nc, 3, n) stored in single precision; arithmetic stays double."""
-        return self.observation.astype(np.float32)
+    def points(self, design: TransientDesign) -> np.ndarray:
+        """Contact points of a design (8, nc) for the kernels, at its own base state.
 
-    @property
-    def points(self) -> np.ndarray:
-        """(nc, 8) for the kernels."""
-        columns = (self.gap, self.area, self.frictional, self.radius, self.k_ref)
-        return np.column_stack([*columns, self.force]).astype(np.float64)
+        Raises
+        ------
+        ModelError
+            A base of the wrong shape, or with values that are not finite.
+        """
+        gap = self.gap if design.gap is None else np.asarray(design.gap, dtype=float)
+        force = self.force if design.force is None else np.asarray(design.force, dtype=float)
+        if gap.shape != self.gap.shape or force.shape != self.force.shape:
+            raise ModelError(f"transient design: 'gap', 'force' need {len(self.gap)} points")
+        if not (np.isfinite(gap).all() and np.isfinite(force).all()):
+            raise ModelError("transient design: 'gap' or 'force' has values that are not finite")
+        columns = (gap, self.area, self.frictional, self.radius, self.k_ref)
+        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -156,6 +164,10 @@ class TransientDesign:
         Modal load beyond that of the reference state.
     d, s : ndarray (m,) or None
         Damping [1/s] and stiffness [1/s2] of the system's shapes.
+    gap : ndarray (nc,) or None
+        At the design's own base state, m; None for the system's.
+    force : ndarray (nc, 3) or None
+        Normal and friction forces that the base balances, N; None for the system's.
     """
 
     contact: ContactLaw
@@ -165,6 +177,8 @@ class TransientDesign:
     load: np.ndarray | None = None
     d: np.ndarray | None = None
     s: np.ndarray | None = None
+    gap: np.ndarray | None = None
+    force: np.ndarray | None = None
 
     def law_row(self) -> np.ndarray:
         """(9,) for the kernels."""

@@ -97,6 +97,28 @@ def plot(
 
 
 @app.command()
+def compare(
+    frequency: Annotated[Path, typer.Argument(metavar="FREQ_RESULTS", help="Complex modes.")],
+    time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],
+    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+) -> None:
+    """Predicted against fitted growth, and which predicted instabilities express themselves."""
+    from squealstudy.cli.compare import compare_command
+
+    compare_command(frequency, time, csv)
+
+
+@app.command()
+def warmup(
+    single: Annotated[bool, typer.Option("--single", help="Single-precision storage too.")] = False,
+) -> None:
+    """Compile the kernels of transient studies once, into the cache."""
+    from squealstudy.cli.warmup import warmup_command
+
+    warmup_command(single)
+
+
+@app.command()
 def models(
     name: Annotated[str | None, typer.Argument(help="Model to describe.")] = None,
     modes: Annotated[

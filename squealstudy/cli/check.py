@@ -15,7 +15,12 @@ from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
-from squealstudy.study.runner import build_first, check_component_modes, default_directory
+from squealstudy.study.runner import (
+    build_first,
+    check_component_modes,
+    default_directory,
+    kind_of,
+)
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import study_schema
 
@@ -32,9 +37,13 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
     check_component_modes(plan)
-    done = chunks.finished_points(directory) if directory.is_dir() else set()
+    kind = kind_of(plan)
+    kind.check(plan)
+    done = chunks.finished_points(directory, kind.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))
+    for text in kind.warnings(plan):
+        screen.warning(text)
 
 
 def _facts(

@@ -14,6 +14,7 @@ from squealstudy.models.parameter import ModelDefinition
 MODE_PARAMETERS = (
     ("<component>.modes[N].frequency_scale", "1", "factor on a free-free frequency; N, N-M or N,M"),
     ("<component>.modes[N].damping_ratio", "0", "damping ratio of a free-free mode"),
+    ("modes[N].damping_ratio", "damping_ratio", "the same of a real mode of the assembly"),
 )
 
 

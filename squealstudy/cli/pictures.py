@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from squealstudy.analysis.ranking import parameter_columns
 from squealstudy.cli import screen
+from squealstudy.cli.transient_pictures import NOT_IN_NAMES, nominal_others, transient_figures
 from squealstudy.errors import ResultsError
 from squealstudy.plots.evolution import evolution
 from squealstudy.plots.files import save_figure
@@ -18,8 +18,6 @@ from squealstudy.plots.ranking_bars import ranking_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.results import Results
-
-NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 
 
 def plot_command(path: Path, output: Path | None, along: str | None) -> None:
@@ -38,7 +36,9 @@ def _listed(names: list[str]) -> str:
 def draw_pictures(results: Results, directory: Path, along: str | None = None) -> list[Path]:
     """Draw and save every picture that the study's design allows; their paths."""
     drawn = []
-    for name, figure in _figures(results, along).items():
+    transient = results.kind == "transient"
+    pairs = transient_figures(results, along) if transient else _figures(results, along).items()
+    for name, figure in pairs:
         path = directory / f"{name}.png"
         save_figure(figure, path)
         drawn.append(path)
@@ -56,7 +56,7 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
     lines = [along] if along else varied if results.manifest["grid_shape"] else []
     for parameter in lines:
         name = f"evolution_{parameter.translate(NOT_IN_NAMES)}"
-        fixed = _nominal(results, parameter, varied)
+        fixed = nominal_others(results, parameter, varied)
         figures[name] = evolution(points, modes, parameter, fixed, units)
     if len(varied) == 2 and set(points[varied[0]]) == set(points[varied[1]]):
         figures["evolution_together"] = _together(results, varied, units)
@@ -66,20 +66,6 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
                 points, modes, varied[0], varied[1], units=units, measure=measure
             )
     return figures
-
-
-def _nominal(results: Results, along: str, varied: list[str]) -> Mapping[str, float]:
-    """The other swept parameters at their nominal values, where the design has them."""
-    nominal = results.manifest["nominal"]
-    fixed: dict[str, float] = {}
-    chosen = results.points
-    for name in varied:
-        if name == along:
-            continue
-        there = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
-        if len(there):
-            fixed[name], chosen = nominal[name], there
-    return fixed
 
 
 def _together(results: Results, varied: list[str], units: Mapping[str, str]) -> Figure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from squealstudy.cli import screen
+from squealstudy.cli import screen, transient_screen
 from squealstudy.study.results import Results
 
 
@@ -15,5 +15,8 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
     table = results.rank(by, top, where)
     if csv:
         table.to_csv(sys.stdout, index=False)
+        return
+    if results.kind == "transient":
+        transient_screen.ranking(table)
         return
     screen.ranking(table, results.along, results.manifest["units"].get(results.along, ""))

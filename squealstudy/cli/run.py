@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import screen
+from squealstudy.cli import screen, transient_screen
 from squealstudy.cli.pictures import draw_pictures
 from squealstudy.study.definition import load_study
 from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
+from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
 
 INTERRUPTED = 130
@@ -26,17 +26,27 @@ def run_command(
     directory = output or default_directory(plan)
     try:
         with screen.progress_bars() as progress:
-            report = run_study(plan, directory, jobs or os.cpu_count() or 1, yes, progress)
+            jobs = jobs or os.cpu_count() or 1
+            report = run_study(plan, directory, jobs, yes, progress, screen.warning)
     except KeyboardInterrupt:
         sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
         raise SystemExit(INTERRUPTED) from None
     results = Results.open(directory)
-    screen.ranking(
-        results.rank(top=LISTED), results.along, results.manifest["units"].get(results.along, "")
-    )
+    show_findings(results)
     screen.console.print()
     drawn = draw_pictures(results, directory) if pictures else []
     screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])
+
+
+def show_findings(results: Results) -> None:
+    """The ranking of unstable modes, or what became of each design point in time."""
+    if results.kind == "transient":
+        transient_screen.points(results.points, results.parameters)
+        screen.console.print()
+        transient_screen.ranking(results.rank(top=LISTED))
+        return
+    unit = results.manifest["units"].get(results.along, "")
+    screen.ranking(results.rank(top=LISTED), results.along, unit)
 
 
 def _summary(report: RunReport) -> list[tuple[str, str]]:
@@ -49,16 +59,20 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
             f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
-        ("error", error_statement(manifest)),
-        ("tables", f"{report.directory / 'points.parquet'}, {report.directory / 'modes.parquet'}"),
+        ("error", error_statement(report.directory, manifest)),
+        ("tables", ", ".join(str(report.directory / n) for n in TABLES[manifest["kind"]])),
     ]
     if report.n_solved == 0:
         rows.insert(1, ("nothing to do", "all design points were there already"))
     return rows
 
 
-def error_statement(manifest: dict[str, Any]) -> str:
-    """One line on the reduced model's error against the full-order model."""
+def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
+    """One line on the error: against the full-order model, or of the energy balance in time."""
+    if manifest["kind"] == "transient":
+        points = Results.open(directory).points
+        balance = points.loc[points["status"] == "ok", "energy_balance"].abs().max()
+        return f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
     checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
     if not checks:
         return "not checked against the full-order model ([modes] reference_points = 0)"

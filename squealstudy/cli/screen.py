@@ -29,6 +29,11 @@ console = Console(
 messages = Console(stderr=True, markup=False)
 
 
+def warning(text: str) -> None:
+    """Print a warning to stderr."""
+    messages.print(f"warning: {text}", highlight=False, soft_wrap=True)
+
+
 def facts(rows: Sequence[tuple[str, str]]) -> None:
     """Print name-value lines, aligned."""
     table = Table(box=None, show_header=False, pad_edge=False)

@@ -1,59 +1,103 @@
-"""Forces of one contact point: contact law, friction law, and what is relative to a reference.
+"""Forces of the contact points: contact law, friction law, and what is relative to the base state.
 
-Column layouts shared by the Newmark kernels (all f8, one row a contact point or a design point):
+Row layouts shared by the Newmark kernels (all f8, one column a contact point):
 
-`points` (nc, 8), shared by all designs: the columns POINT_* below.
-`laws` (nb, 9), one row a design point: the columns LAW_* below; codes are stored as floats.
-`trial` (nc, 6), what one evaluation leaves: the columns OUT_* below.
+`points` (8, nc) of a design point: the rows POINT_* below.
+`law` (9,) of a design point: the entries LAW_* below; codes are stored as floats.
+`point` (N_POINT, nc), the state of a design's contact points: one evaluation leaves the rows OUT_*
+and, for B^T r, the rows R_*.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from squealstudy.kernels.contact_laws import law_at
-from squealstudy.kernels.friction_laws import friction_at
+from squealstudy.kernels.exponential import exponential
+from squealstudy.kernels.friction_laws import mu_at, resistance
 from squealstudy.kernels.jit import fast_kernel
 
-# points: reference gap m, area m2, factor on friction (0 or 1), arm of the torque m, reference
-# contact stiffness N/m, reference forces N
+# points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m, contact stiffness
+# N/m inside the diagonal stiffness, base forces N
 POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
 POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2 = 4, 5, 6, 7
-# laws: contact code, a, b; friction code, mu_s, mu_d, v_mu m/s, k_t N s/m3; sliding velocity m/s
+# law: contact code, a, b; friction code, mu_s, mu_d, v_mu m/s, k_t N s/m3; sliding velocity m/s
 LAW_CONTACT, LAW_A, LAW_B = 0, 1, 2
 LAW_FRICTION, LAW_MU_S, LAW_MU_D, LAW_V_MU, LAW_K_T, LAW_SPEED = 3, 4, 5, 6, 7, 8
-# trial: change of gap m, sliding velocity m/s, pressure Pa, friction force N
+# point: change of gap m, sliding velocity m/s, pressure Pa, friction force N; generalised forces N
 OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
+R_N, R_1, R_2 = 6, 7, 8
 
 
 @fast_kernel
-def point_force(
-    point: np.ndarray, law: np.ndarray, x: float, v1: float, v2: float, out: np.ndarray
-) -> tuple[float, float, float]:
-    """Generalised forces (rn, r1, r2) [N] of one point, relative to the reference, for B^T r.
+def pressures(
+    law: np.ndarray, points: np.ndarray, point: np.ndarray, first: int, last: int
+) -> None:
+    """Contact pressure [Pa] of the points first to last - 1 into the row OUT_P of `point`."""
+    code, a, b = int(law[0]), law[1], law[2]
+    gap, x, p = points[POINT_GAP], point[OUT_X], point[OUT_P]
+    if code == 0:
+        for i in range(first, last):
+            p[i] = a * exponential(-b * (gap[i] + x[i]))
+    else:
+        for i in range(first, last):
+            p[i], _ = law_at(code, a, b, gap[i] + x[i])
+
+
+@fast_kernel
+def frictions(
+    law: np.ndarray, points: np.ndarray, point: np.ndarray, first: int, last: int
+) -> None:
+    """Friction forces [N] of the points first to last - 1 into the rows OUT_T1 and OUT_T2.
+
+    The commonest law has a loop of its own, without the others' exponentials.
+    """
+    code, mu_s, mu_d, v_mu, k_t = int(law[3]), law[4], law[5], law[6], law[7]
+    area, factor = points[POINT_AREA], points[POINT_FRICTION]
+    w1, w2, p = point[OUT_W1], point[OUT_W2], point[OUT_P]
+    t1, t2 = point[OUT_T1], point[OUT_T2]
+    if code == 0 and mu_s == mu_d:
+        for i in range(first, last):
+            s = math.sqrt(w1[i] * w1[i] + w2[i] * w2[i])
+            f = area[i] * resistance(0, k_t, factor[i] * mu_d * p[i], s)
+            t1[i], t2[i] = -f * w1[i], -f * w2[i]
+    else:
+        for i in range(first, last):
+            s = math.sqrt(w1[i] * w1[i] + w2[i] * w2[i])
+            mu, _ = mu_at(mu_s, mu_d, v_mu, s)
+            f = area[i] * resistance(code, k_t, factor[i] * mu * p[i], s)
+            t1[i], t2[i] = -f * w1[i], -f * w2[i]
+
+
+@fast_kernel
+def point_forces(
+    points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, last: int
+) -> None:
+    """State and generalised forces of the points first to last - 1 of one design.
 
     Parameters
     ----------
-    point : ndarray (8,), law : ndarray (9,)
-    x, v1, v2 : float
-        N q [m], T1 q' and T2 q' [m/s].
-    out : ndarray (6,)
-        Filled with the absolute state of the point.
+    points : ndarray (8, nc), law : ndarray (9,)
+    point : ndarray (N_POINT, nc)
+        The rows OUT_X, OUT_W1 and OUT_W2 hold N q [m], T1 q' and T2 q' [m/s]; the velocities are
+        overwritten with the absolute ones, the rows behind them and R_* are filled.
 
     Notes
     -----
-    rn contains + k_ref x: the tangent at the reference is inside the diagonal stiffness.
+    R_N contains + k_ref x: the tangent at the reference is inside the diagonal stiffness.
     """
-    area, factor = point[1], point[2]
-    w1 = law[8] + v1
-    p, _ = law_at(int(law[0]), law[1], law[2], point[0] + x)
-    t1, t2, _ = friction_at(
-        int(law[3]), factor * law[4], factor * law[5], law[6], law[7], p, w1, v2
-    )
-    t1 *= area
-    t2 *= area
-    out[0], out[1], out[2], out[3], out[4], out[5] = x, w1, v2, p, t1, t2
-    return area * p - point[5] + point[4] * x, t1 - point[6], t2 - point[7]
+    speed, w1 = law[8], point[OUT_W1]
+    for i in range(first, last):
+        w1[i] += speed
+    pressures(law, points, point, first, last)
+    frictions(law, points, point, first, last)
+    for i in range(first, last):
+        normal = points[POINT_AREA, i] * point[OUT_P, i] - points[POINT_NORMAL, i]
+        point[R_N, i] = normal + points[POINT_STIFFNESS, i] * point[OUT_X, i]
+        point[R_1, i] = point[OUT_T1, i] - points[POINT_T1, i]
+        point[R_2, i] = point[OUT_T2, i] - points[POINT_T2, i]
 
 
 @fast_kernel

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import math
 
-from squealstudy.kernels.jit import kernel
+from squealstudy.kernels.exponential import exponential
+from squealstudy.kernels.jit import exact_kernel, kernel
 
 REGULARISED, SMOOTH = 0, 1
 
@@ -29,8 +30,25 @@ def mu_at(mu_s: float, mu_d: float, v_mu: float, s: float) -> tuple[float, float
     """Friction coefficient and its slope dmu/ds [s/m] at sliding speed s = |w| [m/s]."""
     if mu_s == mu_d:
         return mu_d, 0.0
-    fall = (mu_s - mu_d) * math.exp(-s / v_mu)
+    fall = (mu_s - mu_d) * exponential(-s / v_mu)
     return mu_d + fall, -fall / v_mu
+
+
+@exact_kernel
+def resistance(code: int, k_t: float, bound: float, s: float) -> float:
+    """F / s [N s/m3] at the bound b [Pa] and sliding speed s; k_t where s = 0. NaN stays NaN.
+
+    Without branches but on `code`, so that loops over points vectorise.
+    """
+    drag = k_t * s
+    slides = bound / s
+    if code == 1:
+        e = exponential(2.0 * drag / bound)
+        share = 1.0 - 2.0 / (e + 1.0)
+        f = k_t if s == 0.0 else slides * share
+    else:
+        f = k_t if drag < bound else slides
+    return 0.0 if bound <= 0.0 else f
 
 
 @kernel
@@ -48,14 +66,8 @@ def friction_at(
     s = math.sqrt(w1 * w1 + w2 * w2)
     mu, _ = mu_at(mu_s, mu_d, v_mu, s)
     bound = mu * p
-    if bound <= 0.0:
-        return 0.0, 0.0, False
-    drag = k_t * s
-    sticks = drag < bound
-    if sticks and (code == 0 or s == 0.0):
-        return -k_t * w1, -k_t * w2, True
-    f = bound * math.tanh(drag / bound) if code == 1 else bound
-    return -f * w1 / s, -f * w2 / s, sticks
+    f = resistance(code, k_t, bound, s)
+    return -f * w1, -f * w2, k_t * s < bound
 
 
 @kernel

@@ -41,16 +41,34 @@ def kernel(function: F) -> F:
     return compiled
 
 
-def fast_kernel(function: F) -> F:
-    """Like `kernel`, for functions that only other kernels call and whose sums may be reordered.
+def entry_kernel(function: F) -> F:
+    """Like `kernel`, for long runs: other threads of Python go on meanwhile."""
+    compiled: F = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    return compiled
 
-    The fast-math flags that assume finite values are left out: a NaN still arrives as NaN. There
-    are no wrappers for Python, which would be most of the time to compile.
+
+def exact_kernel(function: F) -> F:
+    """For functions that only other kernels call and whose order of operations must stay.
+
+    Products and sums may be contracted to one rounding.
     """
+    return _inner(function, {"contract"})
+
+
+def fast_kernel(function: F) -> F:
+    """For functions that only other kernels call and whose sums may be reordered.
+
+    The fast-math flags that assume finite values are left out: a NaN still arrives as NaN.
+    """
+    return _inner(function, REORDER)
+
+
+def _inner(function: F, fastmath: set[str]) -> F:
+    """Without wrappers for Python, which would be most of the time to compile."""
     compiled: F = numba.njit(
         cache=True,
         error_model="numpy",
-        fastmath=REORDER,
+        fastmath=fastmath,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
     )(function)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_point import point_force
-from squealstudy.kernels.jit import fast_kernel, kernel
+from squealstudy.kernels.contact_point import point_forces
+from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
     FORCE,
     Q_TRIAL,
@@ -17,109 +17,82 @@ from squealstudy.kernels.newmark_layout import (
     Settings,
     Work,
 )
-from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_pass import give_forces, pass_one, take_points, widen
 from squealstudy.kernels.newmark_step import advance
-from squealstudy.kernels.newmark_vector import fill
+from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
 
-WIDTH = 4  # designs whose dots share the loads of B
+WORTH = 4  # designs from which a pass for all lanes costs less than one each
 
 
 @fast_kernel
-def observe_four(
-    B1: np.ndarray,
-    B2: np.ndarray,
-    xa: np.ndarray,
-    xb: np.ndarray,
-    xc: np.ndarray,
-    xd: np.ndarray,
-    out: np.ndarray,
+def to_lane(x: np.ndarray, lanes: np.ndarray, d: int) -> None:
+    """Trial q and v of a design (N_ROWS, n) into lane d of `lanes` (3, n, LANES), F there zero."""
+    for j in range(x.shape[1]):
+        lanes[0, j, d] = x[Q_TRIAL, j]
+        lanes[1, j, d] = x[V_TRIAL, j]
+        lanes[2, j, d] = 0.0
+
+
+@fast_kernel
+def from_lane(lanes: np.ndarray, x: np.ndarray, d: int) -> None:
+    """Row FORCE of a design from lane d."""
+    for j in range(x.shape[1]):
+        x[FORCE, j] = lanes[2, j, d]
+
+
+@fast_kernel
+def panel_of_eight(
+    panel: np.ndarray, first: int, modal: Modal, work: Work, designs: np.ndarray
 ) -> None:
-    """[N q, T1 v, T2 v] of two points (3, n) for four designs (N_ROWS, n) into `out` (4, 6)."""
-    N1, S1, R1 = B1[0], B1[1], B1[2]
-    N2, S2, R2 = B2[0], B2[1], B2[2]
-    q0, q1, q2, q3 = xa[Q_TRIAL], xb[Q_TRIAL], xc[Q_TRIAL], xd[Q_TRIAL]
-    v0, v1, v2, v3 = xa[V_TRIAL], xb[V_TRIAL], xc[V_TRIAL], xd[V_TRIAL]
-    a0 = a1 = a2 = a3 = a4 = a5 = 0.0
-    b0 = b1 = b2 = b3 = b4 = b5 = 0.0
-    c0 = c1 = c2 = c3 = c4 = c5 = 0.0
-    d0 = d1 = d2 = d3 = d4 = d5 = 0.0
-    for j in range(N1.size):
-        n1, s1, r1 = N1[j], S1[j], R1[j]
-        n2, s2, r2 = N2[j], S2[j], R2[j]
-        a0 += n1 * q0[j]
-        b0 += n1 * q1[j]
-        c0 += n1 * q2[j]
-        d0 += n1 * q3[j]
-        a1 += s1 * v0[j]
-        b1 += s1 * v1[j]
-        c1 += s1 * v2[j]
-        d1 += s1 * v3[j]
-        a2 += r1 * v0[j]
-        b2 += r1 * v1[j]
-        c2 += r1 * v2[j]
-        d2 += r1 * v3[j]
-        a3 += n2 * q0[j]
-        b3 += n2 * q1[j]
-        c3 += n2 * q2[j]
-        d3 += n2 * q3[j]
-        a4 += s2 * v0[j]
-        b4 += s2 * v1[j]
-        c4 += s2 * v2[j]
-        d4 += s2 * v3[j]
-        a5 += r2 * v0[j]
-        b5 += r2 * v1[j]
-        c5 += r2 * v2[j]
-        d5 += r2 * v3[j]
-    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4], out[0, 5] = a0, a1, a2, a3, a4, a5
-    out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4], out[1, 5] = b0, b1, b2, b3, b4, b5
-    out[2, 0], out[2, 1], out[2, 2], out[2, 3], out[2, 4], out[2, 5] = c0, c1, c2, c3, c4, c5
-    out[3, 0], out[3, 1], out[3, 2], out[3, 3], out[3, 4], out[3, 5] = d0, d1, d2, d3, d4, d5
+    """Add the forces of a panel of tiles (.., n, ROWS), its first point `first`, to lanes F.
+
+    The designs are in lanes 0, 1, ...
+    """
+    q, v, F = work.lanes[0], work.lanes[1], work.lanes[2]
+    tiles = work.tiles
+    for t in range(panel.shape[0]):
+        observe_eight(panel[t], q, v, tiles[t])
+    last = first + panel.shape[0] * POINTS
+    for d in range(designs.size):
+        k = designs[d]
+        for t in range(panel.shape[0]):
+            take_points(tiles[t, d], work.point[k], first + t * POINTS)
+        point_forces(modal.points[k], modal.laws[k], work.point[k], first, last)
+        for t in range(panel.shape[0]):
+            give_forces(work.point[k], tiles[t, d], first + t * POINTS)
+    for t in range(panel.shape[0]):
+        spread_eight(panel[t], tiles[t], F)
 
 
 @fast_kernel
-def spread_pair(B1: np.ndarray, B2: np.ndarray, r: np.ndarray, F: np.ndarray) -> None:
-    """F += B1^T r[:3] + B2^T r[3:] for two points (3, n) and one design."""
-    N1, S1, R1 = B1[0], B1[1], B1[2]
-    N2, S2, R2 = B2[0], B2[1], B2[2]
-    r0, r1, r2, r3, r4, r5 = r[0], r[1], r[2], r[3], r[4], r[5]
-    for j in range(F.size):
-        one = N1[j] * r0 + S1[j] * r1 + R1[j] * r2
-        two = N2[j] * r3 + S2[j] * r4 + R2[j] * r5
-        F[j] += one + two
+def pass_eight(B: np.ndarray, modal: Modal, work: Work, designs: np.ndarray) -> None:
+    """`pass_one` for up to LANES designs, B (nt, n, ROWS) read once."""
+    for d in range(designs.size):
+        to_lane(work.x[designs[d]], work.lanes, d)
+    step = work.tiles.shape[0]
+    for t in range(0, B.shape[0], step):
+        panel = B[t : min(t + step, B.shape[0])]
+        if work.wide.shape[0] > 0:
+            widen(panel, work.wide)
+            panel_of_eight(work.wide[: panel.shape[0]], t * POINTS, modal, work, designs)
+        else:
+            panel_of_eight(panel, t * POINTS, modal, work, designs)
+    for d in range(designs.size):
+        from_lane(work.lanes, work.x[designs[d]], d)
 
 
 @fast_kernel
-def pass_many(B: np.ndarray, modal: Modal, work: Work, active: np.ndarray, n_active: int) -> None:
-    """`pass_one` for the first `n_active` designs of the list `active`, B read once."""
-    r = np.zeros((WIDTH, 6))
-    x, point = work.x, work.point
-    nc = B.shape[0]
-    for a in range(n_active):
-        fill(x[active[a], FORCE], 0.0)
-    for i in range(0, nc, 2):
-        other = min(i + 1, nc - 1)
-        for first in range(0, n_active, WIDTH):
-            k0 = active[first]
-            k1 = active[min(first + 1, n_active - 1)]
-            k2 = active[min(first + 2, n_active - 1)]
-            k3 = active[min(first + 3, n_active - 1)]
-            observe_four(B[i], B[other], x[k0], x[k1], x[k2], x[k3], r)
-            for a in range(min(WIDTH, n_active - first)):
-                k = active[first + a]
-                law = modal.laws[k]
-                r[a, 0], r[a, 1], r[a, 2] = point_force(
-                    modal.points[i], law, r[a, 0], r[a, 1], r[a, 2], point[k, i]
-                )
-                if other > i:
-                    r[a, 3], r[a, 4], r[a, 5] = point_force(
-                        modal.points[other], law, r[a, 3], r[a, 4], r[a, 5], point[k, other]
-                    )
-                else:
-                    r[a, 3] = r[a, 4] = r[a, 5] = 0.0
-                spread_pair(B[i], B[other], r[a], x[k, FORCE])
+def running(counts: np.ndarray, designs: np.ndarray) -> int:
+    """List the designs (nb,) that run; how many they are."""
+    n = 0
+    for k in range(counts.shape[0]):
+        if counts[k, STATUS] == RUNNING:
+            designs[n] = k
+            n += 1
+    return n
 
 
-@kernel
+@entry_kernel
 def newmark_batch(
     B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved
 ) -> None:
@@ -127,23 +100,17 @@ def newmark_batch(
 
     A design that needs more iterations falls behind in time and goes on alone in the end.
     """
-    nb = work.counts.shape[0]
-    active = np.zeros(nb, dtype=np.int64)
+    listed = np.zeros(work.counts.shape[0], dtype=np.int64)
     while True:
-        n_active = 0
-        for k in range(nb):
-            if work.counts[k, STATUS] == RUNNING:
-                active[n_active] = k
-                n_active += 1
-        if n_active == 0:
+        n = running(work.counts, listed)
+        if n == 0:
             return
-        if n_active == 1:
-            k = active[0]
-            x = work.x[k]
-            pass_one(
-                B, modal.points, modal.laws[k], x[Q_TRIAL], x[V_TRIAL], x[FORCE], work.point[k]
-            )
-        else:
-            pass_many(B, modal, work, active, n_active)
-        for a in range(n_active):
-            advance(B, modal, settings, work, saved, active[a])
+        for first in range(0, n, LANES):
+            designs = listed[first : min(first + LANES, n)]
+            if designs.size >= WORTH:
+                pass_eight(B, modal, work, designs)
+            else:
+                for k in designs:
+                    pass_one(B, modal, work, k)
+        for k in listed[:n]:
+            advance(B, modal, settings, work, saved, k)

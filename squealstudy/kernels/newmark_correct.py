@@ -29,6 +29,7 @@ from squealstudy.kernels.newmark_layout import (
     Settings,
     Work,
 )
+from squealstudy.kernels.newmark_stiff import mock_up
 from squealstudy.kernels.newmark_vector import copy, move
 
 OMEGA_MIN, OMEGA_MAX = 0.02, 2.0  # Aitken factor
@@ -58,11 +59,12 @@ def direction(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: in
     delta = work.x[k, DELTA]
     if not settings.dense:
         divide(delta, modal.modes[k], h)
+        mock_up(modal, work, k, h)
         return True
     at = k * (settings.max_halvings + 1) + work.counts[k, LEVEL]
     lu, pivots = work.lu[at], work.pivots[at]
     if pivots[0] == NOT_FACTORED:
-        fixed_jacobian(B, modal, k, h, lu)
+        fixed_jacobian(B, modal, k, h, work.row, lu)
         if not lu_factor(lu, pivots):
             pivots[0] = NOT_FACTORED
             return False
@@ -114,7 +116,7 @@ def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -
         place(x, h)
         return True
     jacobian, pivots = work.lu[-1], work.pivots[-1]
-    true_jacobian(B, modal, k, h, work.point[k], jacobian)
+    true_jacobian(B, modal, k, h, work.point[k], work.row, jacobian)
     counts[NEWTON_STEPS] += 1
     if not lu_factor(jacobian, pivots):
         return False

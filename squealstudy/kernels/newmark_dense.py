@@ -9,6 +9,7 @@ from squealstudy.kernels.friction_laws import friction_tangent
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_layout import Modal
 from squealstudy.kernels.newmark_vector import fill, move
+from squealstudy.kernels.tile import POINTS
 
 
 @fast_kernel
@@ -90,32 +91,60 @@ def add_point(
 
 
 @fast_kernel
-def fixed_jacobian(B: np.ndarray, modal: Modal, k: int, h: float, A: np.ndarray) -> None:
-    """The fixed Jacobian with its contact factor and tangential mock-up (eq. 7), dense."""
+def point_row(B: np.ndarray, i: int, row: np.ndarray) -> None:
+    """[N; T1; T2] of point i (3, n) from the tiles (nt, n, ROWS)."""
+    tile, p = B[i // POINTS], i % POINTS
+    for c in range(3):
+        for j in range(row.shape[1]):
+            row[c, j] = tile[j, c * POINTS + p]
+
+
+@fast_kernel
+def fixed_jacobian(
+    B: np.ndarray, modal: Modal, k: int, h: float, row: np.ndarray, A: np.ndarray
+) -> None:
+    """The fixed Jacobian with its contact factor and tangential mock-up (eq. 7), dense.
+
+    `row` (3, n) is room for one point's rows of B.
+    """
     linear_jacobian(modal, k, h, A)
-    for i in range(B.shape[0]):
+    for i in range(modal.fixed.shape[2]):
         normal = 0.25 * h * h * modal.fixed[k, 0, i]
         tangential = 0.5 * h * modal.fixed[k, 1, i]
         if normal != 0.0 or tangential != 0.0:
-            add_point(A, B[i], normal, 0.0, tangential, 0.0, 0.0, tangential)
+            point_row(B, i, row)
+            add_point(A, row, normal, 0.0, tangential, 0.0, 0.0, tangential)
 
 
 @fast_kernel
 def true_jacobian(
-    B: np.ndarray, modal: Modal, k: int, h: float, trial: np.ndarray, A: np.ndarray
+    B: np.ndarray,
+    modal: Modal,
+    k: int,
+    h: float,
+    point: np.ndarray,
+    row: np.ndarray,
+    A: np.ndarray,
 ) -> None:
-    """The consistent Jacobian of the step at the states `trial` (nc, 6 or more) of the points."""
+    """The consistent Jacobian of the step at the state `point` (N_POINT, nc) of the points."""
     linear_jacobian(modal, k, h, A)
-    law = modal.laws[k]
+    law, points = modal.laws[k], modal.points[k]
     hk, hc = 0.25 * h * h, 0.5 * h
-    for i in range(B.shape[0]):
-        point, state = modal.points[i], trial[i]
-        area, factor = point[1], point[2]
-        p, kappa = law_at(int(law[0]), law[1], law[2], point[0] + state[0])
+    for i in range(modal.fixed.shape[2]):
+        area, factor = points[1, i], points[2, i]
+        p, kappa = law_at(int(law[0]), law[1], law[2], points[0, i] + point[0, i])
         d11, d12, d22, s1, s2 = friction_tangent(
-            int(law[3]), factor * law[4], factor * law[5], law[6], law[7], p, state[1], state[2]
+            int(law[3]),
+            factor * law[4],
+            factor * law[5],
+            law[6],
+            law[7],
+            p,
+            point[1, i],
+            point[2, i],
         )
-        normal = hk * (area * kappa - point[4])
+        normal = hk * (area * kappa - points[4, i])
         push = hk * area * kappa  # dt/dg = -kappa dt/dp, and the residual has -T^T t
         drag = -hc * area
-        add_point(A, B[i], normal, push * s1, drag * d11, drag * d12, push * s2, drag * d22)
+        point_row(B, i, row)
+        add_point(A, row, normal, push * s1, drag * d11, drag * d12, push * s2, drag * d22)

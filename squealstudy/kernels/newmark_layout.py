@@ -1,7 +1,8 @@
 """What the Newmark kernels read and write: arrays in named tuples, and their integer columns.
 
-n modes, nc contact points, nb design points, m shapes, ns sensors, L halvings. Every array of a
-design has the design first, so that the row of a design is contiguous.
+n modes (rounded up to whole vector registers, the rest zero), nc contact points (in `points` and
+`point` rounded up to whole tiles), nt tiles of points, nb design points, m shapes, ns sensors,
+L halvings. Every array of a design has the design first, so that its part is contiguous.
 """
 
 from __future__ import annotations
@@ -46,27 +47,31 @@ HISTORY = (
 
 # rows of Modal.modes
 W2, C, LOAD = 0, 1, 2
-# rows of Work.x: accepted state; acceleration before it; q and v of the new time without the part
-# of the new acceleration; trial state; B^T r there; residual, then correction; correction before
-Q, V, A, A_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5
-Q_TRIAL, V_TRIAL, A_TRIAL, FORCE, DELTA, DELTA_OLD = 6, 7, 8, 9, 10, 11
-N_ROWS = 12
-# columns of Work.point after contact_point.OUT_* of the trial state: w1, w2, t1, t2 accepted last;
-# t1, t2 of the iteration before; their change a second over the last sub-step
-OLD, GUESS, SLOPE = 6, 10, 12
-N_POINT = 14
+# rows of Work.x: accepted state; forces beyond the diagonal system in it and in the one before;
+# q and v of the new time without the part of the new acceleration; trial state; B^T r there;
+# residual, then correction; correction before
+Q, V, A, PULL, PULL_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5, 6
+Q_TRIAL, V_TRIAL, A_TRIAL, FORCE, DELTA, DELTA_OLD = 7, 8, 9, 10, 11, 12
+N_ROWS = 13
+# rows of Work.point after contact_point.OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted
+# last; t1, t2 of the iteration before; their change a second over the last sub-step
+OLD, GUESS, SLOPE = 9, 13, 15
+N_POINT = 17
 
 
 class Modal(NamedTuple):
     """The design points; see analysis.transient for units. W2 contains N^T k_ref N."""
 
-    points: np.ndarray  # (nc, 8) contact_point.POINT_*
+    points: np.ndarray  # (nb, 8, nc) contact_point.POINT_*
     laws: np.ndarray  # (nb, 9) contact_point.LAW_*
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     tuned: np.ndarray  # (nb, 2, m) d, s
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (ns, n)
+    tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
+    compliance: np.ndarray  # (2 nc, 2 nc) T D^-1 T^T, D the diagonal Jacobian of the first design
+    own: np.ndarray  # (nc,) the larger diagonal entry of each point there
 
 
 class Settings(NamedTuple):
@@ -88,11 +93,17 @@ class Work(NamedTuple):
     """State of the iteration; rows Q, V, A at the end are the final state."""
 
     x: np.ndarray  # (nb, N_ROWS, n)
-    point: np.ndarray  # (nb, nc, N_POINT)
+    point: np.ndarray  # (nb, N_POINT, nc)
     lu: np.ndarray  # (nb (L + 1) + 1, n, n) factors by design and halving level; Newton's last
     pivots: np.ndarray  # (nb (L + 1) + 1, n)
     counts: np.ndarray  # (nb, N_COUNT) int
     real: np.ndarray  # (nb, N_REAL)
+    tiles: np.ndarray  # (panel, LANES, ROWS) observed in a panel by each design, then the forces
+    lanes: np.ndarray  # (3, n, LANES) q, v and F of the designs in one batched pass
+    wide: np.ndarray  # (panel, n, ROWS) a panel of tiles stored in single precision; else (0, ..)
+    row: np.ndarray  # (3, n) [N; T1; T2] of one contact point
+    listed: np.ndarray  # (nc,) int, stiff points of the design at hand
+    stiff: np.ndarray  # (nc, 6) newmark_stiff: state of each
 
 
 class Saved(NamedTuple):

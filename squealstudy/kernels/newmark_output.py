@@ -50,15 +50,15 @@ def add_work(modal: Modal, work: Work, k: int, h: float) -> None:
     speed = modal.laws[k, 8]
     belt = 0.0
     sliding = 0.0
-    point, points = work.point[k], modal.points
-    for i in range(point.shape[0]):
-        w1 = point[i, OLD] + point[i, 1]
-        w2 = point[i, OLD + 1] + point[i, 2]
-        t1 = point[i, OLD + 2] + point[i, 4]
-        t2 = point[i, OLD + 3] + point[i, 5]
+    point, points = work.point[k], modal.points[k]
+    for i in range(point.shape[1]):
+        w1 = point[OLD, i] + point[1, i]
+        w2 = point[OLD + 1, i] + point[2, i]
+        t1 = point[OLD + 2, i] + point[4, i]
+        t2 = point[OLD + 3, i] + point[5, i]
         belt += t1
         sliding += w1 * t1 + w2 * t2
-        w_load -= points[i, 6] * (w1 - 2.0 * speed) + points[i, 7] * w2
+        w_load -= points[6, i] * (w1 - 2.0 * speed) + points[7, i] * w2
     real = work.real[k]
     real[W_LOAD] += 0.5 * h * w_load
     real[W_BELT] -= 0.5 * h * speed * belt
@@ -85,34 +85,35 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
         total += 0.5 * modal.tuned[k, 1, m] * y * y
     law = modal.laws[k]
     code = int(law[0])
-    for i in range(modal.points.shape[0]):
-        point, gap = modal.points[i], work.point[k, i, 0]
-        U = potential(code, law[1], law[2], point[0] + gap)
-        U -= potential(code, law[1], law[2], point[0])
-        total += point[1] * U + point[5] * gap - 0.5 * point[4] * gap * gap
+    points, gaps = modal.points[k], work.point[k, 0]
+    for i in range(gaps.size):
+        gap = gaps[i]
+        U = potential(code, law[1], law[2], points[0, i] + gap)
+        U -= potential(code, law[1], law[2], points[0, i])
+        total += points[1, i] * U + points[5, i] * gap - 0.5 * points[4, i] * gap * gap
     return total
 
 
 @fast_kernel
-def contact_row(points: np.ndarray, law: np.ndarray, trial: np.ndarray, row: np.ndarray) -> None:
+def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.ndarray) -> None:
     """Torque, normal force and the stick, slip and open shares of the area into row[1:6]."""
     torque = 0.0
     force = 0.0
     area = 0.0
-    for i in range(points.shape[0]):
-        torque -= points[i, 3] * trial[i, 4]
-        force += points[i, 1] * trial[i, 3]
-        area += points[i, 1]
+    for i in range(points.shape[1]):
+        torque -= points[3, i] * point[4, i]
+        force += points[1, i] * point[3, i]
+        area += points[1, i]
     stick = 0.0
     opened = 0.0
-    for i in range(points.shape[0]):
-        p = trial[i, 3]
-        s = (trial[i, 1] * trial[i, 1] + trial[i, 2] * trial[i, 2]) ** 0.5
+    for i in range(points.shape[1]):
+        p = point[3, i]
+        s = (point[1, i] * point[1, i] + point[2, i] * point[2, i]) ** 0.5
         mu, _ = mu_at(law[4], law[5], law[6], s)
         if p <= OPEN * force / area:
-            opened += points[i, 1] / area
-        elif law[7] * s < points[i, 2] * mu * p:
-            stick += points[i, 1] / area
+            opened += points[1, i] / area
+        elif law[7] * s < points[2, i] * mu * p:
+            stick += points[1, i] / area
     row[1] = torque
     row[2] = force
     row[3] = stick
@@ -128,8 +129,8 @@ def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> 
     row = saved.history[k, at]
     fill(row, 0.0)
     row[0] = counts[STEP] * settings.h
-    if modal.points.shape[0] > 0:
-        contact_row(modal.points, modal.laws[k], work.point[k], row)
+    if modal.points.shape[2] > 0:
+        contact_row(modal.points[k], modal.laws[k], work.point[k], row)
     for i in range(4):
         row[6 + i] = work.real[k, W_LOAD + i]
     row[10] = stored_energy(modal, work, k)

@@ -1,69 +1,77 @@
 """The fused pass over the observation matrix for one design point: F = B^T r(B [q; v]).
 
-For every contact point three dots, the laws, three axpys; B is read once (theory.md section 6).
+For every contact point three dots, the laws, three axpys; B is read from memory once, a panel of
+tiles at a time (theory.md section 6).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_point import point_force
+from squealstudy.kernels.contact_point import OUT_X, R_N, point_forces
 from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.newmark_layout import FORCE, Q_TRIAL, V_TRIAL, Modal, Work
 from squealstudy.kernels.newmark_vector import fill
+from squealstudy.kernels.tile import POINTS, ROWS, observe_one, spread_one
+
+@fast_kernel
+def take_points(tile: np.ndarray, point: np.ndarray, first: int) -> None:
+    """An observed tile (ROWS,) into the points (N_POINT, nc) from `first` on."""
+    for c in range(3):
+        for i in range(POINTS):
+            point[OUT_X + c, first + i] = tile[c * POINTS + i]
 
 
 @fast_kernel
-def observe_point(
-    N: np.ndarray, T1: np.ndarray, T2: np.ndarray, q: np.ndarray, v: np.ndarray
-) -> tuple[float, float, float]:
-    """N q, T1 v, T2 v of one contact point; all arguments (n,)."""
-    x = 0.0
-    v1 = 0.0
-    v2 = 0.0
-    for j in range(q.size):
-        x += N[j] * q[j]
-        v1 += T1[j] * v[j]
-        v2 += T2[j] * v[j]
-    return x, v1, v2
+def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
+    """Generalised forces of the points from `first` on into a tile (ROWS,)."""
+    for c in range(3):
+        for i in range(POINTS):
+            tile[c * POINTS + i] = point[R_N + c, first + i]
 
 
 @fast_kernel
-def spread_point(
-    N: np.ndarray, T1: np.ndarray, T2: np.ndarray, rn: float, r1: float, r2: float, F: np.ndarray
-) -> None:
-    """F += N rn + T1 r1 + T2 r2; arrays (n,)."""
-    for j in range(F.size):
-        F[j] += N[j] * rn + T1[j] * r1 + T2[j] * r2
+def widen(narrow: np.ndarray, wide: np.ndarray) -> None:
+    """Tiles (.., n, ROWS) in double precision."""
+    for t in range(narrow.shape[0]):
+        for j in range(narrow.shape[1]):
+            for i in range(ROWS):
+                wide[t, j, i] = narrow[t, j, i]
 
 
 @fast_kernel
-def pass_one(
-    B: np.ndarray,
-    points: np.ndarray,
-    law: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    F: np.ndarray,
-    trial: np.ndarray,
-) -> None:
-    """Contact and friction forces in modal coordinates at one state.
+def one_panel(panel: np.ndarray, first: int, modal: Modal, work: Work, k: int) -> None:
+    """Add the forces of a panel of tiles (.., n, ROWS), its first point `first`, to row FORCE."""
+    x, point, tiles = work.x[k], work.point[k], work.tiles
+    q, v, F = x[Q_TRIAL], x[V_TRIAL], x[FORCE]
+    for t in range(panel.shape[0]):
+        observe_one(panel[t], q, v, tiles[t, 0])
+        take_points(tiles[t, 0], point, first + t * POINTS)
+    last = first + panel.shape[0] * POINTS
+    point_forces(modal.points[k], modal.laws[k], point, first, last)
+    for t in range(panel.shape[0]):
+        give_forces(point, tiles[t, 0], first + t * POINTS)
+        spread_one(panel[t], tiles[t, 0], F)
+
+
+@fast_kernel
+def pass_one(B: np.ndarray, modal: Modal, work: Work, k: int) -> None:
+    """Contact and friction forces in modal coordinates at the trial state of design k.
 
     Parameters
     ----------
-    B : ndarray (nc, 3, n), f8 or f4
-        Observation [N; T1; T2] of each point; arithmetic is f8 in any case.
-    points : ndarray (nc, 8), law : ndarray (9,)
-        See contact_point.
-    q, v : ndarray (n,)
-        Deviation from the reference state, and velocity.
-    F : ndarray (n,)
-        Overwritten with B^T r.
-    trial : ndarray (nc, 6)
-        Overwritten with the state of every point.
+    B : ndarray (nt, n, ROWS), f8 or f4
+        Tiles of the observation matrix; arithmetic is f8 in any case.
+    modal, work : newmark_layout tuples
+        The rows Q_TRIAL and V_TRIAL of `work.x` are read, FORCE is overwritten with B^T r and
+        `work.point` with the state of every point.
     """
-    fill(F, 0.0)
-    for i in range(B.shape[0]):
-        N, T1, T2 = B[i, 0], B[i, 1], B[i, 2]
-        x, v1, v2 = observe_point(N, T1, T2, q, v)
-        rn, r1, r2 = point_force(points[i], law, x, v1, v2, trial[i])
-        spread_point(N, T1, T2, rn, r1, r2, F)
+    fill(work.x[k, FORCE], 0.0)
+    step = work.tiles.shape[0]
+    for t in range(0, B.shape[0], step):
+        panel = B[t : min(t + step, B.shape[0])]
+        if work.wide.shape[0] > 0:
+            widen(panel, work.wide)
+            one_panel(work.wide[: panel.shape[0]], t * POINTS, modal, work, k)
+        else:
+            one_panel(panel, t * POINTS, modal, work, k)

@@ -60,15 +60,15 @@ def friction_change(modal: Modal, work: Work, k: int) -> tuple[float, float]:
     of all modes. The new forces become the guess.
     """
     mu = modal.laws[k, 4]
-    point, points = work.point[k], modal.points
+    point, points = work.point[k], modal.points[k]
     change = 0.0
     bounds = work.real[k, FLOOR2]
-    for i in range(point.shape[0]):
-        e1 = point[i, 4] - point[i, GUESS]
-        e2 = point[i, 5] - point[i, GUESS + 1]
+    for i in range(point.shape[1]):
+        e1 = point[4, i] - point[GUESS, i]
+        e2 = point[5, i] - point[GUESS + 1, i]
         change += e1 * e1 + e2 * e2
-        bound = points[i, 1] * points[i, 2] * mu * point[i, 3]
+        bound = points[1, i] * points[2, i] * mu * point[3, i]
         bounds += bound * bound
-        point[i, GUESS] = point[i, 4]
-        point[i, GUESS + 1] = point[i, 5]
+        point[GUESS, i] = point[4, i]
+        point[GUESS + 1, i] = point[5, i]
     return change, bounds

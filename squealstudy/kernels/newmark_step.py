@@ -11,8 +11,8 @@ import numpy as np
 
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_correct import correct_fixed, correct_newton, direction, place
+from squealstudy.kernels.newmark_dense import point_row
 from squealstudy.kernels.newmark_layout import (
-    A_OLD,
     A_TRIAL,
     DELTA,
     DONE,
@@ -33,6 +33,8 @@ from squealstudy.kernels.newmark_layout import (
     OMEGA,
     PASSES,
     POSITION,
+    PULL,
+    PULL_OLD,
     Q_BASE,
     Q_TRIAL,
     RUNNING,
@@ -49,7 +51,9 @@ from squealstudy.kernels.newmark_layout import (
     SUBSTEP_OLD,
     V_BASE,
     V_TRIAL,
+    W2,
     A,
+    C,
     Modal,
     Q,
     Saved,
@@ -68,8 +72,36 @@ GO_ON, BEGIN, CLOSE = 0, 1, 2
 
 
 @fast_kernel
-def begin(work: Work, k: int, h: float) -> None:
-    """Open a sub-step h: Newmark's explicit part (beta 1/4, gamma 1/2), forces extrapolated."""
+def predict(x: np.ndarray, modes: np.ndarray, h: float, ratio: float) -> None:
+    """Newmark's explicit part over a sub-step h (beta 1/4, gamma 1/2) and a first trial state.
+
+    It solves the diagonal system with the other forces extrapolated over `ratio` times the last
+    sub-step: free motion of any frequency is exact, and only those forces need iterations.
+    """
+    for j in range(x.shape[1]):
+        q = x[Q, j] + h * x[V, j] + 0.25 * h * h * x[A, j]
+        v = x[V, j] + 0.5 * h * x[A, j]
+        c, w2 = modes[C, j], modes[W2, j]
+        pull = x[PULL, j] + ratio * (x[PULL, j] - x[PULL_OLD, j])
+        a = (modes[LOAD, j] + pull - c * v - w2 * q) / (1.0 + 0.5 * h * c + 0.25 * h * h * w2)
+        x[Q_BASE, j], x[V_BASE, j], x[A_TRIAL, j] = q, v, a
+        x[Q_TRIAL, j] = q + 0.25 * h * h * a
+        x[V_TRIAL, j] = v + 0.5 * h * a
+
+
+@fast_kernel
+def keep_state(x: np.ndarray, modes: np.ndarray) -> None:
+    """The trial state is accepted."""
+    for j in range(x.shape[1]):
+        q, v, a = x[Q_TRIAL, j], x[V_TRIAL, j], x[A_TRIAL, j]
+        x[Q, j], x[V, j], x[A, j] = q, v, a
+        x[PULL_OLD, j] = x[PULL, j]
+        x[PULL, j] = a + modes[C, j] * v + modes[W2, j] * q - modes[LOAD, j]
+
+
+@fast_kernel
+def begin(modal: Modal, work: Work, k: int, h: float) -> None:
+    """Open a sub-step h from the accepted state."""
     counts, real = work.counts[k], work.real[k]
     ratio = h / real[SUBSTEP_OLD] if real[SUBSTEP_OLD] > 0.0 else 0.0
     real[SUBSTEP] = h
@@ -77,29 +109,24 @@ def begin(work: Work, k: int, h: float) -> None:
     real[STEP_LENGTH] = 1.0
     real[E2_OLD] = 0.0
     counts[ITERATION] = 0
-    x = work.x[k]
-    for j in range(x.shape[1]):
-        x[Q_BASE, j] = x[Q, j] + h * x[V, j] + 0.25 * h * h * x[A, j]
-        x[V_BASE, j] = x[V, j] + 0.5 * h * x[A, j]
-        x[A_TRIAL, j] = x[A, j] + ratio * (x[A, j] - x[A_OLD, j])
-    place(x, h)
+    predict(work.x[k], modal.modes[k], h, ratio)
     point = work.point[k]
-    for i in range(point.shape[0]):
-        point[i, GUESS] = point[i, OLD + 2] + h * point[i, SLOPE]
-        point[i, GUESS + 1] = point[i, OLD + 3] + h * point[i, SLOPE + 1]
+    for i in range(point.shape[1]):
+        point[GUESS, i] = point[OLD + 2, i] + h * point[SLOPE, i]
+        point[GUESS + 1, i] = point[OLD + 3, i] + h * point[SLOPE + 1, i]
 
 
 @fast_kernel
 def keep_points(point: np.ndarray, h: float) -> None:
-    """The trial state of the points (nc, N_POINT) is accepted; slopes over h, none for h = 0."""
-    for i in range(point.shape[0]):
-        if h > 0.0:
-            point[i, SLOPE] = (point[i, 4] - point[i, OLD + 2]) / h
-            point[i, SLOPE + 1] = (point[i, 5] - point[i, OLD + 3]) / h
-        point[i, OLD] = point[i, 1]
-        point[i, OLD + 1] = point[i, 2]
-        point[i, OLD + 2] = point[i, 4]
-        point[i, OLD + 3] = point[i, 5]
+    """The trial state of the points (N_POINT, nc) is accepted; slopes over h, none for h = 0."""
+    rate = 1.0 / h if h > 0.0 else 0.0
+    for i in range(point.shape[1]):
+        point[SLOPE, i] = (point[4, i] - point[OLD + 2, i]) * rate
+        point[SLOPE + 1, i] = (point[5, i] - point[OLD + 3, i]) * rate
+        point[OLD, i] = point[1, i]
+        point[OLD + 1, i] = point[2, i]
+        point[OLD + 2, i] = point[4, i]
+        point[OLD + 3, i] = point[5, i]
 
 
 @fast_kernel
@@ -107,13 +134,13 @@ def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
     """Square of the force that rounding leaves in sums over the contact points."""
     load = modal.modes[k, LOAD]
     total = dot(load, load)
-    mu, point, points = modal.laws[k, 4], work.point[k], modal.points
-    for i in range(B.shape[0]):
-        normal = points[i, 1] * point[i, 3]
-        drag = points[i, 2] * mu * normal
-        for j in range(B.shape[2]):
-            N, T1, T2 = B[i, 0, j], B[i, 1, j], B[i, 2, j]
-            total += (N * normal) ** 2 + (T1 * T1 + T2 * T2) * drag * drag
+    mu, point, points = modal.laws[k, 4], work.point[k], modal.points[k]
+    for i in range(modal.fixed.shape[2]):
+        normal = points[1, i] * point[3, i]
+        drag = points[2, i] * mu * normal
+        point_row(B, i, work.row)
+        N, T1, T2 = work.row[0], work.row[1], work.row[2]
+        total += dot(N, N) * normal * normal + (dot(T1, T1) + dot(T2, T2)) * drag * drag
     return ROUND_OFF * ROUND_OFF * total
 
 
@@ -124,8 +151,9 @@ def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -
     fill(x[A_TRIAL], 0.0)
     e2, _ = residual(modal, work, k)
     real[FLOOR2] = force_floor(B, modal, work, k)
-    copy(x[DELTA], x[A])
-    copy(x[DELTA], x[A_OLD])
+    copy(x[DELTA], x[A_TRIAL])
+    keep_state(x, modal.modes[k])
+    copy(x[PULL], x[PULL_OLD])
     keep_points(work.point[k], 0.0)
     work.counts[k, MODE] = NEWTON if settings.newton else FIXED
     return e2 < BIG
@@ -153,10 +181,7 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
         move(x[A_TRIAL], real[OMEGA], x[DELTA])
         place(x, h)
     add_work(modal, work, k, h)
-    copy(x[Q_TRIAL], x[Q])
-    copy(x[V_TRIAL], x[V])
-    copy(x[A], x[A_OLD])
-    copy(x[A_TRIAL], x[A])
+    keep_state(x, modal.modes[k])
     real[SUBSTEP_OLD] = h
     keep_points(work.point[k], h)
     counts[MODE] = NEWTON if settings.newton else FIXED
@@ -215,4 +240,4 @@ def advance(
     if counts[STATUS] == DONE:
         work.real[k, STORED_END] = stored_energy(modal, work, k)
     if counts[STATUS] == RUNNING and then != GO_ON:
-        begin(work, k, settings.h / (1 << counts[LEVEL]))
+        begin(modal, work, k, settings.h / (1 << counts[LEVEL]))

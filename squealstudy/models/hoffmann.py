@@ -19,7 +19,13 @@ import scipy.sparse as sp
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal import bilateral_points, point_mass
-from squealstudy.models.operating import DAMPING, FRICTION, SLIDING_SPEED
+from squealstudy.models.operating import (
+    DAMPING,
+    FRICTION,
+    FRICTION_LAW,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+)
 from squealstudy.models.parameter import ModelDefinition, Parameter, structural
 
 STIFFNESS = structural(
@@ -39,6 +45,8 @@ PARAMETERS = (
     FRICTION,
     SLIDING_SPEED,
     DAMPING,
+    STIFFNESS_DAMPING,
+    *FRICTION_LAW,
     *STIFFNESS,
     *(replace(a, minimum=-360.0, maximum=360.0, structural=True) for a in ANGLES),
 )

@@ -17,13 +17,21 @@ import numpy as np
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal import bilateral_points, point_mass
-from squealstudy.models.operating import DAMPING, FRICTION, SLIDING_SPEED
+from squealstudy.models.operating import (
+    DAMPING,
+    FRICTION,
+    FRICTION_LAW,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+)
 from squealstudy.models.parameter import ModelDefinition, structural
 
 PARAMETERS = (
     FRICTION,
     SLIDING_SPEED,
     DAMPING,
+    STIFFNESS_DAMPING,
+    *FRICTION_LAW,
     *structural(
         (
             ("frequency_1", 100.0, "Hz", "of the mass on its first contact"),

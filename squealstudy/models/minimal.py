@@ -9,6 +9,7 @@ from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface
 from squealstudy.models.operating import law_from_values
 
+ARM = 1.0  # m: the torque of a minimal model is its friction force
 LAW = law_from_values("bilateral", {})  # the areas of the points carry their stiffness
 
 
@@ -25,7 +26,8 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
     N, T : ndarray (nc, n_dof)
         Gap (positive when open) and sliding displacement from the degrees of freedom.
     stiffness : ndarray (nc,)
-        Contact stiffness k_n = A dp/d(-g) of each point, N/m.
+        Contact stiffness k_n = A dp/d(-g) of each point, N/m. It makes the area
+        A = stiffness / 5e11 m2, that ``contact.kt`` is given for.
     """
     n = len(stiffness)
     return ContactInterface(
@@ -34,7 +36,7 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
         sp.csr_matrix(N.shape),
         stiffness / LAW.stiffness,
         np.zeros(n),
-        np.zeros(n),
+        np.full(n, ARM),
         LAW,
         np.ones(n),
     )

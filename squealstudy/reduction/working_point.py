@@ -53,7 +53,9 @@ def working_point(
 
     With K0 = K + k_c N^T A N the gaps obey
 
-        g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p.
+        g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p,
+
+    mu being the friction at the imposed sliding speed.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def working_point(
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
-        f"{point.friction:g}, pressure {point.pressure:g} Pa",
+        f"{point.mu_steady:g}, pressure {point.pressure:g} Pa",
     )
 
 
@@ -112,7 +114,7 @@ class _GapEquations:
     """Imbalance of the gaps and its Jacobian, at one operating point."""
 
     def __init__(self, space: ContactSpace, point: OperatingPoint) -> None:
-        mu = point.friction * space.frictional
+        mu = point.mu_steady * space.frictional
         self._law, self._k_c, self._gap0 = point.law, space.k_c, space.gap0
         self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * (space.area * mu)
         load = space.H_Nf @ np.array([point.pressure, 1.0])

@@ -21,7 +21,7 @@ class Design:
     law_kind : str
         Contact law of the study's model options.
     values : mapping of parameter name -> float
-        Every plain parameter of the model, and the component-mode parameters in use.
+        Every plain parameter of the model, and the mode parameters in use.
     """
 
     model: ModelDefinition
@@ -41,13 +41,20 @@ class Design:
         return {p.name: self.values[p.name] for p in self.model.parameters}
 
     def operating_point(self) -> OperatingPoint:
-        """Friction, pressure, sliding speed and contact law."""
+        """Friction and its law, pressure, sliding speed and contact law."""
         v = self.values
         law = law_from_values(self.law_kind, v)
-        return OperatingPoint(v["friction"], v.get("pressure", 1.0), v["sliding_speed"], law)
+        return OperatingPoint(
+            v["friction"],
+            v.get("pressure", 1.0),
+            v["sliding_speed"],
+            law,
+            v["friction_law.static_ratio"],
+            v["friction_law.decay_speed"],
+        )
 
     def state(self) -> DesignState:
-        """The design state: operating point, component-mode changes, modal damping."""
+        """The design state: operating point, changes of component modes, modal damping."""
         scale: dict[ModeKey, float] = {}
         damping: dict[ModeKey, float] = {}
         for parameter in self.mode_parameters():
@@ -55,11 +62,23 @@ class Design:
             for mode in parameter.modes:
                 target[parameter.component, mode] = self.values[parameter.name]
         return DesignState(
-            self.operating_point(), scale, damping, self.values.get("damping_ratio", 0.0)
+            self.operating_point(),
+            scale,
+            damping,
+            self.values.get("damping_ratio", 0.0),
+            {mode: self.values[p.name] for p in self.assembly_parameters() for mode in p.modes},
+            self.values.get("stiffness_damping", 0.0),
         )
 
     def mode_parameters(self) -> list[ModeParameter]:
         """The component-mode parameters among the values."""
+        return [p for p in self._parsed() if p.component]
+
+    def assembly_parameters(self) -> list[ModeParameter]:
+        """The assembly-mode parameters among the values."""
+        return [p for p in self._parsed() if not p.component]
+
+    def _parsed(self) -> list[ModeParameter]:
         plain = {p.name for p in self.model.parameters}
         parsed = (parse_parameter(name, self.model) for name in self.values if name not in plain)
         return [p for p in parsed if isinstance(p, ModeParameter)]

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
-from threadpoolctl import threadpool_limits
-
-from squealstudy.analysis.point import solve_point
-from squealstudy.errors import ConvergenceError
 from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.kinds import kind_named
 from squealstudy.study.plan import Plan
-from squealstudy.study.worker import PointTask, peak_memory_mb
+from squealstudy.study.process import peak_memory_mb
 
 TIMED_POINTS = 3
 
@@ -46,6 +42,7 @@ class Estimate:
 
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
+    kind = kind_named(plan.study.definition.study.kind)
     ready = [s.key for s in plan.structures if is_prepared(s.key)]
     missing = len(plan.structures) - len(ready)
     if not ready:
@@ -60,7 +57,8 @@ def estimate(plan: Plan) -> Estimate:
         )
     tasks = [t for t in plan.tasks if t.prepared_key in set(ready)]
     step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
-    seconds = [t for t in (_time(plan, task) for task in tasks[::step][:TIMED_POINTS]) if t]
+    timed = (kind.time_point(plan, task) for task in tasks[::step][:TIMED_POINTS])
+    seconds = [t for t in timed if t]
     prepared = load_prepared(ready[0])
     return Estimate(
         missing,
@@ -70,14 +68,3 @@ def estimate(plan: Plan) -> Estimate:
         prepared.model.n,
         "" if seconds else "none of the timed design points has a working point",
     )
-
-
-def _time(plan: Plan, task: PointTask) -> float | None:
-    prepared = load_prepared(task.prepared_key)
-    started = time.perf_counter()
-    with threadpool_limits(1):
-        try:
-            solve_point(prepared, task.design.state(), plan.band_hz)
-        except ConvergenceError:
-            return None
-    return time.perf_counter() - started

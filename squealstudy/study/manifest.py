@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import platform
 from collections.abc import Iterator
@@ -12,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from squealstudy.errors import ResultsError
-from squealstudy.study.files import write_json
 from squealstudy.study.plan import Plan
+from squealstudy.study.results_manifest import read_manifest
 
-FILE = "manifest.json"
 LOCK = ".lock"
 PACKAGES = (
     "squealstudy",
@@ -47,6 +45,7 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "units": {p: parameter_unit(plan, p) for p in study.shown_parameters},
         "nominal": {p: plan.nominal_values[p] for p in study.shown_parameters},
         "grid_shape": plan.grid_shape,
+        "transient": plan.in_time[0] if plan.in_time else None,
         "study": study.text,
         "versions": {name: version(name) for name in PACKAGES},
         "python": platform.python_version(),
@@ -60,23 +59,6 @@ def parameter_unit(plan: Plan, name: str) -> str:
     """Unit of a shown parameter; empty for a pure number."""
     plain = {p.name: p.unit for p in plan.study.model.parameters}
     return plain.get(name, "")
-
-
-def read_manifest(directory: Path) -> dict[str, Any] | None:
-    """The manifest of a results directory, None where there is none; ResultsError if damaged."""
-    path = directory / FILE
-    if not path.is_file():
-        return None
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ResultsError(f"{path}: not a readable manifest ({error})") from error
-    return content
-
-
-def write_manifest(directory: Path, manifest: dict[str, Any]) -> None:
-    """Write the manifest atomically."""
-    write_json(directory / FILE, manifest)
 
 
 def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""The grammar of parameter names: a model's own parameters, and those of component modes."""
+"""The grammar of parameter names: a model's own, those of component and of assembly modes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,14 @@ if TYPE_CHECKING:  # scipy stays out of `squealstudy schema`
 FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
 QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
 LARGEST_MODE = 10_000
-MODE_NAME = re.compile(r"(?P<component>[^\[\]]+)\.modes\[(?P<modes>[^\[\]]*)\]\.(?P<quantity>\w+)")
+MODE_NAME = re.compile(
+    r"(?:(?P<component>[^\[\]]+)\.)?modes\[(?P<modes>[^\[\]]*)\]\.(?P<quantity>\w+)"
+)
 MODE_RANGE = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
-EXAMPLE = "'<component>.modes[12-14].frequency_scale' or '<component>.modes[3,7].damping_ratio'"
+EXAMPLE = (
+    "'<component>.modes[12-14].frequency_scale', '<component>.modes[3,7].damping_ratio' "
+    "or, of the assembly, 'modes[44].damping_ratio'"
+)
 
 
 @dataclass(frozen=True)
@@ -54,15 +59,20 @@ class PlainParameter:
 
 @dataclass(frozen=True)
 class ModeParameter:
-    """One quantity of some free-free modes of a component, all set to the same value.
+    """One quantity of some modes, all set to the same value.
+
+    The modes are free-free ones of a component, or real ones of the assembly, whose only quantity
+    is the damping ratio: it replaces the model's uniform ``damping_ratio``.
 
     Attributes
     ----------
     name : str
         As the user wrote it.
     component : str
+        Empty for the assembly.
     modes : tuple of int
-        Ascending, from 1, rigid-body modes included.
+        Ascending, from 1, rigid-body modes included; those of the assembly in ascending frequency
+        at the design's working point without friction.
     quantity : str
         ``frequency_scale`` (factor on the frequency) or ``damping_ratio``.
     """
@@ -74,7 +84,7 @@ class ModeParameter:
 
     @property
     def default(self) -> float:
-        """The value that changes nothing."""
+        """The value that changes nothing; of the assembly's modes, no damping."""
         return 1.0 if self.quantity == FREQUENCY_SCALE else 0.0
 
     @property
@@ -84,7 +94,7 @@ class ModeParameter:
 
     @property
     def structural(self) -> bool:
-        """Component modes are entries of the reduced matrices: nothing is built anew."""
+        """Modes are entries of the reduced matrices: nothing is built anew."""
         return False
 
     def check(self, value: float) -> float:
@@ -107,7 +117,8 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
     Raises
     ------
     ParameterError
-        Neither a parameter of the model nor ``<component>.modes[<numbers>].<quantity>``.
+        Neither a parameter of the model, nor ``<component>.modes[<numbers>].<quantity>``, nor
+        ``modes[<numbers>].damping_ratio``.
     """
     plain = {p.name: p for p in model.parameters}
     if name in plain:
@@ -127,10 +138,8 @@ def check_disjoint(parameters: Iterable[StudyParameter]) -> None:
         for mode in p.modes:
             first = owner.setdefault((p.component, mode, p.quantity), p.name)
             if first != p.name:
-                raise ParameterError(
-                    p.name,
-                    f"'{p.name}' and '{first}' both set {p.quantity} of {p.component} mode {mode}",
-                )
+                owned = f"{p.quantity} of {p.component or 'assembly'} mode {mode}"
+                raise ParameterError(p.name, f"'{p.name}' and '{first}' both set {owned}")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -143,8 +152,8 @@ def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
     found = MODE_NAME.fullmatch(name)
     if found is None:
         raise ParameterError(name, f"expected a name like {EXAMPLE}, got '{name}'")
-    component, quantity = found["component"], found["quantity"]
-    if component not in model.components:
+    component, quantity = found["component"] or "", found["quantity"]
+    if component and component not in model.components:
         raise ParameterError(
             name,
             f"model '{model.name}' has no component '{component}'; "
@@ -153,6 +162,12 @@ def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
     if quantity not in QUANTITIES:
         raise ParameterError(
             name, f"expected {' or '.join(QUANTITIES)} of component modes, got '{quantity}'"
+        )
+    if not component and quantity != DAMPING_RATIO:
+        raise ParameterError(
+            name,
+            f"modes of the assembly have {DAMPING_RATIO} only, their frequencies follow from the "
+            f"components: expected '<component>.modes[{found['modes']}].{quantity}'",
         )
     return ModeParameter(name, component, _parse_modes(name, found["modes"]), quantity)
 

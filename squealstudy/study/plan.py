@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from squealstudy.errors import StudyFileError
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import CONTACT_LAW, OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
 from squealstudy.study.design import Design
 from squealstudy.study.keys import content_hash, point_id, source_hash
 from squealstudy.study.sampling import design_points, grid_shape
 from squealstudy.study.source import SourceText
+from squealstudy.study.tasks import PointTask
 from squealstudy.study.toml_lines import KeyPath
-from squealstudy.study.worker import PointTask
+from squealstudy.study.transient.start import StartState, find_start
 
 LAW_OPTION = "contact_law"
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
@@ -89,7 +91,7 @@ class Plan:
         points = []
         for sweep in self.study.sweeps:
             name = sweep.name
-            if name == "pressure" or name.startswith("contact."):
+            if name == "pressure" or name in {p.name for p in CONTACT_LAW}:
                 swept = [point[name] for point in self.swept]
                 for value in sorted({min(swept), max(swept)}):
                     values = {**self.study.values, name: value}
@@ -107,7 +109,7 @@ class Plan:
                 "options": {k: v for k, v in self.study.options.items() if k != LAW_OPTION},
                 "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
                 "trained at": [
-                    [p.friction, p.pressure, p.law.kind, *p.law.parameters]
+                    [p.mu_steady, p.pressure, p.law.kind, *p.law.parameters]
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
@@ -115,12 +117,29 @@ class Plan:
         )
 
     @cached_property
+    def start(self) -> StartState | None:
+        """The earlier state that a transient study continues; StudyFileError where it is not."""
+        source = SourceText(self.study.path, self.study.text)
+        return find_start(self.study.definition.transient, source)
+
+    @cached_property
+    def in_time(self) -> list[Any]:
+        """What a design point's motion depends on beside its parameters; empty without motion."""
+        if self.study.definition.study.kind != "transient":
+            return []
+        section = self.study.definition.transient
+        settings = section.model_dump(mode="json", exclude={"batch", "start", "start_point"})
+        explicit = "perturbation" in section.model_fields_set
+        start = self.start.point_id if self.start is not None else ""
+        return [settings, explicit, start, self.study.definition.modes.stability_tolerance]
+
+    @cached_property
     def tasks(self) -> tuple[PointTask, ...]:
         """Identity and structure of every design point, in the order of the design."""
         tasks = []
         for design in self.designs:
             key = self.structure_key(design)
-            model_hash = content_hash([key, list(self.band_hz), self.law_kind])
+            model_hash = content_hash([key, list(self.band_hz), self.law_kind, *self.in_time])
             tasks.append(PointTask(point_id(model_hash, design.values), design, key))
         return tuple(tasks)
 
@@ -141,6 +160,7 @@ class Plan:
                 [t.point_id for t in self.tasks],
                 list(self.study.shown_parameters),
                 modes.model_dump(mode="json"),
+                *self.in_time,
             ]
         )
 
@@ -153,7 +173,9 @@ class Plan:
     def nominal_values(self) -> dict[str, float]:
         """Values of all parameters where nothing is swept."""
         neutral = {s.name: s.parameter.default for s in self.study.sweeps}
-        return {**neutral, **self.study.values}
+        uniform = self.study.values.get("damping_ratio", 0.0)
+        modal = {p.name: uniform for p in self.designs[0].assembly_parameters()}
+        return {**neutral, **modal, **self.study.values}
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -193,6 +215,10 @@ class Plan:
         for number, sweep in enumerate(self.study.sweeps):
             if sweep.name == parameter:
                 keys = ("sweep", number, "parameter")
+        return self.error_at(keys, message)
+
+    def error_at(self, keys: KeyPath, message: str) -> StudyFileError:
+        """A StudyFileError at a key of the file."""
         return SourceText(self.study.path, self.study.text).error(keys, message)
 
 

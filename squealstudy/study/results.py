@@ -12,10 +12,12 @@ import pyarrow.parquet as pq
 
 from squealstudy.analysis.ranking import rank_modes
 from squealstudy.errors import ResultsError
-from squealstudy.study.manifest import read_manifest
-from squealstudy.study.tables import MODES, POINTS
+from squealstudy.study.names import GROWTH, MODES, POINTS
+from squealstudy.study.results_manifest import read_manifest
+from squealstudy.study.transient.histories import read_history
 
 ONSET_PARAMETER = "friction"
+TABLES = {"complex_modes": (POINTS, MODES), "transient": (POINTS, MODES, GROWTH)}
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class Results:
         manifest = read_manifest(directory)
         if manifest is None:
             raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
-        if not (directory / POINTS).is_file() or not (directory / MODES).is_file():
+        tables = TABLES.get(str(manifest.get("kind")), ())
+        if not tables or not all((directory / name).is_file() for name in tables):
             raise ResultsError(
                 f"{directory}: the run is not finished; run the study again to go on"
             )
@@ -62,6 +65,28 @@ class Results:
     def modes(self) -> pd.DataFrame:
         """One row a complex mode of a design point."""
         return self._read(MODES)
+
+    @cached_property
+    def growth(self) -> pd.DataFrame:
+        """One row an unstable complex mode of a design point, fitted growth beside it.
+
+        Raises ResultsError where the study is not a transient one.
+        """
+        self._expect_transient("growth table")
+        return self._read(GROWTH)
+
+    def history(self, point_id: str) -> pd.DataFrame:
+        """Torque, contact shares and modal energies of one design point over time.
+
+        Raises ResultsError where none was kept, or the study is not a transient one.
+        """
+        self._expect_transient("histories")
+        return read_history(self.directory, point_id)
+
+    @property
+    def kind(self) -> str:
+        """``complex_modes`` or ``transient``."""
+        return str(self.manifest["kind"])
 
     @property
     def parameters(self) -> list[str]:
@@ -83,8 +108,20 @@ class Results:
     def rank(
         self, by: str = "share", top: int | None = None, where: str | None = None
     ) -> pd.DataFrame:
-        """Unstable tracked modes, the most important first; see analysis.ranking.rank_modes."""
+        """The modes that matter most first.
+
+        Unstable tracked modes (analysis.ranking.rank_modes), or the modes that carry the energy
+        of a transient study (analysis.transient_ranking.rank_energy), which has no choice of `by`.
+        """
+        if self.kind == "transient":
+            from squealstudy.analysis.transient_ranking import rank_energy
+
+            return rank_energy(self.points, self.modes, top, where)
         return rank_modes(self.points, self.modes, self.along, by, top, where)
+
+    def _expect_transient(self, what: str) -> None:
+        if self.kind != "transient":
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no {what}")
 
     def _read(self, name: str) -> pd.DataFrame:
         try:

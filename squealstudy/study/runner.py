@@ -2,47 +2,34 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from joblib import Parallel, delayed, parallel_config
+from joblib import delayed
 
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
 from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import chunk_id
+from squealstudy.study.kind import Kind, Progress
+from squealstudy.study.kinds import kind_named
 from squealstudy.study.manifest import (
     check_ownership,
     locked,
     new_manifest,
-    write_manifest,
 )
-from squealstudy.study.plan import Plan, Structure, reference_choice
+from squealstudy.study.parallel import in_parallel
+from squealstudy.study.plan import Plan, Structure
+from squealstudy.study.process import peak_memory_mb
+from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.sampling import check_limit
-from squealstudy.study.structures import (
-    REFERENCES,
-    BuildTask,
-    ReferenceTask,
-    build_structure,
-    check_reference,
-    mode_counts,
-)
-from squealstudy.study.tables import MODES, POINTS, build_tables, read_references
-from squealstudy.study.worker import ChunkTask, PointTask, peak_memory_mb, solve_chunk
-
-MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
-CHUNKS_A_WORKER = 8
-KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
-
-Progress = Callable[[str, int, int], None]  # stage, done, total
+from squealstudy.study.structures import BuildTask, build_structure, mode_counts
 
 
 @dataclass(frozen=True)
@@ -64,6 +51,11 @@ class RunReport:
     manifest: dict[str, Any]
     n_solved: int
     n_reused: int
+
+
+def kind_of(plan: Plan) -> Kind:
+    """What the plan's study computes."""
+    return kind_named(plan.study.definition.study.kind)
 
 
 def check_component_modes(plan: Plan) -> None:
@@ -88,6 +80,7 @@ def run_study(
     jobs: int,
     yes: bool = False,
     progress: Progress = lambda stage, done, total: None,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> RunReport:
     """Run a study, or what is left of it.
 
@@ -105,6 +98,8 @@ def run_study(
         Accept more points than the study's limit.
     progress : callable
         Told (stage, done, total).
+    warn : callable
+        Told what may go wrong, before the design points are solved.
 
     Raises
     ------
@@ -117,42 +112,32 @@ def run_study(
     check_component_modes(plan)
     failures = build_structures(plan, jobs, progress)
     prepared_s = time.perf_counter() - started
+    kind = kind_of(plan)
+    kind.check(plan)
     with locked(directory):
         found = check_ownership(directory, plan)
-        if found and _is_complete(found, plan, directory):
+        if found and _is_complete(found, plan, kind, directory):
             return RunReport(directory, found, 0, len(plan.tasks))
         remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **_structure_timings(plan, failures)}
         write_manifest(directory, manifest)
-        n_solved = _solve_points(plan, directory, jobs, failures, progress, manifest)
-        _check_points(plan, directory, jobs, failures, progress, manifest)
-        _finish(plan, directory, manifest, progress, started)
+        for text in kind.warnings(plan):
+            warn(text)
+        n_solved = _solve_points(plan, kind, directory, jobs, failures, progress, manifest)
+        verified = time.perf_counter()
+        manifest["reference"] = kind.verify(plan, directory, jobs, failures, progress)
+        manifest["timings"]["reference_s"] = time.perf_counter() - verified
+        _finish(plan, kind, directory, manifest, progress, started)
     return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
 
 
-def _is_complete(found: dict[str, Any], plan: Plan, directory: Path) -> bool:
+def _is_complete(found: dict[str, Any], plan: Plan, kind: Kind, directory: Path) -> bool:
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and (directory / POINTS).is_file()
-        and (directory / MODES).is_file()
+        and all((directory / name).is_file() for name in kind.tables)
     )
-
-
-def _parallel(jobs: int, tasks: Sequence[Any]) -> Iterator[Any]:
-    """Results of delayed tasks as they come, on loky workers with one BLAS thread each."""
-    workers = max(1, min(jobs, len(tasks)))
-    try:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(
-                tasks
-            )
-    except BrokenProcessPool as error:
-        raise SquealstudyError(
-            "a worker process died (out of memory, or killed); what is finished is kept, and the "
-            "same command goes on from there, with fewer workers by --jobs"
-        ) from error
 
 
 def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str]:
@@ -173,7 +158,7 @@ def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str
     if len(tasks) == 1:
         outcomes = iter([build_structure(tasks[0])])
     else:
-        outcomes = _parallel(jobs, [delayed(build_structure)(t) for t in tasks])
+        outcomes = in_parallel(jobs, [delayed(build_structure)(t) for t in tasks])
     failures = {}
     for done, (key, reason) in enumerate(outcomes, start=1):
         progress(stage, done, len(missing))
@@ -210,6 +195,7 @@ def _structure_timings(plan: Plan, failures: dict[str, str]) -> dict[str, float]
 
 def _solve_points(
     plan: Plan,
+    kind: Kind,
     directory: Path,
     jobs: int,
     failures: dict[str, str],
@@ -218,30 +204,20 @@ def _solve_points(
 ) -> int:
     """Solve the design points that no chunk file holds; their number."""
     started = time.perf_counter()
-    done_before = chunks.finished_points(directory)
+    done_before = chunks.finished_points(directory, kind.schema)
     pending = [t for t in plan.tasks if t.point_id not in done_before]
     unbuilt = [t for t in pending if t.prepared_key in failures]
     solvable = [t for t in pending if t.prepared_key not in failures]
     if unbuilt:
-        rows = [
-            chunks.failed_row(t.point_id, 0.0, "structure", failures[t.prepared_key])
-            for t in unbuilt
-        ]
-        chunks.write_chunk(directory, chunk_id(t.point_id for t in unbuilt), rows)
-    tasks = [
-        ChunkTask(
-            directory,
-            plan.band_hz,
-            tuple(part),
-            len(plan.tasks) <= KEEP_GAPS_LIMIT,
-            os.getpid(),
-        )
-        for part in split_chunks(solvable, jobs)
-    ]
+        rows = [kind.failed_row(t.point_id, "structure", failures[t.prepared_key]) for t in unbuilt]
+        chunks.write_chunk(directory, chunk_id(t.point_id for t in unbuilt), rows, kind.schema)
+    if solvable:
+        kind.prepare(plan, progress)
+    tasks = kind.tasks(plan, directory, solvable, jobs)
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     progress("design points", done, total)
     busy = peak = 0.0
-    for report in _parallel(jobs, [delayed(solve_chunk)(t) for t in tasks]) if tasks else ():
+    for report in in_parallel(jobs, [delayed(kind.solve)(t) for t in tasks]):
         done += report.n_points
         known += report.n_known_working_points
         busy += report.wall_s
@@ -257,46 +233,9 @@ def _solve_points(
     return len(pending)
 
 
-def split_chunks(tasks: Sequence[PointTask], jobs: int) -> list[Sequence[PointTask]]:
-    """Consecutive points in chunks small enough to balance the workers and to lose little."""
-    size = max(1, min(MAX_CHUNK, math.ceil(len(tasks) / (CHUNKS_A_WORKER * jobs))))
-    return [tasks[i : i + size] for i in range(0, len(tasks), size)]
-
-
-def _check_points(
-    plan: Plan,
-    directory: Path,
-    jobs: int,
-    failures: dict[str, str],
-    progress: Progress,
-    manifest: dict[str, Any],
-) -> None:
-    """Solve the chosen reference points at full order, those not checked before."""
-    started = time.perf_counter()
-    chosen = [plan.tasks[i] for i in reference_choice(plan, reference_count(plan))]
-    present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
-    tasks = [
-        ReferenceTask(directory, t, plan.study.options, plan.settings, plan.band_hz, os.getpid())
-        for t in chosen
-        if t.point_id not in present and t.prepared_key not in failures
-    ]
-    if tasks:
-        progress("full-order check", 0, len(tasks))
-    results = _parallel(jobs, [delayed(check_reference)(t) for t in tasks]) if tasks else ()
-    for done, _ in enumerate(results, start=1):
-        progress("full-order check", done, len(tasks))
-    manifest["timings"]["reference_s"] = time.perf_counter() - started
-    ids = {t.point_id for t in chosen}
-    manifest["reference"] = [r for i, r in read_references(directory).items() if i in ids]
-
-
-def reference_count(plan: Plan) -> int:
-    """Number of design points to check at full order."""
-    return plan.study.definition.modes.reference_points
-
-
 def _finish(
     plan: Plan,
+    kind: Kind,
     directory: Path,
     manifest: dict[str, Any],
     progress: Progress,
@@ -305,7 +244,7 @@ def _finish(
     """Build the tables and close the manifest."""
     progress("tables", 0, 1)
     tables_started = time.perf_counter()
-    points, _ = build_tables(plan, directory)
+    points = kind.build_tables(plan, directory)
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
     manifest["n_failed"] = int((points["status"] != "ok").sum())

@@ -2,70 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, Strict, model_validator
 
-from squealstudy.study.source import shown
+from squealstudy.study.section import Band, FloatList, NumberTable, Section
+from squealstudy.study.transient_section import TransientSection
 
 Scale = Literal["linear", "log"]
 
 MOST_LEVELS = 1_000_000
 LARGEST_SEED = 2**32 - 1
+# enrichment shapes of tiny singular values are local contact shapes: as coordinates in time they
+# are modes of 30 to 80 kHz, some of them unstable (studies/benchmarks/level_over_basis.py)
+TRANSIENT_TOLERANCE = 1e-3
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
-
-
-def _flatten(tables: object) -> object:
-    """Dotted keys of [parameters] as they were written, whether quoted or not."""
-    if not isinstance(tables, dict):
-        return tables
-    flat: dict[str, object] = {}
-    pending = [(str(k), v) for k, v in reversed(tables.items())]
-    while pending:
-        name, value = pending.pop()
-        if isinstance(value, dict):
-            pending.extend((f"{name}.{k}", v) for k, v in reversed(value.items()))
-        elif name in flat:
-            raise ValueError(f"'{name}' is given twice")
-        else:
-            flat[name] = value
-    return flat
-
-
-def _two(band: object) -> object:
-    if not isinstance(band, list | tuple) or len(band) != 2:
-        found = f"{len(band)} values" if isinstance(band, list) else shown(band)
-        raise ValueError(f"expected two frequencies [low, high] in Hz, got {found}")
-    return band
-
-
-def _ascending(band: tuple[float, float]) -> tuple[float, float]:
-    if not 0 <= band[0] < band[1]:
-        raise ValueError(
-            f"expected [low, high] with 0 <= low < high, got [{band[0]:g}, {band[1]:g}]"
-        )
-    return band
-
-
-FloatList = Annotated[tuple[float, ...], Strict(False)]
-Band = Annotated[
-    tuple[float, float], Strict(False), BeforeValidator(_two), AfterValidator(_ascending)
-]
-NumberTable = Annotated[dict[str, float], BeforeValidator(_flatten)]
-
-
-class Section(BaseModel):
-    """A table of the file: unknown keys are errors, and nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class StudySection(Section):
@@ -76,7 +27,9 @@ class StudySection(Section):
         max_length=100,
         description="name of the study and of its results directory: letters, digits, _ and -",
     )
-    kind: Literal["complex_modes"] = Field(description="what is computed at each design point")
+    kind: Literal["complex_modes", "transient"] = Field(
+        description="what is computed at each design point: complex modes, or motion in time"
+    )
     description: str = Field(default="", description="free text, copied to the results")
 
 
@@ -181,7 +134,8 @@ class ReductionSection(Section):
         default=3e-5,
         gt=0,
         le=0.1,
-        description="enrichment shapes with relative singular values below this are left out",
+        description="enrichment shapes with relative singular values below this are left out; "
+        "1e-3 in transient studies",
     )
     enrichment: bool = Field(
         default=True, description="add static responses to the friction forces"
@@ -206,14 +160,34 @@ class StudyDefinition(Section):
     reduction: ReductionSection = Field(
         default=ReductionSection(), description="basis of the reduction"
     )
+    transient: TransientSection = Field(
+        default=TransientSection(), description="time integration (kind = 'transient' only)"
+    )
+
+    @model_validator(mode="after")
+    def _sections_of_the_kind(self) -> Self:
+        if "transient" in self.model_fields_set and self.study.kind != "transient":
+            raise ValueError(
+                f'a [transient] section needs kind = "transient", this is {self.study.kind}'
+            )
+        return self
 
     @model_validator(mode="before")
     @classmethod
-    def _default_band(cls, data: Any) -> Any:
-        """The band of the model, where the file gives none."""
-        model = data.get("model") if isinstance(data, dict) else None
-        modes = data.get("modes", {}) if isinstance(data, dict) else None
-        name = model.get("name") if isinstance(model, dict) else None
-        if isinstance(name, str) and name in BANDS and isinstance(modes, dict):
-            return {**data, "modes": {"band": BANDS[name], **modes}}
-        return data
+    def _defaults_of_the_scene(cls, data: Any) -> Any:
+        """The band of the model and the basis of the kind, where the file gives none."""
+        if not isinstance(data, dict):
+            return data
+        name, kind = _inside(data, "model", "name"), _inside(data, "study", "kind")
+        given: dict[str, Any] = {}
+        if isinstance(name, str) and name in BANDS:
+            given["modes"] = {"band": BANDS[name]}
+        if kind == "transient":
+            given["reduction"] = {"tolerance": TRANSIENT_TOLERANCE}
+        usable = {k: v for k, v in given.items() if isinstance(data.get(k, {}), dict)}
+        return {**data, **{k: {**v, **data.get(k, {})} for k, v in usable.items()}}
+
+
+def _inside(data: dict[str, Any], section: str, key: str) -> object:
+    table = data.get(section)
+    return table.get(key) if isinstance(table, dict) else None

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from squealstudy.models.operating import CONTACT_LAW, DAMPING, FRICTION, PRESSURE, SLIDING_SPEED
+from squealstudy.models.operating import (
+    CONTACT_LAW,
+    DAMPING,
+    FRICTION,
+    FRICTION_LAW,
+    PRESSURE,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+)
 from squealstudy.models.parameter import Option, structural
 
 OPTIONS = (
@@ -16,6 +24,8 @@ PARAMETERS = (
     PRESSURE,
     SLIDING_SPEED,
     DAMPING,
+    STIFFNESS_DAMPING,
+    *FRICTION_LAW,
     *CONTACT_LAW,
     *structural(
         (

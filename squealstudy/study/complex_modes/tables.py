@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,13 @@ import pyarrow as pa
 from squealstudy.analysis.tracking import Tracks, track
 from squealstudy.analysis.tracking_tree import tracking_tree
 from squealstudy.errors import ResultsError
-from squealstudy.study.alignment import ShapeAlignment
 from squealstudy.study.chunks import read_chunks
+from squealstudy.study.complex_modes.alignment import ShapeAlignment
+from squealstudy.study.complex_modes.reference import read_references
+from squealstudy.study.complex_modes.rows import SCHEMA
 from squealstudy.study.files import write_parquet
+from squealstudy.study.names import MODES, POINTS
 from squealstudy.study.plan import Plan
-from squealstudy.study.structures import REFERENCES
-
-POINTS, MODES = "points.parquet", "modes.parquet"
 
 
 def build_tables(plan: Plan, directory: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -32,7 +31,7 @@ def build_tables(plan: Plan, directory: Path) -> tuple[pd.DataFrame, pd.DataFram
         Where a point of the plan is in no chunk.
     """
     ids = [task.point_id for task in plan.tasks]
-    found = read_chunks(directory, set(ids))
+    found = read_chunks(directory, set(ids), SCHEMA)
     missing = sum(i not in found for i in ids)
     if missing:
         raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
@@ -43,13 +42,6 @@ def build_tables(plan: Plan, directory: Path) -> tuple[pd.DataFrame, pd.DataFram
     write_parquet(directory / POINTS, points_arrow(points, plan.study.shown_parameters))
     write_parquet(directory / MODES, modes_arrow(modes))
     return points, modes
-
-
-def read_references(directory: Path) -> dict[str, dict[str, Any]]:
-    """Full-order checks by point id."""
-    files = sorted((directory / REFERENCES).glob("*.json"))
-    results = [json.loads(path.read_text(encoding="utf-8")) for path in files]
-    return {r["point_id"]: r for r in results}
 
 
 def _track(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Tracks:

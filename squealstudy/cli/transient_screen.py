@@ -1,0 +1,94 @@
+"""What commands print of transient studies: one line a design point, and the modes' energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+from rich.table import Table
+
+from squealstudy.cli import screen
+
+LISTED = 24  # design points listed; all of them are in the tables
+
+
+def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
+    """Print what became of each design point."""
+    varied = [p for p in parameters if len(set(table[p])) > 1]
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for title in varied:
+        grid.add_column(title, justify="right", overflow="fold")
+    grid.add_column("class", no_wrap=True)
+    for title in ("growth 1/s", "forecast", "torque Nm", "RMS", "Hz", "mode", "share %"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("transfer", no_wrap=True)
+    for row in table.head(LISTED).to_dict("records"):
+        grid.add_row(*(f"{row[p]:.6g}" for p in varied), *_findings(row))
+    screen.console.print(grid)
+    if len(table) > LISTED:
+        screen.console.print(f"{len(table) - LISTED} more in the points table", style="dim")
+    screen.console.print(
+        "growth: fitted in time; forecast: of the complex mode; torque and RMS of its fluctuation, "
+        "leading line, mode and its energy share: over the last window",
+        style="dim",
+    )
+
+
+def ranking(table: pd.DataFrame) -> None:
+    """Print which assembly modes carry the energy."""
+    if not len(table):
+        screen.console.print("No design point keeps vibrating.")
+        return
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("mode", "Hz", "energy %", "most %", "leads at"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("energy in", no_wrap=True)
+    varied = any(table["worst"])
+    if varied:
+        grid.add_column("most where", overflow="fold")
+    for row in table.to_dict("records"):
+        grid.add_row(
+            str(row["mode"]),
+            f"{row['frequency_hz']:.0f}",
+            f"{100 * row['energy_share']:.1f}",
+            f"{100 * row['energy_share_max']:.1f}",
+            str(row["dominant_points"]),
+            str(row["main_component"]),
+            *([str(row["worst"])] if varied else []),
+        )
+    screen.console.print(grid)
+    screen.console.print(
+        "energy: share of the mechanical energy, mean over the points that keep vibrating; leads "
+        "at: number of points where it has most",
+        style="dim",
+    )
+
+
+def _findings(row: dict[Any, Any]) -> list[str]:
+    if row["class"] == "failed":
+        return [f"failed: {row['status']}", *[""] * 8]
+    transfer = ""
+    if row["transfer_to"]:
+        transfer = (
+            f"{row['transfer_from']} > {row['transfer_to']} at {1e3 * row['transfer_time']:.0f} ms"
+        )
+    return [
+        str(row["class"]),
+        _number(row["growth_rate"]),
+        _number(row["predicted_growth_rate"]),
+        _number(row["torque_mean"]),
+        _number(row["torque_rms"]),
+        f"{row['dominant_frequency_hz']:.0f}" if _known(row["dominant_frequency_hz"]) else "-",
+        str(row["dominant_mode"]) if row["dominant_mode"] else "-",
+        f"{100 * row['dominant_share']:.0f}" if _known(row["dominant_share"]) else "-",
+        transfer,
+    ]
+
+
+def _known(value: float) -> bool:
+    return value == value
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if _known(value) else "-"

@@ -1,0 +1,182 @@
+"""The contact forces of a hybrid Newmark step, after its forward/back solve (paper figure 4).
+
+What the forces change in the state is added by columns of J^-1 B^T for a few points, or left as
+the right-hand side of a second solve for many.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.hybrid_contact import contact_iteration, quadratic_form
+from squealstudy.kernels.hybrid_layout import (
+    DV,
+    FOUND,
+    LEFT,
+    OLD_X,
+    R_GUESS,
+    RATE,
+    RATE_END,
+    RATE_S,
+    RATE_S_END,
+    RHS,
+    Y_END,
+    Hybrid,
+    Level,
+    R,
+    State,
+    Y,
+)
+from squealstudy.kernels.hybrid_vector import free_rates, modal_force, move_rates, multiply, spread
+from squealstudy.kernels.jit import fast_kernel, kernel
+from squealstudy.kernels.newmark_vector import dot, move
+
+TIGHT = 0.02  # of the tolerances in the contact iteration: what it leaves, extrapolation amplifies
+
+
+@kernel
+def balance(
+    model: Hybrid,
+    level: Level,
+    state: State,
+    dv: np.ndarray,
+    tolerance: float,
+    tolerance_t: float,
+    max_iterations: int,
+) -> tuple[int, int, float, int, bool]:
+    """Find the contact forces at the end of a step whose predicted change of velocity is `dv`.
+
+    Returns the outcome, the evaluations, the largest contraction factor, the points whose forces
+    differ from the predicted ones by more than the tolerances, and whether these are so many that a
+    solve costs less than their columns of J^-1 B^T: row RHS then holds its right-hand side. A
+    smaller difference acts in the next step instead: its impulse is never lost, and the forces that
+    later ones are extrapolated from hold it already.
+    """
+    rows, point, x = state.rows, state.point, state.vectors
+    h = level.h
+    half = 0.5 * h
+    nc, k = point.shape[0], model.d.size
+    x[DV] = dv
+    force = np.empty(model.omega2.size)
+    free_rates(model, state, h)
+    modal_force(model, rows[LEFT] + rows[R], force)
+    move_rates(model, state, h, force)
+    modes = state.modes
+    for j in range(force.size):
+        lag = modes[RATE_END, j] - modes[RATE_S_END, j]
+        force[j] = lag - (modes[RATE, j] - modes[RATE_S, j])
+    y = np.empty(rows.shape[1])
+    multiply(model.B, dv, y)
+    for i in range(y.size):
+        y[i] += rows[Y, i] + dot(model.B_modes[i], force)
+    # the shapes' dampers r = -d y are linear: eliminated before the iteration
+    eliminated = np.zeros(k)
+    for a in range(k):
+        for b in range(k):
+            lack = y[3 * nc + b] + rows[R, 3 * nc + b] / model.d[b]
+            eliminated[a] -= level.shape_inverse[a, b] * lack
+    y_c = y[: 3 * nc].copy()
+    for i in range(3 * nc):
+        for a in range(k):
+            y_c[i] += level.G_shapes[i, a] * eliminated[a]
+    x_base = point[:, OLD_X] + half * rows[Y, 0 : 3 * nc : 3]
+    r = rows[R, : 3 * nc]
+    rows[Y_END, : 3 * nc] = y_c
+    # dv = h a and J dv = h (all forces): the square of all forces in the metric of G is h/2 a J a
+    scale2 = quadratic_form(level.G, r) + 0.5 / h * dot(dv, x[RHS])
+    outcome, evaluations, contraction = contact_iteration(
+        model.points,
+        model.law,
+        half,
+        level.G,
+        level.floor2,
+        x_base,
+        y_c,
+        r,
+        point,
+        scale2,
+        TIGHT * tolerance,
+        TIGHT * tolerance_t,
+        max_iterations,
+    )
+    rows[FOUND] = rows[R]
+    lack = r - rows[R_GUESS, : 3 * nc]
+    heavy, n_heavy = heavy_points(model, level, lack, point, scale2, tolerance, tolerance_t)
+    solve = 3 * n_heavy * dv.size > level.fill
+    if solve:
+        heavy[:] = True
+        rows[Y_END, : 3 * nc] = y_c
+    change = np.zeros(rows.shape[1])
+    for i in range(3 * nc):
+        if heavy[i // 3]:
+            change[i] = lack[i]
+            if not solve:
+                move(rows[Y_END, : 3 * nc], lack[i], level.G[i])
+        else:  # what these forces lack acts in the next step
+            r[i] = rows[R_GUESS, i]
+        rows[LEFT, i] = 2.0 * rows[FOUND, i] - r[i]
+    for a in range(k):
+        total = eliminated[a]
+        for b in range(k):
+            seen = 0.0
+            for i in range(3 * nc):
+                seen += level.G_shapes[i, b] * change[i]
+            total -= level.shape_inverse[a, b] * seen
+        change[3 * nc + a] = total
+        rows[R, 3 * nc + a] += total
+        rows[FOUND, 3 * nc + a] = rows[LEFT, 3 * nc + a] = rows[R, 3 * nc + a]
+    modal_force(model, change, force)
+    move_rates(model, state, h, force)
+    if solve:
+        x[RHS] = 0.0
+        spread(model.B, half, change, x[RHS])
+    else:
+        for i in range(change.size):
+            if change[i] != 0.0:
+                move(x[DV], half * change[i], level.X[i])
+    return outcome, evaluations, contraction, n_heavy, solve
+
+
+@fast_kernel
+def heavy_points(
+    model: Hybrid,
+    level: Level,
+    lack: np.ndarray,
+    point: np.ndarray,
+    scale2: float,
+    tolerance: float,
+    tolerance_t: float,
+) -> tuple[np.ndarray, int]:
+    """The fewest points (nc,) whose forces must be corrected, and their number.
+
+    All others together differ from the predicted forces by less than the tolerances.
+    """
+    nc = point.shape[0]
+    bounds2 = 0.0
+    e2, e2_t = np.empty(nc), np.empty(nc)
+    for i in range(nc):
+        bound = model.points[i, 1] * model.points[i, 2] * model.law[4] * point[i, 3]
+        bounds2 += bound * bound
+        e2[i] = 0.0
+        for a in range(3 * i, 3 * i + 3):
+            for b in range(3 * i, 3 * i + 3):
+                e2[i] += lack[a] * level.G[a, b] * lack[b]
+        e2_t[i] = lack[3 * i + 1] ** 2 + lack[3 * i + 2] ** 2
+    limit = tolerance * tolerance * scale2 + level.floor2
+    limit_t = tolerance_t * tolerance_t * bounds2
+    heavy = np.zeros(nc, dtype=np.bool_)
+    share = 1.0
+    while True:
+        count = 0
+        light = 0.0
+        light_t = 0.0
+        for i in range(nc):
+            heavy[i] = e2[i] > share * limit or e2_t[i] > share * limit_t
+            if heavy[i]:
+                count += 1
+            else:
+                light += e2[i]
+                light_t += e2_t[i]
+        if (light <= limit and light_t <= limit_t) or share * nc < 1.0:
+            return heavy, count
+        share *= 0.5

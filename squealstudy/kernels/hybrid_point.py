@@ -1,0 +1,161 @@
+"""Forces of one contact point of the hybrid representation, and what balances it alone.
+
+Column layouts are those of hybrid_layout. The arithmetic is written apart from that of the modal
+kernel, which the hybrid representation judges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.contact_laws import law_at
+from squealstudy.kernels.friction_laws import friction_at, friction_tangent
+from squealstudy.kernels.jit import fast_kernel
+
+BIG = 1e290  # squares at or beyond it, and NaN, are not finite
+LOCAL_ITERATIONS = 20
+LOCAL_TOLERANCE = 1e-4  # of the imbalance before
+ROUND_OFF = 1e-14  # of the forces
+SHORTEST = 1e-3  # damped Newton step
+
+
+@fast_kernel
+def point_force(
+    point: np.ndarray, law: np.ndarray, x: float, v1: float, v2: float, out: np.ndarray
+) -> tuple[float, float, float]:
+    """Generalised forces (rn, r1, r2) [N] of one point beyond the base state, for B^T r.
+
+    Parameters
+    ----------
+    point : ndarray (8,), law : ndarray (9,)
+        See hybrid_layout.
+    x, v1, v2 : float
+        N q [m], T1 q' and T2 q' [m/s].
+    out : ndarray (6,)
+        Filled with the absolute state: columns hybrid_layout.OUT_*.
+
+    Notes
+    -----
+    rn contains + k_ref x: the tangent at the reference is inside K.
+    """
+    area, factor = point[1], point[2]
+    w1 = law[8] + v1
+    p, _ = law_at(int(law[0]), law[1], law[2], point[0] + x)
+    t1, t2, _ = friction_at(
+        int(law[3]), factor * law[4], factor * law[5], law[6], law[7], p, w1, v2
+    )
+    t1 *= area
+    t2 *= area
+    out[0], out[1], out[2], out[3], out[4], out[5] = x, w1, v2, p, t1, t2
+    return area * p - point[5] + point[4] * x, t1 - point[6], t2 - point[7]
+
+
+@fast_kernel
+def tangent(
+    point: np.ndarray, law: np.ndarray, half: float, trial: np.ndarray, D: np.ndarray
+) -> None:
+    """Derivative D (3, 3) of a point's forces by its velocities, at its evaluated state `trial`."""
+    area, factor = point[1], point[2]
+    _, kappa = law_at(int(law[0]), law[1], law[2], point[0] + trial[0])
+    d11, d12, d22, f1, f2 = friction_tangent(
+        int(law[3]),
+        factor * law[4],
+        factor * law[5],
+        law[6],
+        law[7],
+        trial[3],
+        trial[1],
+        trial[2],
+    )
+    D[0, 0] = half * (point[4] - area * kappa)
+    D[0, 1] = D[0, 2] = 0.0
+    D[1, 0] = -area * half * kappa * f1
+    D[2, 0] = -area * half * kappa * f2
+    D[1, 1], D[1, 2] = area * d11, area * d12
+    D[2, 1], D[2, 2] = area * d12, area * d22
+
+
+@fast_kernel
+def solve3(A: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
+    """X = A^-1 b for (3, 3), by cofactors; a singular A gives inf or NaN."""
+    c0 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c1 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c2 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    det = A[0, 0] * c0 + A[0, 1] * c1 + A[0, 2] * c2
+    d0 = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
+    d1 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    d2 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    e0 = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+    e1 = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+    e2 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    x[0] = (c0 * b[0] + d0 * b[1] + e0 * b[2]) / det
+    x[1] = (c1 * b[0] + d1 * b[1] + e1 * b[2]) / det
+    x[2] = (c2 * b[0] + d2 * b[1] + e2 * b[2]) / det
+
+
+@fast_kernel
+def imbalance(
+    point: np.ndarray,
+    law: np.ndarray,
+    half: float,
+    x_base: float,
+    y: np.ndarray,
+    r: np.ndarray,
+    trial: np.ndarray,
+    F: np.ndarray,
+) -> float:
+    """F = f(y) - r of one point into (3,), its square; the gap is x_base + half y[0]."""
+    rn, r1, r2 = point_force(point, law, x_base + half * y[0], y[1], y[2], trial)
+    F[0], F[1], F[2] = rn - r[0], r1 - r[1], r2 - r[2]
+    return F[0] * F[0] + F[1] * F[1] + F[2] * F[2]
+
+
+@fast_kernel
+def solve_point(
+    point: np.ndarray,
+    law: np.ndarray,
+    half: float,
+    x_base: float,
+    G: np.ndarray,
+    y0: np.ndarray,
+    r0: np.ndarray,
+    scratch: np.ndarray,
+    trial: np.ndarray,
+) -> None:
+    """Change of one point's forces, row 0 of `scratch` (10, 3), that balances it.
+
+    G (3, 3) is its own block, y0 and r0 (3,) its velocities and forces before.
+    """
+    change, y, r, F = scratch[0], scratch[1], scratch[2], scratch[3]
+    D, A = scratch[4:7], scratch[7:10]
+    change[:] = 0.0
+    y[0], y[1], y[2] = y0[0], y0[1], y0[2]
+    r[0], r[1], r[2] = r0[0], r0[1], r0[2]
+    F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+    step = np.empty(3)
+    normal = trial[3] * point[1]
+    enough = LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + ROUND_OFF * ROUND_OFF * normal * normal
+    for _ in range(LOCAL_ITERATIONS):
+        if not (enough < F2 < BIG):
+            return
+        tangent(point, law, half, trial, D)
+        for a in range(3):
+            for b in range(3):
+                A[a, b] = -(D[a, 0] * G[0, b] + D[a, 1] * G[1, b] + D[a, 2] * G[2, b])
+            A[a, a] += 1.0
+        solve3(A, F, step)
+        length = 1.0
+        before = F2
+        while True:
+            for a in range(3):
+                r[a] = r0[a] + change[a] + length * step[a]
+            for a in range(3):
+                y[a] = y0[a]
+                for b in range(3):
+                    y[a] += G[a, b] * (r[b] - r0[b])
+            F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+            if before > F2 or length < SHORTEST:
+                break
+            length *= 0.5
+        for a in range(3):
+            change[a] += length * step[a]

@@ -1,0 +1,117 @@
+"""The tangential mock-up: friction solved at the points that are stiff against sliding.
+
+Sticking points multiply a correction by up to h k_t |T|^2 / 2; with that beyond 1 the diagonal
+Jacobian D diverges. Few points stick at a time. Their sliding velocities answer to their friction
+forces t through the compliance H = T D^-1 T^T of the points alone::
+
+    w(t) = w + h/2 (T D^-1 R + H (t - t_last)),    t = friction(p, w(t))
+
+which is solved point by point (Gauss-Seidel, closed form at each), stick and slip included; the
+correction is then D^-1 (R + T^T (t - t_last)).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from squealstudy.kernels.friction_laws import mu_at, resistance
+from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.newmark_layout import DELTA, GUESS, W2, C, Modal, Work
+from squealstudy.kernels.newmark_vector import dot, fill, move
+
+STIFF = 0.02  # contraction that a point alone may cause before it is treated
+SWEEPS = 30
+STILL = 1e-2  # change of the forces in a sweep that ends them, relative to that of all sweeps
+
+# columns of Work.stiff: w1, w2 with the forces so far; their change; bound of the friction force,
+# N; compliance of the point itself, m/(N s)
+W_1, W_2, Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3, 4, 5
+
+
+@fast_kernel
+def stiff_points(modal: Modal, work: Work, k: int, h: float) -> int:
+    """List the stiff points of design k with their velocities at the next trial state."""
+    law, points, point, delta = modal.laws[k], modal.points[k], work.point[k], work.x[k, DELTA]
+    T, stiff = modal.tangential, work.stiff
+    m = 0
+    for i in range(modal.own.size):
+        own = 0.5 * h * modal.own[i]
+        force2 = point[4, i] * point[4, i] + point[5, i] * point[5, i]
+        s2 = point[1, i] * point[1, i] + point[2, i] * point[2, i]
+        if force2 * own * own > STIFF * STIFF * s2:
+            mu, _ = mu_at(law[4], law[5], law[6], math.sqrt(s2))
+            work.listed[m] = i
+            stiff[m, W_1] = point[1, i] + 0.5 * h * dot(T[2 * i], delta)
+            stiff[m, W_2] = point[2, i] + 0.5 * h * dot(T[2 * i + 1], delta)
+            stiff[m, Z_1] = stiff[m, Z_2] = 0.0
+            stiff[m, BOUND] = points[1, i] * points[2, i] * mu * point[3, i]
+            stiff[m, OWN] = own
+            m += 1
+    return m
+
+
+@fast_kernel
+def relax_point(
+    law: np.ndarray, area: float, t1: float, t2: float, row: np.ndarray
+) -> tuple[float, float]:
+    """Friction force of a point whose velocity answers to it with its own compliance alone.
+
+    With the free velocity u = w - own t the law gives t = -k u / (1 + own k) while it sticks with
+    slope k, else the bound along -u.
+    """
+    u1, u2 = row[W_1] - row[OWN] * t1, row[W_2] - row[OWN] * t2
+    speed = math.sqrt(u1 * u1 + u2 * u2)
+    slope = area * law[7]
+    if law[3] == 1.0:
+        s = math.sqrt(row[W_1] * row[W_1] + row[W_2] * row[W_2])
+        slope = resistance(1, slope, row[BOUND], s)
+    rate = slope / (1.0 + row[OWN] * slope)
+    if rate * speed > row[BOUND]:
+        rate = row[BOUND] / speed
+    return -rate * u1, -rate * u2
+
+
+@fast_kernel
+def sweep(modal: Modal, work: Work, k: int, h: float, m: int) -> float:
+    """One sweep over the m listed points; squared change of their forces over that of all sweeps."""
+    H, stiff, listed, point = modal.compliance, work.stiff, work.listed, work.point[k]
+    change = 0.0
+    total = 0.0
+    for a in range(m):
+        i, row = listed[a], stiff[a]
+        t1, t2 = point[4, i] + row[Z_1], point[5, i] + row[Z_2]
+        new1, new2 = relax_point(modal.laws[k], modal.points[k, 1, i], t1, t2, row)
+        e1, e2 = new1 - t1, new2 - t2
+        row[Z_1] += e1
+        row[Z_2] += e2
+        change += e1 * e1 + e2 * e2
+        total += row[Z_1] * row[Z_1] + row[Z_2] * row[Z_2]
+        H1, H2 = H[2 * i], H[2 * i + 1]
+        for b in range(m):
+            j = 2 * listed[b]
+            stiff[b, W_1] += 0.5 * h * (H1[j] * e1 + H2[j] * e2)
+            stiff[b, W_2] += 0.5 * h * (H1[j + 1] * e1 + H2[j + 1] * e2)
+    return change / total if total > 0.0 else 0.0
+
+
+@fast_kernel
+def mock_up(modal: Modal, work: Work, k: int, h: float) -> None:
+    """Correct row DELTA, which holds D^-1 R, for the stiff points; the friction then expected."""
+    m = stiff_points(modal, work, k, h)
+    if m == 0:
+        return
+    for _ in range(SWEEPS):
+        if sweep(modal, work, k, h, m) < STILL * STILL:
+            break
+    delta, force, point, modes = work.x[k, DELTA], work.row[0], work.point[k], modal.modes[k]
+    fill(force, 0.0)
+    for a in range(m):
+        i, z1, z2 = work.listed[a], work.stiff[a, Z_1], work.stiff[a, Z_2]
+        move(force, z1, modal.tangential[2 * i])
+        move(force, z2, modal.tangential[2 * i + 1])
+        point[GUESS, i] += z1
+        point[GUESS + 1, i] += z2
+    for j in range(delta.size):
+        delta[j] += force[j] / (1.0 + 0.5 * h * modes[C, j] + 0.25 * h * h * modes[W2, j])

@@ -1,0 +1,160 @@
+"""Mechanical energy of the assembly's modes over time (figures 15 and 16 of the paper)."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.plots.over_time import (
+    MS,
+    EndLabel,
+    binned,
+    column,
+    end_labels,
+    main_components,
+    number,
+    outline,
+    own_rows,
+)
+from squealstudy.plots.style import COLOURS, DARK, GREY, empty_figure, finish, new_figure, plural
+
+MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
+NAMED = 6  # modes in colour
+BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
+DECADES = 8  # below the largest energy that are shown
+PALETTE = [c for c in COLOURS if c != "#000000"]
+
+
+def modal_energies(
+    history: pd.DataFrame,
+    modes: pd.DataFrame,
+    row: pd.Series | None = None,
+    title: str = "",
+) -> Figure:
+    """Energy of the sensed modes on a logarithmic axis, the leading ones named.
+
+    Parameters
+    ----------
+    history : DataFrame
+        As kept of a design point.
+    modes : DataFrame
+        The modes table; without `row` only the rows of this point.
+    row : Series or None
+        Its row of the points table: which mode takes over, and when.
+    title : str
+        What the design point is.
+    """
+    modes = own_rows(modes, row)
+    known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, history)) if m]
+    if len(history) < 2 or not known:
+        return empty_figure("no modal energies of this design point")
+    figure = new_figure(10.5, 5.8)
+    axes = figure.add_subplot()
+    axes.set_yscale("log")
+    leading = leading_modes(history, modes, row, known)
+    time = MS * column(history, "time")
+    for mode in (m for m in known if m not in leading):
+        axes.plot(*_curve(time, column(history, f"energy_mode_{mode}")), color=GREY, linewidth=0.6)
+    labels = [
+        _draw(axes, time, column(history, f"energy_mode_{mode}"), colour, _name(modes, mode))
+        for mode, colour in zip(leading, PALETTE, strict=False)
+    ]
+    labels.append(_draw(axes, time, column(history, "energy"), "#000000", "all modes", "--"))
+    outside = column(history, "energy_outside")
+    labels.append(_draw(axes, time, outside, DARK, "outside the sensed modes", ":"))
+    finish(axes, "Time [ms]", "Mechanical energy [J]")
+    axes.set_xlim(time[0], time[-1] if time[-1] > time[0] else time[0] + 1.0)
+    axes.set_ylim(*_limits(axes, history))
+    _mark_transfer(axes, row)
+    heads = [text for text in (title, _transfer_text(row)) if text]
+    figure.suptitle(
+        "\n".join(["; ".join(heads), _note(modes, len(known) - len(leading))]).strip(), fontsize=9.5
+    )
+    end_labels(figure, axes, [label for label in labels if label is not None])
+    return figure
+
+
+def leading_modes(
+    history: pd.DataFrame, modes: pd.DataFrame, row: pd.Series | None, known: list[int]
+) -> list[int]:
+    """The modes to name: those of a transfer, then by the larger of first and last share."""
+    score = pd.Series(0.0, index=known)
+    if len(modes):
+        shares = modes.set_index("mode")[["energy_share", "first_share"]].max(axis=1)
+        score = shares.reindex(known).fillna(0.0)
+    if not score.to_numpy().any():
+        score = pd.Series([np.nanmax(column(history, f"energy_mode_{m}")) for m in known], known)
+    involved = {int(number(row, n)) for n in ("transfer_from", "transfer_to") if number(row, n) > 0}
+    order = sorted(known, key=lambda m: (m not in involved, -score[m], m))
+    return sorted(order[:NAMED], key=lambda m: (-score[m], m))
+
+
+def _draw(
+    axes: Axes, time: np.ndarray, energy: np.ndarray, colour: str, text: str, style: str = "-"
+) -> EndLabel | None:
+    """Mean energy as a line over a band of its extremes, and its label; None if unknown."""
+    positive = np.where(energy > 0, energy, np.nan)
+    if not np.isfinite(positive).any():
+        return None
+    if style == "-":
+        axes.plot(*outline(time, positive, BINS), color=colour, alpha=0.22, linewidth=0.6)
+    x, y = _curve(time, energy)
+    axes.plot(x, y, color=colour, linewidth=1.6, linestyle=style, zorder=3)
+    last = y[np.isfinite(y)]
+    return EndLabel(float(last[-1]), text, colour) if len(last) else None
+
+
+def _curve(time: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means over parts of the time; what is not positive is left out of a logarithmic axis."""
+    x, y = binned(time, energy, BINS)
+    return x, np.where(y > 0, y, np.nan)
+
+
+def _limits(axes: Axes, history: pd.DataFrame) -> tuple[float, float]:
+    """From the smallest named energy, within DECADES, to the largest."""
+    curves = [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.zorder == 3]
+    values = np.concatenate([*curves, column(history, "energy")])
+    values = values[np.isfinite(values) & (values > 0)]
+    if not len(values):
+        return 1e-12, 1.0
+    high = float(values.max())
+    return max(float(values.min()) / 2, high * 10.0**-DECADES), 2 * high
+
+
+def _name(modes: pd.DataFrame, mode: int) -> str:
+    """Number, frequency, main component and last share of a mode."""
+    row = modes[(modes["mode"] == mode).to_numpy()] if len(modes) else modes
+    if not len(row):
+        return f"R{mode}"
+    component, share = main_components(row).iloc[0], row["energy_share"].iloc[0]
+    parts = [f"R{mode}  {row['frequency_hz'].iloc[0]:.0f} Hz", component]
+    parts += [f"{100 * share:.0f} %"] if np.isfinite(share) else []
+    return ", ".join(part for part in parts if part)
+
+
+def _note(modes: pd.DataFrame, rest: int) -> str:
+    """What lines and figures mean."""
+    parts = ["lines: means, bands: extremes"]
+    parts += [f"grey: {plural(rest, 'other mode')} that held 1 % at some time"] if rest else []
+    parts += ["percent: share over the last window"] if len(modes) else []
+    return "; ".join(parts)
+
+
+def _mark_transfer(axes: Axes, row: pd.Series | None) -> None:
+    if number(row, "transfer_to") > 0 and np.isfinite(at := number(row, "transfer_time")):
+        style: dict[str, Any] = {"color": "0.3", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+        axes.axvline(MS * at, **style)
+
+
+def _transfer_text(row: pd.Series | None) -> str:
+    before, after = (number(row, f"transfer_{n}") for n in ("from", "to"))
+    if not after > 0:
+        return ""
+    at = number(row, "transfer_time")
+    when = f" at {MS * at:.3g} ms (dashed)" if np.isfinite(at) else ""
+    return f"R{after:.0f} takes over from R{before:.0f}{when}"

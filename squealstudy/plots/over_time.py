@@ -1,0 +1,144 @@
+"""What pictures over time share: long signals, labels at line ends, what a design point is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.analysis.transient_ranking import component_columns, transient_parameters
+from squealstudy.plots.tables import describe
+
+BINS = 1500  # of a long signal: about the pixels of an axis
+MS = 1e3
+
+
+@dataclass(frozen=True)
+class EndLabel:
+    """A text right of the axes at a height in data coordinates."""
+
+    y: float
+    text: str
+    colour: str = "black"
+
+
+def end_labels(
+    figure: Figure, axes: Axes, labels: Sequence[EndLabel], fontsize: float = 8.5, gap: float = 6.0
+) -> None:
+    """Write labels right of the axes, as near to their heights as they go without overlap.
+
+    `gap` is the distance from the axes in typographic points. A thin line leads to each height.
+    All else must have been drawn before, limits and scales be final.
+    """
+    if not labels:
+        return
+    figure.draw_without_rendering()
+    scale = figure.dpi / 72
+    frame = axes.get_window_extent()
+    heights = axes.transData.transform([(axes.get_xlim()[1], label.y) for label in labels])[:, 1]
+    wanted = np.clip(heights, frame.y0, frame.y1)
+    placed = spread(wanted, 1.35 * fontsize * scale, frame.y0, frame.y1)
+    for label, height, place in zip(labels, wanted, placed, strict=True):
+        end = (1.0, float((height - frame.y0) / frame.height))
+        text = (1.0, float((place - frame.y0) / frame.height))
+        axes.annotate(
+            "",
+            end,
+            (gap, (place - height) / scale),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            arrowprops={"arrowstyle": "-", "color": label.colour, "linewidth": 0.7}
+            | {"shrinkA": 0, "shrinkB": 0},
+            annotation_clip=False,
+        )
+        axes.annotate(
+            label.text,
+            text,
+            (gap + 2.0, 0.0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center",
+            fontsize=fontsize,
+            color=label.colour,
+            annotation_clip=False,
+        )
+
+
+def spread(wanted: np.ndarray, apart: float, low: float, high: float) -> np.ndarray:
+    """Places (n,) near the wanted ones, `apart` from each other and between limits if they fit.
+
+    Least squares under the order of the wanted places: blocks that would overlap are merged about
+    their mean (pool adjacent violators).
+    """
+    order = np.argsort(wanted, kind="stable")
+    apart = min(apart, (high - low) / max(len(wanted) - 1, 1))
+    blocks: list[tuple[float, int]] = []  # mean of place less its offset, length
+    for k, value in enumerate(wanted[order]):
+        blocks.append((float(value) - k * apart, 1))
+        while len(blocks) > 1 and blocks[-2][0] > blocks[-1][0]:
+            (b, m), (a, n) = blocks.pop(), blocks.pop()
+            blocks.append(((a * n + b * m) / (n + m), n + m))
+    base = np.concatenate([np.full(n, mean) for mean, n in blocks])
+    base = np.clip(base, low, high - (len(wanted) - 1) * apart)
+    placed = np.empty(len(wanted))
+    placed[order] = base + apart * np.arange(len(wanted))
+    return placed
+
+
+def outline(x: np.ndarray, y: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
+    """A signal (n,) by its smallest and largest value in each of `bins` parts, if it is longer."""
+    if len(x) <= 4 * bins:
+        return x, y
+    starts = np.linspace(0, len(x), bins, endpoint=False).astype(int)
+    low, high = np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts)
+    return np.repeat(x[starts], 2), np.column_stack([low, high]).ravel()
+
+
+def binned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
+    """Means (m,) of a signal (n,) and of its abscissa over at most `bins` parts."""
+    starts = np.unique(np.linspace(0, len(x), min(bins, len(x)), endpoint=False).astype(int))
+    counts = np.diff(np.append(starts, len(x)))
+    return np.add.reduceat(x, starts) / counts, np.add.reduceat(y, starts) / counts
+
+
+def column(history: pd.DataFrame, name: str) -> np.ndarray:
+    """A column of a history (n,), NaN where it has none."""
+    if name not in history:
+        return np.full(len(history), np.nan)
+    values: np.ndarray = history[name].to_numpy(dtype=float)
+    return values
+
+
+def number(row: Mapping[Any, Any] | pd.Series | None, name: str) -> float:
+    """A number of a row, NaN where there is none."""
+    value = np.nan if row is None else row.get(name, np.nan)
+    return np.nan if value is None else float(value)
+
+
+def own_rows(table: pd.DataFrame, row: pd.Series | None) -> pd.DataFrame:
+    """Rows of a table that belong to the design point; all of them where none is given."""
+    if row is None or "point_id" not in row:
+        return table
+    return table[(table["point_id"] == row["point_id"]).to_numpy()]
+
+
+def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str] | None) -> str:
+    """The varied parameters of a design point, or all where none is, with units."""
+    names = transient_parameters(points, varied=True) or transient_parameters(points)
+    return describe(row, points, names, units)
+
+
+def main_components(modes: pd.DataFrame) -> pd.Series:
+    """The component of most elastic energy in each row of a modes table, "" where unknown."""
+    names = component_columns(modes)
+    known = modes[names].notna().any(axis=1)
+    if not known.any():
+        return pd.Series("", index=modes.index)
+    titles = np.array([name.removeprefix("energy_") for name in names])
+    main = titles[modes[names].fillna(-1.0).to_numpy(dtype=float).argmax(axis=1)]
+    return pd.Series(np.where(known, main, ""), index=modes.index)

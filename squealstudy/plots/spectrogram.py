@@ -1,0 +1,143 @@
+"""Spectrum of the braking torque over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.plots.over_time import MS, EndLabel, column, end_labels, number, own_rows
+from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
+
+WINDOW = 8e-3  # s: 125 Hz apart, lines are told apart from about twice that on (Hann)
+LEAST_WINDOWS = 10  # a short run has shorter windows
+FEWEST_SAMPLES = 32  # of a run
+FRAMES = 400  # at most
+PADDING = 4  # zeros: a finer frequency axis, not a finer resolution
+RANGE = 60.0  # dB below the maximum
+UNEVEN = 1e-3  # relative deviation of steps from which on a history is resampled
+
+
+def spectrogram(
+    history: pd.DataFrame,
+    growth: pd.DataFrame | None = None,
+    row: pd.Series | None = None,
+    band_top: float | None = None,
+    title: str = "",
+) -> Figure:
+    """Short-time amplitude of the torque in dB of its maximum.
+
+    Parameters
+    ----------
+    history : DataFrame
+        As kept of a design point.
+    growth : DataFrame or None
+        Predicted instabilities, marked at the right edge; without `row` only those of this point.
+    row : Series or None
+        Its row of the points table: the dominant frequency found.
+    band_top : float or None
+        Highest frequency shown [Hz], at most half the sampling rate.
+    title : str
+        What the design point is.
+    """
+    if len(history) < FEWEST_SAMPLES:
+        return empty_figure("no history of this design point to take spectra of")
+    time, torque = _even(column(history, "time"), column(history, "torque"))
+    centres, frequency, level = short_time_levels(time, torque)
+    if not np.isfinite(level).any():
+        return empty_figure("the torque does not vary")
+    figure = new_figure(10.0, 5.6)
+    axes = figure.add_subplot()
+    nyquist = float(frequency[-1])
+    top = min(band_top or nyquist, nyquist)
+    shown = frequency <= top * (1 + 1e-9)
+    drawn = axes.pcolormesh(
+        MS * centres,
+        frequency[shown],
+        level[shown],
+        cmap="viridis",
+        vmin=-RANGE,
+        vmax=0.0,
+        shading="gouraud",
+        rasterized=True,
+    )
+    figure.colorbar(drawn, ax=axes, label="Torque [dB of its maximum]", location="left", pad=0.02)
+    finish(axes, "Time [ms]", "Frequency [Hz]")
+    axes.grid(False)
+    axes.set_ylim(0.0, top)
+    parts = [title, _dominant(row), _cut(band_top, nyquist)]
+    axes.set_title("; ".join(part for part in parts if part), fontsize=9.5, loc="left")
+    if growth is not None:
+        _predictions(figure, axes, own_rows(growth, row), top)
+    return figure
+
+
+def short_time_levels(
+    time: np.ndarray, signal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (m,) of Hann windows [s], frequencies (f,) [Hz] and levels (f, m) [dB of the max].
+
+    Each window's mean is taken away. Levels below -2 RANGE are cut there; all NaN for no signal.
+    """
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    length = min(round(WINDOW / step), len(time) // LEAST_WINDOWS)
+    length = max(length, FEWEST_SAMPLES // 4)
+    hop = max(length // 8, (len(time) - length) // FRAMES, 1)
+    frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
+    frames = (frames - frames.mean(axis=1, keepdims=True)) * np.hanning(length)
+    amplitude = np.abs(np.fft.rfft(frames, PADDING * length, axis=1)).T
+    largest = float(amplitude.max())
+    floor = 1e-12 * float(np.abs(signal).max()) * length
+    if not largest > floor:
+        level = np.full(amplitude.shape, np.nan)
+    else:
+        level = 20 * np.log10(np.maximum(amplitude / largest, 10 ** (-2 * RANGE / 20)))
+    centres = time[0] + step * (hop * np.arange(len(frames)) + (length - 1) / 2)
+    return centres, np.fft.rfftfreq(PADDING * length, step), level
+
+
+def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Known samples at equal steps, interpolated where they are not."""
+    known = np.isfinite(time) & np.isfinite(signal)
+    time, signal = time[known], signal[known]
+    steps = np.diff(time)
+    if np.ptp(steps) <= UNEVEN * np.median(steps):
+        return time, signal
+    even = np.linspace(time[0], time[-1], len(time))
+    return even, np.interp(even, time, signal)
+
+
+def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -> None:
+    """Marks of the predicted instabilities at the right edge, with their growth."""
+    seen = growth[(growth["frequency_hz"] <= top).to_numpy()]
+    labels = []
+    for row in seen.to_dict("records"):
+        colour = COLOURS[0] if row["expressed"] else DARK
+        text = f"{row['frequency_hz']:.0f} Hz, {row['growth_rate']:+.3g} 1/s"
+        share = row["level_share"]
+        text += f", {100 * share:.0f} %" if np.isfinite(share) else ""
+        labels.append(EndLabel(float(row["frequency_hz"]), text, colour))
+    if not labels:
+        return
+    axes.text(
+        1.02,
+        1.01,
+        "predicted unstable (share of energy)",
+        transform=axes.transAxes,
+        fontsize=8,
+        color=DARK,
+        va="bottom",
+    )
+    end_labels(figure, axes, labels)
+
+
+def _dominant(row: pd.Series | None) -> str:
+    f = number(row, "dominant_frequency_hz")
+    return f"dominant {f:.0f} Hz" if f > 0 else ""
+
+
+def _cut(band_top: float | None, nyquist: float) -> str:
+    if band_top is None or band_top <= nyquist:
+        return ""
+    return f"the samples kept reach {nyquist:.0f} Hz only"

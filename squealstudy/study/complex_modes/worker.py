@@ -1,0 +1,72 @@
+"""What a worker process does: solve a chunk of design points and write its file."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.point import solve_point
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.chunks import write_chunk
+from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.keys import chunk_id
+from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.working_points import NewGaps, known_gap, prepared_model
+
+
+@dataclass(frozen=True)
+class ChunkTask:
+    """Design points that one worker solves and writes together."""
+
+    directory: Path
+    band_hz: tuple[float, float]
+    points: tuple[PointTask, ...]
+    keep_gaps: bool
+    parent: int
+
+
+def solve_chunk(task: ChunkTask) -> ChunkReport:
+    """Solve the points of a chunk, one BLAS thread, and write the chunk file."""
+    watch_parent(task.parent)
+    started = time.perf_counter()
+    rows: list[dict[str, Any]] = []
+    new_gaps = NewGaps()
+    known = 0
+    with threadpool_limits(1):
+        for point in task.points:
+            gap = known_gap(point.prepared_key, point.design)
+            known += gap is not None
+            row, found = _solve(point, task.band_hz, gap)
+            rows.append(row)
+            if gap is None and found is not None and task.keep_gaps:
+                new_gaps.add(point.prepared_key, point.design, found)
+    name = chunk_id(p.point_id for p in task.points)
+    write_chunk(task.directory, name, rows, SCHEMA)
+    new_gaps.save(name)
+    failed = sum(row["status"] != "ok" for row in rows)
+    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
+
+
+def _solve(
+    point: PointTask, band_hz: tuple[float, float], known: np.ndarray | None
+) -> tuple[dict[str, Any], np.ndarray | None]:
+    started = time.perf_counter()
+    try:
+        prepared = prepared_model(point.prepared_key)
+        modes = solve_point(prepared, point.design.state(), band_hz, known)
+    except SquealstudyError as error:
+        status = getattr(error, "status", "failed")
+        wall = time.perf_counter() - started
+        return failed_row(point.point_id, wall, status, str(error)), None
+    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+        wall = time.perf_counter() - started
+        message = f"{type(error).__name__}: {error}"
+        return failed_row(point.point_id, wall, "failed", message), None
+    wall = time.perf_counter() - started
+    return solved_row(point.point_id, wall, modes), modes.working_point.gap

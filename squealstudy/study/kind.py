@@ -1,0 +1,69 @@
+"""What differs between kinds of study; the runner, the store and the screens know only this."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.study.plan import Plan
+from squealstudy.study.tasks import ChunkReport, PointTask
+
+Progress = Callable[[str, int, int], None]  # stage, done, total
+
+
+class Kind(Protocol):
+    """One kind of study."""
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Of its chunk files."""
+        ...
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Files of a complete results directory."""
+        ...
+
+    def check(self, plan: Plan) -> None:
+        """Raise StudyFileError for what only the prepared models show."""
+        ...
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """What may go wrong in a run, from the prepared model of the first structure."""
+        ...
+
+    def prepare(self, plan: Plan, report: Progress) -> None:
+        """What must be there before workers start, beside the structures."""
+        ...
+
+    def tasks(
+        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
+    ) -> list[Any]:
+        """Work for one call of `solve` each."""
+        ...
+
+    def solve(self, task: Any) -> ChunkReport:
+        """Solve design points in a worker and write their chunk file."""
+        ...
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """Chunk row of a point that could not be solved."""
+        ...
+
+    def verify(
+        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
+    ) -> list[dict[str, Any]]:
+        """Checks of finished points against a better model, for the manifest."""
+        ...
+
+    def build_tables(self, plan: Plan, directory: Path) -> pd.DataFrame:
+        """Write the tables from the chunk files; the points' table."""
+        ...
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point on one core; None where it has no working point."""
+        ...

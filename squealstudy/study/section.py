@@ -1,0 +1,54 @@
+"""What all sections of a study file share: strictness, and types of values."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Strict
+
+from squealstudy.study.source import shown
+
+
+def _flatten(tables: object) -> object:
+    """Dotted keys of [parameters] as they were written, whether quoted or not."""
+    if not isinstance(tables, dict):
+        return tables
+    flat: dict[str, object] = {}
+    pending = [(str(k), v) for k, v in reversed(tables.items())]
+    while pending:
+        name, value = pending.pop()
+        if isinstance(value, dict):
+            pending.extend((f"{name}.{k}", v) for k, v in reversed(value.items()))
+        elif name in flat:
+            raise ValueError(f"'{name}' is given twice")
+        else:
+            flat[name] = value
+    return flat
+
+
+def _two(band: object) -> object:
+    if not isinstance(band, list | tuple) or len(band) != 2:
+        found = f"{len(band)} values" if isinstance(band, list) else shown(band)
+        raise ValueError(f"expected two frequencies [low, high] in Hz, got {found}")
+    return band
+
+
+def _ascending(band: tuple[float, float]) -> tuple[float, float]:
+    if not 0 <= band[0] < band[1]:
+        raise ValueError(
+            f"expected [low, high] with 0 <= low < high, got [{band[0]:g}, {band[1]:g}]"
+        )
+    return band
+
+
+FloatList = Annotated[tuple[float, ...], Strict(False)]
+Band = Annotated[
+    tuple[float, float], Strict(False), BeforeValidator(_two), AfterValidator(_ascending)
+]
+NumberTable = Annotated[dict[str, float], BeforeValidator(_flatten)]
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are errors, and nothing is converted silently."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

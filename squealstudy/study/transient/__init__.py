@@ -1,0 +1,1 @@
+"""Transient studies: batches of design points in time, their rows, histories and tables."""

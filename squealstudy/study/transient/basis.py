@@ -1,0 +1,73 @@
+"""Which modes a transient study keeps, and the training run that repairs a truncated basis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.analysis.design_state import ModeKey
+from squealstudy.study.cache import prepared_path
+from squealstudy.study.design import Design
+from squealstudy.study.keys import content_hash
+from squealstudy.study.plan import Plan
+
+MOST_TRAINING = 4  # design points of a training run
+TRAINING_KEYS = {"step", "tolerance", "friction", "pod_duration"}
+
+
+@dataclass(frozen=True)
+class BasisChoice:
+    """Which of the reference's modes are kept, and what repairs them.
+
+    Attributes
+    ----------
+    modes_below : float or None
+        Hz; None keeps all.
+    pod_vectors : int
+    training : Path or None
+        Snapshots (rows, n) of a run with all modes, of which `pod_vectors` are taken.
+    """
+
+    modes_below: float | None = None
+    pod_vectors: int = 0
+    training: Path | None = None
+
+
+ALL_MODES = BasisChoice()
+
+
+def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
+    """Component modes that the study names, in order."""
+    keys = {(p.component, m) for p in plan.designs[0].mode_parameters() for m in p.modes}
+    return tuple(sorted(keys))
+
+
+def full_choice(plan: Plan, prepared_key: str) -> BasisChoice:
+    """The basis that the study asks for."""
+    section = plan.study.definition.transient
+    training = training_path(plan, prepared_key) if section.pod_vectors else None
+    return BasisChoice(section.modes_below, section.pod_vectors, training)
+
+
+def truncated_choice(plan: Plan) -> BasisChoice:
+    """The same without POD vectors, for which no run is needed."""
+    return BasisChoice(plan.study.definition.transient.modes_below)
+
+
+def training_path(plan: Plan, prepared_key: str) -> Path:
+    """Where the snapshots of the study's training run are kept, there or not."""
+    section = plan.study.definition.transient
+    settings = section.model_dump(mode="json", include=TRAINING_KEYS)
+    values = [sorted(d.values.items()) for d in training_designs(plan)]
+    name = content_hash([settings, values, mode_keys(plan), list(plan.band_hz)])
+    return prepared_path(prepared_key) / "training" / f"{name}.npy"
+
+
+def training_designs(plan: Plan) -> list[Design]:
+    """The nominal design, and those at the ends of the sweeps."""
+    chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
+    ends = [plan.designs[i] for i in sorted(chosen)]
+    nominal = Design(plan.study.model, plan.law_kind, plan.nominal_values)
+    return [nominal, *(d for d in ends if d.values != nominal.values)][:MOST_TRAINING]

@@ -1,0 +1,37 @@
+"""Histories of design points: one Parquet file each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from squealstudy.errors import ResultsError
+from squealstudy.study.files import write_parquet
+from squealstudy.study.names import HISTORIES
+
+
+def write_history(directory: Path, point_id: str, frame: pd.DataFrame) -> None:
+    """Write one history; time in double precision, the rest in single."""
+    kept = frame.astype({name: "float32" for name in frame.columns if name != "time"})
+    table = pa.Table.from_pandas(kept, preserve_index=False)
+    write_parquet(directory / HISTORIES / f"{point_id}.parquet", table)
+
+
+def read_history(directory: Path, point_id: str) -> pd.DataFrame:
+    """The history of a design point.
+
+    Raises
+    ------
+    ResultsError
+        Where none was kept.
+    """
+    path = directory / HISTORIES / f"{point_id}.parquet"
+    if not path.is_file():
+        raise ResultsError(
+            f"{path}: no history of this point; [transient] save_every above 0 keeps them"
+        )
+    frame: pd.DataFrame = pq.read_table(path).to_pandas()
+    return frame

@@ -1,0 +1,118 @@
+"""Transient studies as a kind."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from squealstudy.errors import ParameterError
+from squealstudy.study.cache import is_prepared
+from squealstudy.study.kind import Progress
+from squealstudy.study.names import GROWTH, MODES, POINTS
+from squealstudy.study.plan import Plan
+from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.transient import forecast, rows
+from squealstudy.study.transient.basis import mode_keys, truncated_choice
+from squealstudy.study.transient.batch import BatchTask, batch_task, sensed_modes, shared_reference
+from squealstudy.study.transient.start import KEY as START
+from squealstudy.study.transient.start import check_model
+from squealstudy.study.transient.tables import build_tables
+from squealstudy.study.transient.training import make_training_runs
+from squealstudy.study.transient.worker import solve_batch
+
+
+class Transient:
+    """Motion of every design point from its steady sliding state."""
+
+    schema: pa.Schema = rows.SCHEMA
+    tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
+
+    def check(self, plan: Plan) -> None:
+        """Sensors, perturbed modes and the continued state must fit every structure."""
+        section = plan.study.definition.transient
+        if plan.start is not None:
+            keys = {s.key for s in plan.structures}
+            reason = check_model(plan.start, keys, section)
+            if reason:
+                raise plan.error_at(START, reason)
+        for structure in plan.structures:
+            if not is_prepared(structure.key):
+                continue
+            basis = truncated_choice(plan)
+            try:
+                reference = shared_reference(structure.key, plan.nominal, mode_keys(plan), basis)
+            except ParameterError as error:
+                raise plan.error_at(("transient", error.key), error.message) from None
+            omega2 = reference.system.omega2[: reference.n_exact]
+            try:
+                sensed_modes(section, omega2, plan.band_hz)
+            except ValueError as error:
+                raise plan.error_at(("transient", "sensors"), str(error)) from None
+            damped = [m for p in plan.designs[0].assembly_parameters() for m in p.modes]
+            if max(damped, default=1) > reference.n_exact:
+                name = plan.designs[0].assembly_parameters()[0].name
+                raise plan.error(name, f"this basis has assembly modes 1 to {reference.n_exact}")
+            if max(section.perturb_modes, default=1) > reference.n_exact:
+                raise plan.error_at(
+                    ("transient", "perturb_modes"),
+                    f"the assembly has modes 1 to {reference.n_exact} in this basis",
+                )
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """Growth above the band, and friction too stiff for the step."""
+        return forecast.warnings(plan)
+
+    def prepare(self, plan: Plan, report: Progress) -> None:
+        """Compile the kernels, and make the training runs that a POD basis needs."""
+        forecast.warm(plan.study.definition.transient)
+        make_training_runs(plan, report)
+
+    def tasks(
+        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
+    ) -> list[BatchTask]:
+        """Batches of points of one structure, of even size over the workers."""
+        section = plan.study.definition.transient
+        size = max(1, min(section.batch, math.ceil(len(points) / jobs)))
+        grouped: dict[str, list[PointTask]] = {}
+        for point in points:
+            grouped.setdefault(point.prepared_key, []).append(point)
+        return [
+            batch_task(plan, directory, tuple(group[i : i + size]))
+            for group in grouped.values()
+            for i in range(0, len(group), size)
+        ]
+
+    def solve(self, task: BatchTask) -> ChunkReport:
+        """Integrate one batch in a worker."""
+        return solve_batch(task)
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """Chunk row of a point that could not be solved."""
+        return rows.failed_row(point_id, 0.0, status, message)
+
+    def verify(
+        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
+    ) -> list[dict[str, Any]]:
+        """Nothing is checked at full order in time."""
+        return []
+
+    def build_tables(self, plan: Plan, directory: Path) -> pd.DataFrame:
+        """Write points, modes and growth."""
+        return build_tables(plan, directory)
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point alone, from its first steps."""
+        started = time.perf_counter()
+        with threadpool_limits(1):
+            found = forecast.time_steps(batch_task(plan, Path(), (task,), truncated_choice(plan)))
+        if found is None:
+            return None
+        seconds, steps, total = found
+        return (time.perf_counter() - started - seconds) + seconds * total / steps

@@ -1,0 +1,78 @@
+"""Training runs: what the modes beyond a truncated basis do, for POD vectors that repair it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.transient import simulate
+from squealstudy.analysis.transient_point import perturbed_start
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.files import write_atomic
+from squealstudy.study.kind import Progress
+from squealstudy.study.plan import Plan
+from squealstudy.study.tasks import PointTask
+from squealstudy.study.transient.basis import ALL_MODES, training_designs, training_path
+from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
+from squealstudy.study.transient.ready import Ready, set_up
+from squealstudy.study.working_points import NewGaps
+
+SNAPSHOTS = 1500  # of each design point
+START = 0.1  # of the sliding speed: the limit cycle is soon reached
+
+
+def make_training_runs(plan: Plan, report: Progress) -> None:
+    """Make the snapshots that the study's basis needs, where the cache does not hold them.
+
+    Raises
+    ------
+    SquealstudyError
+        Where no training run reaches its end.
+    """
+    if not plan.study.definition.transient.pod_vectors:
+        return
+    missing = [s.key for s in plan.structures if not training_path(plan, s.key).is_file()]
+    for done, key in enumerate(missing):
+        report("training run", done, len(missing))
+        with threadpool_limits(1):
+            snapshots = training_run(plan, key)
+        write_atomic(training_path(plan, key), partial(_save, snapshots))
+    if missing:
+        report("training run", len(missing), len(missing))
+
+
+def _save(snapshots: np.ndarray, path: Path) -> None:
+    with path.open("wb") as handle:
+        np.save(handle, snapshots)
+
+
+def training_run(plan: Plan, prepared_key: str) -> np.ndarray:
+    """Modal displacements (rows, n) of the training designs, all modes kept."""
+    points = tuple(PointTask("training", d, prepared_key) for d in training_designs(plan))
+    task = batch_task(plan, Path(), points, ALL_MODES)
+    reference = reference_of(task)
+    ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]
+    starts = [_start(task, r) for r in ready]
+    section = task.section.model_copy(update={"duration": task.section.pod_duration})
+    settings = settings_of(section, 0)
+    settings = replace(settings, save_every=max(1, settings.n_steps // SNAPSHOTS), save_q=True)
+    results = simulate(
+        reference.system,
+        [r.point.design for r in ready],
+        settings,
+        np.array([q for q, _ in starts]),
+        np.array([v for _, v in starts]),
+    )
+    finished = [r.q_history for r in results if r.outcome == "ok"]
+    if not finished:
+        raise SquealstudyError(f"{plan.study.path}: no training run for pod_vectors succeeded")
+    return np.concatenate(finished)
+
+
+def _start(task: BatchTask, ready: Ready) -> tuple[np.ndarray, np.ndarray]:
+    speed = START * ready.task.design.values["sliding_speed"]
+    return perturbed_start(reference_of(task).system, ready.point, speed)

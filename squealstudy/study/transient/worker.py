@@ -1,0 +1,99 @@
+"""What a worker process does: advance a batch of design points in time and write what they did."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.modal_system import ReferenceModes
+from squealstudy.analysis.run_summary import history_frame, summarise
+from squealstudy.analysis.transient_system import stick_number
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.chunks import write_chunk
+from squealstudy.study.keys import chunk_id
+from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.tasks import ChunkReport
+from squealstudy.study.transient.batch import BatchTask, reference_of, sampling
+from squealstudy.study.transient.histories import write_history
+from squealstudy.study.transient.hybrid_runs import hybrid_runs
+from squealstudy.study.transient.modal_runs import Finished, modal_runs
+from squealstudy.study.transient.ready import Ready, set_up
+from squealstudy.study.transient.rows import SCHEMA, failed_row, row
+from squealstudy.study.transient.start import save_state
+from squealstudy.study.working_points import NewGaps
+
+
+def solve_batch(task: BatchTask) -> ChunkReport:
+    """Integrate the points of a batch, one BLAS thread, and write histories, states, chunk."""
+    watch_parent(task.parent)
+    started = time.perf_counter()
+    rows: list[dict[str, Any]] = []
+    ready: list[Ready] = []
+    gaps = NewGaps()
+    with threadpool_limits(1):
+        reference = reference_of(task)
+        for point in task.points:
+            outcome = set_up(task, reference, point, gaps)
+            if isinstance(outcome, Ready):
+                ready.append(outcome)
+            else:
+                rows.append(outcome)
+        if ready:
+            rows += _advance(task, reference, ready, started)
+    name = chunk_id(p.point_id for p in task.points)
+    write_chunk(task.directory, name, rows, SCHEMA)
+    gaps.save(name)
+    failed = sum(r["status"] != "ok" for r in rows)
+    return ChunkReport(len(rows), failed, 0, time.perf_counter() - started, peak_memory_mb())
+
+
+def _advance(
+    task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready], started: float
+) -> list[dict[str, Any]]:
+    """Integrate, write histories and final states; the chunk's rows."""
+    integrate = hybrid_runs if task.section.representation == "hybrid" else modal_runs
+    try:
+        finished = integrate(task, reference, ready)
+    except SquealstudyError as error:
+        status = getattr(error, "status", "failed")
+        return [failed_row(one.task.point_id, 0.0, status, str(error)) for one in ready]
+    wall = (time.perf_counter() - started) / len(ready)
+    rows = []
+    for one, done in zip(ready, finished, strict=True):
+        rows.append(_row(task, reference, one, done, wall))
+        _write(task, one, done)
+    return rows
+
+
+def _row(
+    task: BatchTask, reference: ReferenceModes, one: Ready, done: Finished, wall: float
+) -> dict[str, Any]:
+    result, system = done.run.result, reference.system
+    summary = summarise(done.run)
+    point = {
+        **summary.point,
+        "stick_number": stick_number(system, one.point.design, task.section.step),
+        "n_coordinates": done.n_coordinates,
+        "n_contact_points": len(system.area),
+        "perturbation": one.perturbation,
+    }
+    modes = [
+        {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
+    ]
+    return row(
+        one.task.point_id, wall, result.outcome, result.message, point, modes, summary.growth
+    )
+
+
+def _write(task: BatchTask, one: Ready, done: Finished) -> None:
+    """History where it is asked for, and the final state of a finished run."""
+    name, section = one.task.point_id, task.section
+    if section.save_every:
+        every = section.save_every // sampling(section, task.band_hz)
+        write_history(task.directory, name, history_frame(done.run).iloc[::every])
+    if done.run.result.outcome == "ok":
+        key = one.task.prepared_key
+        save_state(task.directory, name, key, section.representation, done.q, done.v)

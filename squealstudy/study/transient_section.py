@@ -1,0 +1,144 @@
+"""The [transient] section of a study file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    Strict,
+    field_validator,
+    model_validator,
+)
+
+from squealstudy.study.section import Section
+
+WORKING_POINT = "working_point"  # where a run starts by default
+
+
+def _sensors(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
+    """Whole numbers are modes; a number with a point makes it a band."""
+    if not values:
+        raise ValueError("expected a band [low, high] in Hz or mode numbers, got an empty list")
+    if all(isinstance(v, int) for v in values):
+        if min(values) < 1 or len(set(values)) < len(values):
+            raise ValueError("expected distinct mode numbers from 1")
+    elif len(values) != 2 or not 0 <= values[0] < values[1]:
+        raise ValueError("expected a band [low, high] in Hz with 0 <= low < high")
+    return values
+
+
+Sensors = Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)]
+
+
+class TransientSection(Section):
+    """How design points are integrated in time, and what is kept of them."""
+
+    duration: float = Field(default=0.1, description="simulated time, s")
+    step: float = Field(default=1e-6, description="time step, s")
+    method: Literal["newmark", "newmark_newton"] = Field(
+        default="newmark",
+        description="Newmark (beta 1/4, gamma 1/2) with fixed Jacobian, or full Newton: the slow "
+        "reference",
+    )
+    representation: Literal["modal", "hybrid"] = Field(
+        default="modal",
+        description="component-mode coordinates, or contact layers as finite elements: the slow "
+        "reference",
+    )
+    layers: int = Field(
+        default=1,
+        ge=0,
+        le=100,
+        description="element layers about the contact that the hybrid representation keeps",
+    )
+    start: str = Field(
+        default=WORKING_POINT,
+        min_length=1,
+        description="'working_point', or a results directory whose final state goes on",
+    )
+    start_point: str | None = Field(
+        default=None, description="point_id in that directory, where it has more than one"
+    )
+    perturbation: float = Field(
+        default=1e-3,
+        ge=0,
+        le=100,
+        description="largest initial velocity at a contact point, m/s; nothing is added to a "
+        "continued state unless this is given",
+    )
+    perturb_modes: Annotated[tuple[int, ...], Strict(False)] = Field(
+        default=(),
+        description="assembly modes (from 1) that carry it; the unstable complex modes by default",
+    )
+    save_every: int = Field(
+        default=10, ge=0, le=10**9, description="steps between kept rows of histories; 0 keeps none"
+    )
+    sensors: Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)] | None = (
+        Field(
+            default=None,
+            description="band [low, high] in Hz of the modal sensors, or a list of assembly modes "
+            "(integers, from 1); the band of [modes] by default",
+        )
+    )
+    friction: Literal["regularised", "smooth"] = Field(
+        default="regularised",
+        description="friction below the bound: straight (Coulomb with a corner) or tanh",
+    )
+    tolerance: float = Field(
+        default=1e-4, gt=0, le=0.1, description="force imbalance of a converged step, relative"
+    )
+    contact_factor: float = Field(
+        default=1.0,
+        ge=0,
+        le=1000,
+        description="factor on the contact stiffness k_c of the fixed Jacobian (eq. 7)",
+    )
+    prewarp: bool = Field(default=False, description="correct Newmark's period error of free modes")
+    storage: Literal["double", "single"] = Field(
+        default="double", description="precision in which the observation matrix is stored"
+    )
+    batch: int = Field(
+        default=8, ge=1, le=64, description="design points that advance together in a worker"
+    )
+    modes_below: float | None = Field(
+        default=None,
+        gt=0,
+        description="assembly modes up to this frequency [Hz] are kept; all by default",
+    )
+    pod_vectors: int = Field(
+        default=0,
+        ge=0,
+        le=2000,
+        description="vectors of a training run that repair the truncated basis (with modes_below)",
+    )
+    pod_duration: float = Field(
+        default=0.03, gt=0, description="length of the training run at the nominal point, s"
+    )
+
+    @field_validator("duration", "step")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        if value <= 0:
+            raise ValueError(f"expected a positive time in s, got {value:g}")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.duration < self.step:
+            raise ValueError(
+                f"duration {self.duration:g} s is shorter than one step of {self.step:g} s"
+            )
+        if self.start == WORKING_POINT and self.start_point is not None:
+            raise ValueError("start_point needs a results directory as start")
+        if self.pod_vectors and self.modes_below is None:
+            raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
+        if self.representation == "hybrid" and self.modes_below is not None:
+            raise ValueError("modes_below truncates the modal representation, not the hybrid one")
+        return self
+
+    @property
+    def continued(self) -> bool:
+        """Whether a run begins with the final state of another."""
+        return self.start != WORKING_POINT

@@ -1,0 +1,264 @@
+"""Friction that falls with the sliding speed, and damping of assembly modes, in frequency."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import CUTOFF, NOMINAL, TOP, build_model
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order import full_order_modes, reference_error
+from squealstudy.analysis.linearise import component_frequencies, linearise
+from squealstudy.analysis.point import RIGID_HZ
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.errors import ParameterError
+from squealstudy.kernels.friction_laws import friction_at
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.prepared import reference_stiffness, shape_column
+from squealstudy.reduction.working_point import working_point
+from squealstudy.study.design import Design
+
+K_T = 1e12  # N s/m3: saturated long before any sliding speed here
+FALLING = replace(NOMINAL, friction=0.4, static_ratio=1.5, decay_speed=0.3)
+EVERYTHING = (0.0, np.inf)
+
+
+def traction(operating, p, w1, w2):
+    """Kernel's traction at sliding velocity (w1, w2) under the law of an operating point."""
+    mu_d = operating.friction
+    mu_s = mu_d * operating.static_ratio
+    t1, t2, sticks = friction_at(0, mu_s, mu_d, operating.decay_speed, K_T, p, w1, w2)
+    assert not sticks
+    return np.array([t1, t2])
+
+
+# -- the law -------------------------------------------------------------------------------------
+@pytest.mark.parametrize("speed", [0.05, 0.5, 3.0])
+@pytest.mark.parametrize(("ratio", "decay"), [(1.2, 0.1), (2.0, 0.5), (1.5, 4.0)])
+def test_slope_is_that_of_the_kernels_law(speed, ratio, decay):
+    operating = OperatingPoint(0.4, 1e5, speed, ContactLaw(), ratio, decay)
+    p, h = 3e5, 1e-6
+    along = (traction(operating, p, speed + h, 0.0) - traction(operating, p, speed - h, 0.0)) / (
+        2 * h
+    )
+    across = (traction(operating, p, speed, h) - traction(operating, p, speed, -h)) / (2 * h)
+    mu = -traction(operating, p, speed, 0.0)[0] / p
+    assert operating.mu_steady == pytest.approx(mu, rel=1e-14)
+    assert mu == pytest.approx(0.4 + 0.4 * (ratio - 1) * math.exp(-speed / decay), rel=1e-14)
+    assert operating.friction_slope < 0
+    assert -along[0] / p == pytest.approx(operating.friction_slope, rel=1e-6, abs=1e-9)
+    assert -across[1] / p == pytest.approx(operating.mu_steady / speed, rel=1e-6)
+
+
+@pytest.mark.parametrize("decay", [1e-3, 0.5, 100.0])
+def test_constant_friction_has_no_slope(decay):
+    operating = replace(NOMINAL, friction=0.37, decay_speed=decay)
+    assert (operating.mu_steady, operating.friction_slope) == (0.37, 0.0)
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_every_model_has_the_law(name):
+    model = MODELS[name]
+    values = model.defaults() | {"friction_law.static_ratio": 1.5, "friction_law.decay_speed": 0.2}
+    design = Design(model, "bilateral", values)
+    operating = design.operating_point()
+    assert (operating.static_ratio, operating.decay_speed) == (1.5, 0.2)
+    assert design.state().operating == operating
+    for key, low in (("friction_law.static_ratio", 0.99), ("friction_law.decay_speed", 0.0)):
+        with pytest.raises(ParameterError, match=key):
+            model.parameter(key).check(low)
+    assert model.parameter("contact.kt").check(0.0) == 0.0
+    with pytest.raises(ParameterError, match=r"contact\.kt"):
+        model.parameter("contact.kt").check(-1.0)
+    assert not any(p.structural for p in model.parameters if p.name.startswith("friction_law."))
+
+
+# -- the brake -----------------------------------------------------------------------------------
+def test_working_point_slides_at_the_friction_of_its_speed(brake):
+    falling = working_point(brake.space, FALLING)
+    constant = working_point(
+        brake.space, replace(FALLING, friction=FALLING.mu_steady, static_ratio=1.0)
+    )
+    np.testing.assert_array_equal(falling.gap, constant.gap)
+    slow = working_point(brake.space, replace(FALLING, sliding_speed=0.05))
+    assert np.abs(slow.pressure / falling.pressure - 1).max() > 0.01
+
+
+def test_damping_is_the_derivative_of_the_friction_forces(brake, reduced):
+    model, _ = reduced
+    point = working_point(brake.space, FALLING)
+    C = linearise(model, point, DesignState(FALLING)).C
+    velocity = np.random.default_rng(5).standard_normal(model.n)
+    velocity *= 1e-5 / np.abs(model.T @ velocity).max()
+
+    def force(v):
+        slip = FALLING.sliding_speed + model.T @ v, model.T_perp @ v
+        t = np.array([traction(FALLING, *row) for row in zip(point.pressure, *slip, strict=True)])
+        t *= (model.area * model.frictional)[:, None]
+        return model.T.T @ t[:, 0] + model.T_perp.T @ t[:, 1]
+
+    expected = -(force(velocity) - force(-velocity)) / 2
+    np.testing.assert_allclose(C @ velocity, expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(C, C.T, atol=1e-12 * np.abs(C).max())
+
+
+def against_full_order(brake, model, state):
+    """Roots of the reduced brake and of the unreduced one from 500 Hz to TOP."""
+    changes = state.stiffness_changes(component_frequencies(model))
+    space = brake.space.changed({shape_column(model, *key): dk for key, dk in changes.items()})
+    point = working_point(space, state.operating)
+    system = linearise(model, point, state)
+    lam, _ = dense_roots(system.C, system.K, (2 * np.pi * 450.0, 2.2 * np.pi * TOP))
+    full = full_order_modes(brake.assembly, brake.modes, point, state, (500.0, TOP), CUTOFF)
+    assert full.residual.max() < 1e-8
+    return lam, full.lam
+
+
+def test_falling_friction_reduced_and_full(brake, reduced):
+    lam, full = against_full_order(brake, reduced[0], DesignState(FALLING))
+    error = reference_error(lam, full)
+    assert error.missed == 0
+    assert error.frequency < 2e-5
+    assert error.damping < 2e-5
+    constant = replace(FALLING, friction=FALLING.mu_steady, static_ratio=1.0)
+    point = working_point(brake.space, constant)
+    system = linearise(reduced[0], point, DesignState(constant))
+    calm, _ = dense_roots(system.C, system.K, (2 * np.pi * 500.0, 2 * np.pi * TOP))
+    assert (full.real > 0).sum() > (calm.real > 0).sum()  # the fall of friction excites
+
+
+def test_assembly_damping_reduced_and_full(brake, reduced):
+    shifted = {("caliper", 8): 1.25, ("disc", 9): 0.8}
+    state = DesignState(
+        FALLING, shifted, damping_ratio=0.005, assembly_damping={12: 0.03, 20: 0.05, 21: 0.0}
+    )
+    error = reference_error(*against_full_order(brake, reduced[0], state))
+    assert error.missed == 0
+    assert error.frequency < 1e-4
+    assert error.damping < 1e-4
+
+
+# -- damping of assembly modes -------------------------------------------------------------------
+def small_model(name, operating=None, **values):
+    """A minimal model as a study makes it: assembly, modes, reduction, working point."""
+    assembly = build_model(name, **values)
+    if operating is None:
+        design = Design(MODELS[name], "bilateral", MODELS[name].defaults() | values)
+        operating = design.operating_point()
+    space = contact_space(assembly, reference_stiffness(assembly, operating), np.zeros((2, 0)))
+    point = working_point(space, operating)
+    modes = component_modes(assembly, 1e9)
+    model, _ = reduce_cmt(assembly, modes, point, BasisSettings(1e9, 1e9, 0.0))
+    return assembly, modes, model, point, operating
+
+
+def damping_of(name, **fields):
+    """Damping ratios in ascending frequency without friction: reduced, then full-order."""
+    frictionless = OperatingPoint(0.0, 1.0, 0.5, ContactLaw("bilateral"))
+    assembly, modes, model, point, operating = small_model(name, frictionless)
+    state = DesignState(operating, **fields)
+    system = linearise(model, point, state)
+    lam, _ = dense_roots(system.C, system.K, EVERYTHING)
+    full = full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9)
+    return [-x.real / np.abs(x) for x in (lam[np.argsort(np.abs(lam))], full.lam)]
+
+
+@pytest.mark.parametrize(
+    ("fields", "zeta"),
+    [
+        ({"assembly_damping": {1: 0.02, 2: 0.3}}, (0.02, 0.3)),
+        ({"assembly_damping": {2: 0.04}}, (0.0, 0.04)),
+        ({"damping_ratio": 0.01, "assembly_damping": {1: 0.05}}, (0.05, 0.01)),
+        ({"damping_ratio": 0.01, "assembly_damping": {1: 0.0}}, (0.0, 0.01)),
+        ({"damping_ratio": 0.01}, (0.01, 0.01)),
+    ],
+)
+@pytest.mark.parametrize("name", ["hulten", "hoffmann"])
+def test_damping_of_single_modes_replaces_the_uniform_one(name, fields, zeta):
+    for found in damping_of(name, **fields):
+        np.testing.assert_allclose(found, zeta, rtol=1e-9, atol=1e-12)
+
+
+def test_a_mode_beyond_the_basis_is_named():
+    assembly, modes, model, point, operating = small_model("hulten")
+    state = DesignState(operating, assembly_damping={3: 0.1})
+    with pytest.raises(ParameterError, match="modes 1 to 2") as caught:
+        linearise(model, point, state)
+    assert caught.value.key == "modes[3].damping_ratio"
+    with pytest.raises(ParameterError, match="modes 1 to 2"):
+        full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9)
+
+
+def test_design_collects_assembly_damping():
+    values = {
+        "modes[3,7-9].damping_ratio": 0.02,
+        "modes[44].damping_ratio": 0.0,
+        "caliper.modes[8].damping_ratio": 0.1,
+    }
+    model = MODELS["disc_brake"]
+    design = Design(model, "exponential", model.defaults() | values)
+    state = design.state()
+    assert state.assembly_damping == {3: 0.02, 7: 0.02, 8: 0.02, 9: 0.02, 44: 0.0}
+    assert state.mode_damping == {("caliper", 8): 0.1}
+    assert [p.component for p in design.mode_parameters()] == ["caliper"]
+    assert [p.modes for p in design.assembly_parameters()] == [(3, 7, 8, 9), (44,)]
+
+
+# -- belt oscillator -----------------------------------------------------------------------------
+def belt_root(**values):
+    """Root of the motion along the belt (the normal one is far above it)."""
+    assembly, modes, model, point, operating = small_model("belt", **values)
+    zeta = (MODELS["belt"].defaults() | values)["damping_ratio"]
+    state = DesignState(operating, damping_ratio=zeta)
+    system = linearise(model, point, state)
+    lam, _ = dense_roots(system.C, system.K, EVERYTHING)
+    full = full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9).lam
+    first = lam[np.abs(lam).argmin()]
+    assert first == pytest.approx(full[0], rel=1e-9)
+    return first
+
+
+def test_belt_boundary_of_the_defaults():
+    exact = math.log(10) / 2
+    assert belt_root(sliding_speed=exact - 1e-6).real > 0
+    assert belt_root(sliding_speed=exact + 1e-6).real < 0
+    assert np.abs(belt_root(sliding_speed=exact)) == pytest.approx(200 * math.pi, rel=1e-12)
+    assert 2 * math.pi * RIGID_HZ < np.abs(belt_root())  # listed among the modes of a study
+
+
+def test_belt_boundary_in_general():
+    rng = np.random.default_rng(11)
+    unstable = 0
+    for _ in range(50):
+        m, k, F = 10 ** rng.uniform([-1, 4, 1], [1, 6, 4])
+        mu, ratio, decay = rng.uniform([0.1, 1.1, 0.1], [0.8, 3.0, 2.0])
+        xi, speed = rng.uniform([0.005, 0.1], [0.1, 3.0])
+        lam = belt_root(
+            **{
+                "mass": m,
+                "stiffness": k,
+                "normal_force": F,
+                "friction": mu,
+                "friction_law.static_ratio": ratio,
+                "friction_law.decay_speed": decay,
+                "damping_ratio": xi,
+                "sliding_speed": speed,
+            }
+        )
+        omega = math.sqrt(k / m)
+        boundary = decay * math.log(mu * (ratio - 1) * F / (2 * xi * math.sqrt(k * m) * decay))
+        assert (lam.real > 0) == (speed < boundary)
+        fall = mu * (ratio - 1) / decay * math.exp(-speed / decay)
+        growth = (F * fall / m - 2 * xi * omega) / 2
+        if lam.imag > 0:
+            assert lam.real == pytest.approx(growth, rel=1e-8)
+            assert np.abs(lam) == pytest.approx(omega, rel=1e-9)
+        unstable += lam.real > 0
+    assert 10 < unstable < 40

@@ -1,0 +1,414 @@
+"""The hybrid representation: its basis, and its time integration against modal runs and expm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+from conftest import CUTOFF, NOMINAL
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.hybrid_run import simulate_hybrid
+from squealstudy.analysis.hybrid_system import HybridDesign, uniform_damping
+from squealstudy.analysis.modal_system import reference_modes
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.transient import simulate
+from squealstudy.analysis.transient_settings import TransientSettings
+from squealstudy.analysis.transient_system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.component import Component
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import component_modes
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
+from squealstudy.reduction.hybrid_basis import explicit_dofs, static_state
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+
+NX, NZ = 5, 6  # nodes of each block along the contact and through its height
+OPERATING = OperatingPoint(0.5, 1.0, 0.2, ContactLaw("exponential", p0=1e5, lam=1e6))
+ZETA = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """Two elastic blocks on each other: the brake's structure at 180 degrees of freedom."""
+
+    assembly: Assembly
+    point: WorkingPoint
+    modes: tuple[np.ndarray, np.ndarray]
+
+
+def block(name, seed):
+    """A lattice of masses and springs, three directions a node."""
+    rng = np.random.default_rng(seed)
+    n = NX * NZ
+    K = np.zeros((3 * n, 3 * n))
+    for i in range(NX):
+        for j in range(NZ):
+            for a, b in ((1, 0), (0, 1), (1, 1), (1, -1)):
+                if i + a < NX and 0 <= j + b < NZ:
+                    direction = np.array([a, 0.6 * rng.standard_normal(), b], dtype=float)
+                    e = np.zeros(3 * n)
+                    k, m = 3 * (i * NZ + j), 3 * ((i + a) * NZ + j + b)
+                    e[k : k + 3], e[m : m + 3] = direction, -direction
+                    K += 4e7 * np.outer(e, e)
+                    K[k : k + 3, k : k + 3] += 1e6 * np.eye(3)
+                    K[m : m + 3, m : m + 3] += 1e6 * np.eye(3)
+                    K[k : k + 3, m : m + 3] -= 1e6 * np.eye(3)
+                    K[m : m + 3, k : k + 3] -= 1e6 * np.eye(3)
+    M = np.repeat(0.01 * rng.uniform(0.8, 1.2, n), 3)
+    return Component(name, sp.csr_matrix(np.diag(M)), sp.csr_matrix(K))
+
+
+def blocks():
+    """The upper block is pressed on the lower one, both are held by inclined springs."""
+    parts = (block("upper", 1), block("lower", 2))
+    n, half = 6 * NX * NZ, 3 * NX * NZ
+    bottom = 3 * NZ * np.arange(NX)
+    top = half + 3 * (NZ * np.arange(NX) + NZ - 1)
+    N, T, P = (sp.lil_matrix((NX, n)) for _ in range(3))
+    for i in range(NX):
+        for rows, axis in ((T, 0), (P, 1), (N, 2)):
+            rows[i, bottom[i] + axis], rows[i, top[i] + axis] = 1.0, -1.0
+    area = np.full(NX, 1e-4)
+    law = OPERATING.law
+    one = np.ones(NX)
+    contact = ContactInterface(
+        N.tocsr(), T.tocsr(), P.tocsr(), area, 0 * one, 0.1 * one, law, one.copy()
+    )
+    B = sp.lil_matrix((5 * NX, n))
+    for i in range(NX):
+        high, low = 3 * (NZ * i + NZ - 1), half + 3 * NZ * i
+        B[5 * i, high], B[5 * i, high + 2] = 0.6, 0.8
+        B[5 * i + 1, high + 1] = 1.0
+        B[5 * i + 2, low], B[5 * i + 2, low + 2] = 0.8, 0.6
+        B[5 * i + 3, low + 1], B[5 * i + 3, low + 2] = 0.6, 0.8
+        B[5 * i + 4, low] = 1.0
+    load = np.zeros(n)
+    load[3 * (NZ * np.arange(NX) + NZ - 1) + 2] = -20.0
+    springs = SpringInterface("supports", B.tocsr(), np.full(5 * NX, 2e6))
+    return Assembly(parts, contact, (springs,), load, np.zeros(n))
+
+
+@pytest.fixture(scope="module")
+def case():
+    assembly = blocks()
+    space = contact_space(assembly, 1e11, np.zeros((assembly.n_dof, 0)))
+    point = working_point(space, OPERATING)
+    modes = real_modes(assembly.M, assembly_stiffness(assembly, point), 1e9)
+    return Case(assembly, point, modes)
+
+
+def reduced_case(case, traces_hz, damping_hz=1e9, layers=1, **options):
+    settings = HybridSettings(traces_hz, damping_hz, layers, **options)
+    kept = case.modes[0] <= 2 * np.pi * traces_hz
+    modes = (case.modes[0][kept], case.modes[1][:, kept])
+    return hybrid_model(case.assembly, case.point, OPERATING, settings, modes=modes)
+
+
+def friction_law(case, share=0.02):
+    mu = OPERATING.friction
+    k_t = mu * case.point.pressure.max() / (share * OPERATING.sliding_speed)
+    return FrictionLaw(mu, mu, k_t)
+
+
+def design_of(model, case, zeta=ZETA, **changes):
+    damping = uniform_damping(model, zeta)
+    design = HybridDesign(OPERATING.law, friction_law(case), OPERATING.sliding_speed, *damping)
+    return replace(design, **changes)
+
+
+def as_modal(model, design):
+    """The same model and damping in all its modes, for the modal kernel."""
+    w2, phi = la.eigh(model.K.toarray(), model.M.toarray())
+    c = design.beta * w2
+    c[: len(design.zeta)] = 2 * design.zeta * np.sqrt(w2[: len(design.zeta)])
+    rows = (model.N @ phi, model.T @ phi, model.T_perp @ phi)
+    points = (model.area, model.frictional, model.radius, model.gap, model.k_ref, model.force)
+    system = ModalSystem(w2, *rows, *points, shapes=model.shapes @ phi)
+    d = np.zeros(model.shapes.shape[0]) if design.d is None else design.d
+    modal = TransientDesign(design.contact, design.friction, design.speed, c, d=d)
+    return system, modal, phi
+
+
+def run_modal(model, design, settings, q0, v0):
+    system, modal, phi = as_modal(model, design)
+    project = phi.T @ model.M
+    result = simulate(system, [modal], settings, project @ q0, project @ v0)[0]
+    return result, phi
+
+
+def test_explicit_layers(case):
+    surface = explicit_dofs(case.assembly, 0)
+    assert len(surface) == 2 * 3 * NX
+    assert len(explicit_dofs(case.assembly, 1)) == 2 * len(surface)
+    assert len(explicit_dofs(case.assembly, NZ)) == case.assembly.n_dof
+    with pytest.raises(ModelError, match="layers"):
+        explicit_dofs(case.assembly, -1)
+
+
+def test_static_state_is_the_working_point(case):
+    q = static_state(case.assembly, case.point, OPERATING)
+    gap = case.assembly.contact.N @ q
+    np.testing.assert_allclose(gap, case.point.gap, rtol=1e-8)
+
+
+@pytest.mark.parametrize("by_component", [True, False])
+def test_states_to_the_basis_and_back(case, by_component):
+    model = reduced_case(case, 4e3, by_component=by_component)
+    basis = model.basis
+    assert basis.n == model.n < case.assembly.n_dof
+    kept = case.modes[0] <= 2 * np.pi * 4e3
+    held = np.column_stack(
+        [case.modes[1][:, kept], static_state(case.assembly, case.point, OPERATING)]
+    )
+    q = basis.restrict(held)
+    np.testing.assert_allclose(basis.expand(q), held, atol=1e-6 * np.abs(held).max())
+    any_state = np.random.default_rng(0).standard_normal(case.assembly.n_dof)
+    again = basis.expand(basis.restrict(any_state))
+    np.testing.assert_array_equal(again[basis.explicit], any_state[basis.explicit])
+    c = case.assembly.contact
+    np.testing.assert_allclose(model.N @ q, c.N @ basis.expand(q), atol=1e-12)
+    n_modes = int(kept.sum())
+    np.testing.assert_allclose(model.omega[:n_modes], case.modes[0][kept], rtol=1e-9)
+    amplitude = np.abs(model.sensors[:n_modes] @ q[:, :n_modes])
+    np.testing.assert_allclose(amplitude, np.eye(n_modes), atol=1e-6)
+
+
+def test_modes_of_the_brake_are_exact(brake, brake_hybrid):
+    model, omega = brake_hybrid
+    assert len(omega) > 50
+    np.testing.assert_allclose(model.omega[: len(omega)], omega, rtol=1e-9)
+    for A in (model.M, model.K):
+        assert abs(A - A.T).max() <= 1e-15 * abs(A).max()
+    assert model.n < 0.2 * brake.assembly.n_dof
+
+
+def test_the_working_point_stays_at_rest(case):
+    model = reduced_case(case, 4e3)
+    rest = np.zeros(model.n)
+    result = simulate_hybrid(
+        model, design_of(model, case), TransientSettings(1e-3, 1e-5), rest, rest
+    )
+    assert result.outcome == "ok"
+    assert np.abs(result.v).max() < 1e-12
+    assert result.solves == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(
+        result.history["normal_force"], model.area @ case.point.pressure, rtol=1e-12
+    )
+
+
+def test_second_order_against_expm(case):
+    """Bilateral contact without friction is linear; rayleigh, modal and shape damping act."""
+    damped = {("upper", 2): component_modes(case.assembly, 1e9)["upper"]}
+    model = hybrid_model(
+        case.assembly, case.point, OPERATING, HybridSettings(4e3, 3e3), damped, case.modes
+    )
+    law = ContactLaw("bilateral", stiffness=2e11)
+    design = replace(
+        design_of(model, case),
+        contact=law,
+        friction=FrictionLaw(0.0, 0.0, 1.0),
+        d=np.array([900.0]),
+    )
+    design = replace(
+        design,
+        gap=-np.ones(NX) * 1e-6,
+        force=np.column_stack([model.area * 2e5, np.zeros((NX, 2))]),
+    )
+    k = model.area * 2e11 - model.k_ref
+    K = (model.K + model.N.T @ sp.diags(k) @ model.N).toarray()
+    U = model.M @ model.phi
+    C = design.beta * model.K.toarray()
+    C += (U * (2 * design.zeta * model.omega - design.beta * model.omega**2)) @ U.T
+    C += 900.0 * (model.shapes.T @ model.shapes).toarray()
+    minus = -la.inv(model.M.toarray())
+    A = np.block([[np.zeros_like(K), np.eye(model.n)], [minus @ K, minus @ C]])
+    v0 = model.phi[:, :6].sum(axis=1)
+    exact = la.expm(A * 2e-3) @ np.concatenate([np.zeros(model.n), v0])
+    steps = np.array([4e-5, 2e-5, 1e-5, 5e-6])
+    errors = []
+    for h in steps:
+        r = simulate_hybrid(model, design, TransientSettings(2e-3, h, 0), np.zeros(model.n), v0)
+        assert r.outcome == "ok"
+        difference = r.v - exact[model.n :]
+        errors.append(np.sqrt(difference @ (model.M @ difference)))
+        assert abs(r.energy.relative) < 1e-6
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert order == pytest.approx(2.0, abs=0.15)
+    assert errors[-1] < 0.02
+
+
+@pytest.mark.parametrize("layers", [0, 2])
+def test_stick_slip_and_lift_off_agree_with_the_modal_kernel(case, layers):
+    """The same equations by another kernel: fixed-point iteration on all modes of the model."""
+    damped = {("upper", 3): component_modes(case.assembly, 1e9)["upper"]}
+    traces = (case.modes[0][:30], case.modes[1][:, :30])
+    settings = HybridSettings(1e4, 2e3, layers)
+    model = hybrid_model(case.assembly, case.point, OPERATING, settings, damped, traces)
+    design = design_of(model, case, d=np.array([400.0]))
+    v0 = 0.4 * model.phi[:, :8].sum(axis=1) / np.abs(model.phi[:, :8].sum(axis=1)).max()
+    run = TransientSettings(4e-3, 2e-6, 5, tolerance=1e-9, tolerance_t=1e-8)
+    hybrid = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    modal, phi = run_modal(model, design, run, np.zeros(model.n), v0)
+    assert hybrid.outcome == modal.outcome == "ok"
+    assert modal.history["stick"].max() > 0.1
+    assert modal.history["open"].max() > 0.1
+    size = np.abs(phi @ modal.v).max()
+    np.testing.assert_allclose(hybrid.v, phi @ modal.v, atol=1e-5 * size)
+    for name in ("torque", "normal_force", "stored", "modal_energy", "dissipated_damping"):
+        size = np.abs(modal.history[name]).max()
+        np.testing.assert_allclose(hybrid.history[name], modal.history[name], atol=1e-4 * size)
+    assert abs(hybrid.energy.relative) < 1e-3
+    assert hybrid.energy.friction == pytest.approx(modal.energy.friction, rel=1e-4)
+
+
+def test_default_tolerances_are_close(case):
+    """What a step does not solve for acts in the next one."""
+    model = reduced_case(case, 4e3, damping_hz=3e3)
+    design = design_of(model, case)
+    shape = model.phi[:, :8].sum(axis=1)
+    v0 = 0.1 * shape / np.abs(shape).max()
+    run = TransientSettings(4e-3, 2e-6, 5, tolerance=1e-4, tolerance_t=1e-3)
+    exact = simulate_hybrid(
+        model, design, replace(run, tolerance=1e-10, tolerance_t=1e-9), np.zeros(model.n), v0
+    )
+    result = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    assert result.solves + result.columns < exact.solves + exact.columns
+    size = np.abs(exact.v).max()
+    np.testing.assert_allclose(result.v, exact.v, atol=1e-3 * size)
+    assert abs(result.energy.relative) < 1e-3
+
+
+def test_a_final_state_continues(case):
+    model = reduced_case(case, 4e3)
+    design = design_of(model, case)
+    v0 = 1e-2 * model.phi[:, 3]
+    run = TransientSettings(2e-3, 1e-5)
+    whole = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    half = replace(run, duration=1e-3)
+    first = simulate_hybrid(model, design, half, np.zeros(model.n), v0)
+    second = simulate_hybrid(model, design, half, first.q, first.v)
+    np.testing.assert_allclose(second.v, whole.v, atol=1e-3 * np.abs(whole.v).max())
+
+
+def test_sensors_and_histories(case):
+    model = reduced_case(case, 4e3, damping_hz=3e3)
+    design = design_of(model, case)
+    v0 = 1e-3 * model.phi[:, 2]
+    run = TransientSettings(1e-4, 1e-5, 2, save_q=True)
+    by_modes = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    by_rows = simulate_hybrid(model, design, run, np.zeros(model.n), v0, model.sensors)
+    assert by_modes.velocity.shape == (6, len(model.omega))
+    assert by_modes.velocity[0, 2] == pytest.approx(1e-3)
+    scale = np.abs(by_modes.displacement).max()
+    np.testing.assert_allclose(by_rows.displacement, by_modes.displacement, atol=1e-9 * scale)
+    np.testing.assert_allclose(by_rows.velocity, by_modes.velocity, atol=1e-12)
+    np.testing.assert_allclose(
+        by_modes.q_history @ model.sensors.T, by_modes.displacement, atol=1e-9 * scale
+    )
+    np.testing.assert_allclose(by_modes.q_history[-1], by_modes.q)
+    np.testing.assert_allclose(by_modes.history["time"], 2e-5 * np.arange(6))
+
+
+def test_halving_and_failure_tell_time_and_reason(case):
+    model = reduced_case(case, 4e3)
+    design = design_of(model, case)
+    v0 = 50.0 * model.phi[:, 5]
+    run = TransientSettings(1e-3, 1e-4, max_iterations=1, max_halvings=2)
+    failed = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    assert failed.outcome == "not_converged"
+    assert "did not converge" in failed.message
+    assert failed.halvings == 2
+    assert failed.time < 1e-3
+    assert np.isnan(failed.energy.stored_end)
+    few = TransientSettings(2e-3, 1e-4, max_iterations=2, max_halvings=10)
+    saved = simulate_hybrid(model, design, few, np.zeros(model.n), 1e-4 * v0)
+    assert saved.outcome == "ok"
+    assert saved.halvings > 0
+
+
+@pytest.mark.parametrize("size", [1e150, 1e300])
+def test_not_a_number_is_never_converged(case, size):
+    model = reduced_case(case, 4e3)
+    run = TransientSettings(1e-3, 1e-5)
+    start = np.full(model.n, size)
+    with np.errstate(all="ignore"):
+        result = simulate_hybrid(model, design_of(model, case), run, start, start)
+    assert result.outcome == "not_finite"
+    assert result.time == 0.0
+
+
+def test_input_is_checked(case):
+    model = reduced_case(case, 4e3)
+    design = design_of(model, case)
+    run, rest = TransientSettings(1e-3, 1e-5), np.zeros(model.n)
+    with pytest.raises(ParameterError, match="prewarp"):
+        simulate_hybrid(model, design, replace(run, prewarp=True), rest, rest)
+    with pytest.raises(ParameterError, match="method"):
+        simulate_hybrid(model, design, replace(run, method="newmark_newton"), rest, rest)
+    with pytest.raises(ModelError, match="initial state"):
+        simulate_hybrid(model, design, run, rest, np.full(model.n, np.nan))
+    with pytest.raises(ModelError, match="sensors"):
+        simulate_hybrid(model, design, run, rest, rest, np.zeros((1, 3)))
+    with pytest.raises(ModelError, match="'zeta' needs"):
+        simulate_hybrid(model, replace(design, zeta=np.zeros(2)), run, rest, rest)
+    with pytest.raises(ModelError, match="'d' needs"):
+        simulate_hybrid(model, replace(design, d=np.zeros(2)), run, rest, rest)
+    with pytest.raises(ModelError, match="'gap'"):
+        simulate_hybrid(model, replace(design, gap=np.zeros(2)), run, rest, rest)
+    with pytest.raises(ModelError, match="not finite"):
+        simulate_hybrid(model, replace(design, gap=np.full(NX, np.nan)), run, rest, rest)
+    with pytest.raises(ModelError, match="damping and speed"):
+        replace(design, beta=-1.0)
+    with pytest.raises(ModelError, match="cutoffs"):
+        HybridSettings(0.0, 1e3)
+    free = component_modes(case.assembly, 1e9)["upper"]
+    with pytest.raises(ModelError, match="no mode 0"):
+        hybrid_model(
+            case.assembly,
+            case.point,
+            OPERATING,
+            HybridSettings(4e3, 4e3),
+            {("upper", 0): free},
+            case.modes,
+        )
+
+
+@pytest.fixture(scope="module")
+def brake_hybrid(brake, reduced):
+    """One layer about the contact of the coarse brake, and the modes its traces are made from."""
+    basis = reduced[1]
+    settings = HybridSettings(CUTOFF, CUTOFF)
+    modes = (basis.omega, basis.phi)
+    return hybrid_model(brake.assembly, brake.point, NOMINAL, settings, modes=modes), basis.omega
+
+
+def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hybrid):
+    zeta = 0.005
+    state = DesignState(NOMINAL, damping_ratio=zeta)
+    reference = reference_modes(reduced[0], brake.point, state)
+    band = (2 * np.pi * 500.0, 2 * np.pi * 8000.0)
+    lam, right = dense_roots(reference.C, reference.K, band)
+    k = int(np.argmax(lam.real))
+    psi = reduced[1].expand(reference.phi @ right[:, k])
+    psi *= 1e-6 / np.abs(psi * lam[k]).max()
+    model, _ = brake_hybrid
+    speed = NOMINAL.sliding_speed
+    friction = FrictionLaw(0.5, 0.5, 0.5 * brake.point.pressure.max() / (0.02 * speed))
+    design = HybridDesign(NOMINAL.law, friction, speed, *uniform_damping(model, zeta))
+    settings = TransientSettings(2e-3, 2e-6, 5, tolerance=1e-4, tolerance_t=1e-3)
+    q0, v0 = model.basis.restrict(psi.real), model.basis.restrict((lam[k] * psi).real)
+    result = simulate_hybrid(model, design, settings, q0, v0)
+    assert result.outcome == "ok"
+    growth = 0.5 * np.polyfit(result.history["time"], np.log(result.history["modal_energy"]), 1)[0]
+    assert growth == pytest.approx(lam[k].real, rel=0.01)
+    assert 1.0 <= result.solves <= 1.7
+    assert abs(result.energy.relative) < 1e-3

@@ -1,0 +1,133 @@
+"""Levels and lines of signals known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from squealstudy.analysis.levels import last_window, mean_interval, spectrum, torque_levels
+
+STEP = 1e-5
+
+
+def tone(periods, rows=4000, phases=(0.3, 1.0, 2.0)):
+    """360 + 3 sin + 1 sin(2) + 0.2 sin(3); its frequency."""
+    time = np.arange(rows) * STEP
+    f = periods / (rows * STEP)
+    parts = zip((1, 2, 3), (3.0, 1.0, 0.2), phases, strict=True)
+    return time, 360 + sum(a * np.sin(2 * np.pi * k * f * time + p) for k, a, p in parts), f
+
+
+@pytest.mark.parametrize("periods", [50.0, 50.3, 50.5, 123.77, 400.0])
+def test_lines_of_a_periodic_torque(periods):
+    time, torque, f = tone(periods)
+    found = torque_levels(time, torque)
+    assert found.frequency_hz == pytest.approx(f, rel=1e-5)
+    assert found.line == pytest.approx(3 / np.sqrt(2), rel=1e-3)
+    assert found.harmonic_2 == pytest.approx(1 / np.sqrt(2), rel=1e-3)
+    assert found.harmonic_3 == pytest.approx(0.2 / np.sqrt(2), rel=1e-3)
+    rms = np.sqrt((9 + 1 + 0.04) / 2)
+    assert found.mean == pytest.approx(360, abs=0.03)
+    assert found.rms == pytest.approx(rms, rel=5e-3)
+    assert found.rms_low <= found.rms <= found.rms_high
+    assert found.rms_high - found.rms_low < 0.1 * rms
+    fine = np.linspace(0, 2 * np.pi, 4001)
+    shape = 3 * np.sin(fine + 0.3) + np.sin(2 * fine + 1) + 0.2 * np.sin(3 * fine + 2)
+    assert found.peak_to_peak == pytest.approx(np.ptp(shape), rel=1e-4 * periods)  # few rows each
+
+
+@pytest.mark.parametrize(("periods", "error"), [(4.4, 0.01), (7.3, 2e-3), (20.6, 1e-4)])
+def test_few_periods(periods, error):
+    time, torque, f = tone(periods)
+    found = torque_levels(time, torque)
+    assert found.frequency_hz == pytest.approx(f, rel=error)
+    assert found.line == pytest.approx(3 / np.sqrt(2), rel=0.03)
+
+
+def test_a_line_beyond_the_nyquist_frequency_has_no_level():
+    time = np.arange(4000) * STEP
+    found = torque_levels(time, np.sin(2 * np.pi * 30e3 * time))
+    assert found.frequency_hz == pytest.approx(30e3, rel=1e-6)
+    assert found.line == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    assert found.harmonic_2 == 0.0
+    assert found.harmonic_3 == 0.0
+
+
+def test_power_is_that_of_the_signal():
+    _, torque, _ = tone(77.7)
+    power = spectrum(STEP, torque).power
+    assert power.sum() == pytest.approx((9 + 1 + 0.04) / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "torque", [np.zeros(500), np.full(500, 360.0), 360 * (1 + 1e-14 * np.arange(500.0) % 3)]
+)
+def test_flat_torque(torque):
+    found = torque_levels(np.arange(500) * STEP, torque)
+    assert found.mean == pytest.approx(torque.mean())
+    assert (found.rms, found.rms_low, found.rms_high, found.peak_to_peak) == (0, 0, 0, 0)
+    assert (found.line, found.harmonic_2, found.harmonic_3) == (0, 0, 0)
+    assert np.isnan(found.frequency_hz)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 4, 5, 7, 12])
+def test_very_short_records(rows):
+    time = np.arange(rows) * STEP
+    torque = np.random.default_rng(0).normal(size=rows)
+    found = torque_levels(time, torque)
+    assert found.mean == pytest.approx(torque.mean())
+    assert found.rms_low <= found.rms <= found.rms_high
+    part = last_window(time, torque)
+    assert 0 <= part.start < part.stop == rows
+
+
+def test_drift_is_no_line():
+    time = np.arange(4000) * STEP
+    assert np.isnan(torque_levels(time, 360 + 40 * time).frequency_hz)
+    swing = torque_levels(time, 360 + 40 * np.cos(np.pi * time / time[-1]))  # half a period
+    assert swing.line < 0.1 * swing.rms
+
+
+def test_the_last_window_has_twenty_periods_where_there_are_so_many():
+    time = np.arange(10000) * STEP
+    assert last_window(time, np.sin(2 * np.pi * 2000 * time)) == slice(6000, 10000)
+    slow = last_window(time, np.sin(2 * np.pi * 300 * time))
+    assert slow.start == pytest.approx(10000 - 20 / (300 * STEP), abs=5)
+    assert last_window(time, np.sin(2 * np.pi * 120 * time)) == slice(0, 10000)
+    assert last_window(time, np.zeros(10000)) == slice(6000, 10000)
+
+
+@pytest.mark.parametrize(("memory", "least"), [(0, 0.93), (20, 0.92), (60, 0.89)])
+def test_bounds_of_a_mean_square_cover_it(memory, least):
+    """Gaussian noise of unit variance, correlated over `memory` of 6000 rows."""
+    rng, keep = np.random.default_rng(1), np.exp(-1 / memory) if memory else 0.0
+    x, steps = rng.normal(size=400), np.sqrt(1 - keep**2) * rng.normal(size=(6000, 400))
+    values = np.empty_like(steps)
+    for row, kick in enumerate(steps):
+        x = keep * x + kick
+        values[row] = x**2
+    _, low, high = mean_interval(values)
+    assert least <= np.mean((low <= 1) & (high >= 1)) <= 0.99
+
+
+@settings(max_examples=30)
+@given(
+    seed=st.integers(0, 10**6),
+    rows=st.integers(20, 2000),
+    scale=st.floats(1e-6, 1e6),
+    offset=st.floats(-1e3, 1e3),
+)
+def test_levels_scale_and_bounds_contain_them(seed, rows, scale, offset):
+    time = np.arange(rows) * STEP
+    rng = np.random.default_rng(seed)
+    wave = np.sin(2 * np.pi * rng.uniform(200, 2e4) * time) + 0.3 * rng.normal(size=rows)
+    one, two = torque_levels(time, wave), torque_levels(time, scale * (wave + offset))
+    assert one.rms_low <= one.rms <= one.rms_high
+    assert one.rms == pytest.approx(wave.std(), rel=1e-12)
+    assert two.mean == pytest.approx(scale * (one.mean + offset), rel=1e-9, abs=1e-9 * scale)
+    for name in ("rms", "rms_low", "rms_high", "peak_to_peak", "line", "harmonic_2"):
+        expected = scale * getattr(one, name)
+        assert getattr(two, name) == pytest.approx(expected, rel=1e-6, abs=1e-6 * scale)
+    np.testing.assert_allclose(two.frequency_hz, one.frequency_hz, rtol=1e-6)

@@ -1,0 +1,210 @@
+"""Design points on shared reference modes: their base state, forecast, start; smaller bases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import NOMINAL
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.growing_modes import growing_modes, left_vectors
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.modal_basis import truncated, with_pod
+from squealstudy.analysis.modal_system import reference_modes
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.transient import simulate
+from squealstudy.analysis.transient_point import (
+    contact_speed,
+    perturbed_start,
+    tangent,
+    transient_point,
+)
+from squealstudy.analysis.transient_settings import TransientSettings
+from squealstudy.errors import ParameterError
+from squealstudy.reduction.prepared import shape_column
+from squealstudy.reduction.working_point import working_point
+
+BAND = (500.0, 8000.0)
+KEYS = (("caliper", 7), ("caliper", 8))
+NOMINAL_STATE = DesignState(NOMINAL, damping_ratio=0.005)
+
+
+@pytest.fixture(scope="module")
+def reference(brake, reduced):
+    return reference_modes(reduced[0], brake.point, DesignState(NOMINAL), KEYS)
+
+
+def changed_space(brake, reduced, state):
+    omega = {k: reduced[0].k_el[reduced[0].mode_coordinate(*k)] ** 0.5 for k in KEYS}
+    changes = state.stiffness_changes(omega)
+    return brake.space.changed({shape_column(reduced[0], *k): v for k, v in changes.items()})
+
+
+def at(brake, reduced, reference, state, point=None):
+    point = point or working_point(changed_space(brake, reduced, state), state.operating)
+    return point, transient_point(
+        reduced[0], reference, KEYS, point, state, 0.0, "regularised", BAND, 1e-7
+    )
+
+
+STATES = [
+    NOMINAL_STATE,
+    DesignState(replace(NOMINAL, pressure=25e5, friction=0.3), damping_ratio=0.01),
+    DesignState(NOMINAL, {("caliper", 7): 1.25}, {("caliper", 8): 0.05}, 0.0),
+    DesignState(replace(NOMINAL, static_ratio=1.5, decay_speed=0.4, sliding_speed=0.3)),
+]
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_tangent_is_the_frequency_domain_linearised_anew(brake, reduced, reference, state):
+    """Same assembly, working point and basis: only uniform damping refers to other modes."""
+    model, phi = reduced[0], reference.phi
+    point, made = at(brake, reduced, reference, state)
+    C, K = tangent(reference.system, made.design, point, state)
+    fresh = linearise(model, point, replace(state, damping_ratio=0.0))
+    np.testing.assert_allclose(K, phi.T @ fresh.K @ phi, atol=1e-9 * np.abs(K).max())
+    undamped = C - np.diag(
+        2 * state.damping_ratio * np.sqrt(np.maximum(reference.system.omega2, 0))
+    )
+    np.testing.assert_allclose(undamped, phi.T @ fresh.C @ phi, atol=1e-9 * np.abs(C).max())
+
+
+@pytest.mark.parametrize("state", STATES[:3])
+def test_a_design_point_stays_at_its_own_steady_sliding(brake, reduced, reference, state):
+    _, made = at(brake, reduced, reference, state)
+    n = reference.system.n
+    settings = TransientSettings(duration=4e-4, step=2e-6, save_every=10)
+    (result,) = simulate(reference.system, [made.design], settings, np.zeros(n), np.zeros(n))
+    assert result.outcome == "ok"
+    np.testing.assert_allclose(result.history["torque"], made.static_torque, rtol=1e-9)
+    # round-off in the forces does not grow to anything
+    assert np.abs(result.q).max() < 1e-12
+
+
+def test_growing_modes_are_sorted_and_biorthogonal(brake, reduced, reference):
+    point, made = at(brake, reduced, reference, NOMINAL_STATE)
+    C, K = tangent(reference.system, made.design, point, NOMINAL_STATE)
+    modes = made.modes
+    assert modes.n_unstable == (dense_roots(C, K, band(BAND))[0].real > 0).sum()
+    assert (np.diff(modes.lam.real) <= 0).all()
+    for lam, x, y in zip(modes.lam, modes.right.T, modes.left.T, strict=True):
+        Q = lam**2 * np.eye(len(K)) + lam * C + K
+        assert np.linalg.norm(Q @ x) < 1e-9 * np.linalg.norm(K)
+        assert np.linalg.norm(y.conj() @ Q) < 1e-9 * np.linalg.norm(K)
+
+
+def band(hz):
+    return 2 * np.pi * hz[0], 2 * np.pi * hz[1]
+
+
+def test_a_stable_point_follows_its_least_stable_mode(brake, reduced, reference):
+    state = DesignState(replace(NOMINAL, friction=0.05), damping_ratio=0.02)
+    _, made = at(brake, reduced, reference, state)
+    assert made.modes.n_unstable == 0
+    assert len(made.modes.lam) == 1
+    assert made.modes.lam[0].real < 0
+
+
+def test_what_grows_above_the_band_is_told():
+    """Two blocks that flutter, one inside the band and one above it."""
+    low = np.array([[1.0, -0.5], [0.5, 1.1]]) * (2 * np.pi * 1e3) ** 2
+    K = np.zeros((4, 4))
+    K[:2, :2], K[2:, 2:] = low, low * 100
+    modes = growing_modes(np.zeros((4, 4)), K, (500.0, 5000.0), 1e-7)
+    assert (modes.n_unstable, modes.n_above) == (1, 1)
+    assert modes.frequency_above == pytest.approx(10 * abs(modes.lam[0]) / 2 / np.pi, rel=1e-9)
+    assert modes.growth_above == pytest.approx(10 * modes.lam[0].real, rel=1e-9)
+
+
+def test_left_vectors_of_a_small_problem():
+    rng = np.random.default_rng(1)
+    C, K = rng.normal(size=(5, 5)), rng.normal(size=(5, 5)) + 10 * np.eye(5)
+    lam, _ = dense_roots(C, K, (0.0, np.inf))
+    lam = lam[lam.imag > 0]
+    for root, y in zip(lam, left_vectors(C, K, lam).T, strict=True):
+        Q = root**2 * np.eye(5) + root * C + K
+        assert np.linalg.norm(y.conj() @ Q) < 1e-11 * np.linalg.norm(Q)
+
+
+def test_the_start_has_the_velocity_asked_for(brake, reduced, reference):
+    _, made = at(brake, reduced, reference, NOMINAL_STATE)
+    q, v = perturbed_start(reference.system, made, 1e-3)
+    assert contact_speed(reference.system, v) == pytest.approx(1e-3, rel=1e-12)
+    # kinetic energy: the displacement at the largest velocity is small
+    assert np.sum(reference.system.omega2 * q**2) < 0.5 * v @ v
+    q, v = perturbed_start(reference.system, made, 2e-3, (25,))
+    assert not q.any()
+    assert np.flatnonzero(v).tolist() == [24]
+    assert contact_speed(reference.system, v) == pytest.approx(2e-3, rel=1e-12)
+    q, v = perturbed_start(reference.system, made, 0.0)
+    assert not q.any()
+    assert not v.any()
+
+
+def test_assembly_damping_replaces_the_uniform_one(brake, reduced, reference):
+    state = replace(NOMINAL_STATE, assembly_damping={25: 0.03})
+    _, made = at(brake, reduced, reference, state)
+    _, plain = at(brake, reduced, reference, NOMINAL_STATE)
+    ratio = made.design.c / np.maximum(plain.design.c, 1e-300)
+    assert ratio[24] == pytest.approx(6.0)
+    assert (np.delete(ratio, 24) == 1.0).all()
+    with pytest.raises(ParameterError, match="assembly modes 1 to"):
+        at(brake, reduced, reference, replace(NOMINAL_STATE, assembly_damping={10**6: 0.1}))
+
+
+# -- smaller bases -------------------------------------------------------------------------------
+def snapshots(reference, made):
+    q0, v0 = perturbed_start(reference.system, made, 0.05)
+    settings = TransientSettings(duration=2e-3, step=2e-6, save_every=5, save_q=True)
+    (result,) = simulate(reference.system, [made.design], settings, q0, v0)
+    return result.q_history, result.history["torque"], (q0, v0), settings
+
+
+def test_truncation_keeps_the_modes_below(reference):
+    small = truncated(reference, 8000.0)
+    n = small.system.n
+    assert small.n_exact == n < reference.system.n
+    np.testing.assert_array_equal(small.system.omega2, reference.system.omega2[:n])
+    assert small.system.omega2[-1] <= (2 * np.pi * 8000.0) ** 2
+    np.testing.assert_allclose(small.system.N, reference.system.N[:, :n], atol=1e-18)
+    assert not len(small.coupling)
+    with pytest.raises(ParameterError, match="no assembly mode"):
+        truncated(reference, 1.0)
+
+
+def test_pod_vectors_keep_mass_stiffness_and_damping(brake, reduced, reference):
+    _, made = at(brake, reduced, reference, NOMINAL_STATE)
+    rows, *_ = snapshots(reference, made)
+    small = with_pod(reference, 12000.0, rows, 30)
+    n = small.system.n
+    assert n == small.n_exact + 30
+    V = reference.phi.T @ small.phi
+    np.testing.assert_allclose(V.T @ V, np.eye(n), atol=1e-10)
+    W = reference.system.omega2
+    np.testing.assert_allclose(
+        V.T @ (W[:, None] * V), np.diag(small.system.omega2), atol=1e-9 * small.system.omega2.max()
+    )
+    m = len(small.coupling)
+    U = small.system.shapes[-m:]
+    G = np.diag(small.rates) + U.T @ (small.coupling[:, None] * U)
+    wanted = V.T @ ((2 * np.sqrt(np.maximum(W, 0)))[:, None] * V)
+    np.testing.assert_allclose(G, wanted, atol=1e-9 * G.max())
+
+
+def test_pod_vectors_of_a_run_reproduce_it(brake, reduced, reference):
+    """Torque over 2 ms of strong motion: POD vectors beside the modes below 12 kHz."""
+    point, made = at(brake, reduced, reference, NOMINAL_STATE)
+    rows, torque, (q0, v0), settings = snapshots(reference, made)
+    errors = {}
+    for count in (0, 60):
+        small = (
+            with_pod(reference, 12000.0, rows, count) if count else truncated(reference, 12000.0)
+        )
+        _, design = at(brake, reduced, small, NOMINAL_STATE, point)
+        V = reference.phi.T @ small.phi
+        (result,) = simulate(small.system, [design.design], settings, V.T @ q0, V.T @ v0)
+        difference = result.history["torque"] - torque
+        errors[count] = np.linalg.norm(difference) / np.linalg.norm(torque - torque.mean())
+    assert errors[60] < 0.2 * errors[0]

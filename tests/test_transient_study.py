@@ -1,0 +1,266 @@
+"""Transient studies from the file to the tables: bad input, batches, resume, continuation."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.signal
+
+from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.study.definition import parse_study
+from squealstudy.study.names import HISTORIES, STATES
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
+
+BELT = """
+[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.5, 0.9, 1.1, 1.2, 1.3]
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = {duration}
+step = 2e-5
+perturbation = 1e-5
+save_every = {save_every}
+{more}
+"""
+
+
+def plan_of(text: str) -> Plan:
+    return Plan(parse_study(text, Path("study.toml")))
+
+
+def belt(duration=0.5, save_every=20, more="") -> Plan:
+    return plan_of(BELT.format(duration=duration, save_every=save_every, more=more))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("belt") / "belt"
+    run_study(belt(), directory, jobs=2)
+    return Results.open(directory)
+
+
+# -- bad input -----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("step = 2e-5", "step = 0.0"), "expected a positive time in s, got 0"),
+        (("step = 2e-5", "step = -1e-6"), "expected a positive time"),
+        (("step = 2e-5", "step = 1.0"), "shorter than one step"),
+        (("duration = 0.5", "duration = nan"), "finite"),
+        (("perturbation = 1e-5", "perturbation = -1.0"), "perturbation"),
+        (("perturbation = 1e-5", "perturb_modes = [0.5]"), "perturb_modes"),
+        (("perturbation = 1e-5", "sensors = [800.0, 500.0]"), "low < high"),
+        (("perturbation = 1e-5", "sensors = []"), "empty list"),
+        (("perturbation = 1e-5", "sensors = [0, 3]"), "mode numbers from 1"),
+        (("perturbation = 1e-5", 'methd = "newmark"'), "did you mean 'method'"),
+        (("perturbation = 1e-5", 'method = "newmrk"'), "did you mean 'newmark'"),
+        (("perturbation = 1e-5", 'start_point = "ab"'), "needs a results directory"),
+        (("perturbation = 1e-5", "pod_vectors = 5"), "give modes_below too"),
+        (('kind = "transient"', 'kind = "complex_modes"'), 'needs kind = "transient"'),
+    ],
+)
+def test_bad_sections_are_one_clear_error(change, message):
+    text = BELT.format(duration=0.5, save_every=20, more="")
+    assert change[0] in text
+    with pytest.raises(StudyFileError, match=message) as caught:
+        plan_of(text.replace(*change))
+    assert "study.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("sensors = [2000.0, 9000.0]", "no assembly mode lies between 2000 and 9000 Hz"),
+        ("sensors = [3]", "the assembly has 2 modes"),
+        ("perturb_modes = [7]", "modes 1 to 2"),
+    ],
+)
+def test_what_only_the_model_shows_is_told_before_anything_is_written(tmp_path, more, message):
+    with pytest.raises(StudyFileError, match=message):
+        run_study(belt(more=more), tmp_path / "belt", jobs=1)
+    assert not (tmp_path / "belt").exists()
+
+
+def test_a_damped_assembly_mode_must_exist(tmp_path):
+    text = BELT.format(duration=0.5, save_every=20, more="")
+    text = text.replace("[modes]", '[parameters]\n"modes[9].damping_ratio" = 0.1\n[modes]')
+    with pytest.raises(StudyFileError, match="assembly modes 1 to 2"):
+        run_study(plan_of(text), tmp_path / "belt", jobs=1)
+
+
+# -- what comes out ------------------------------------------------------------------------------
+def test_classes_on_both_sides_of_the_stability_boundary(finished):
+    """Stable for v > ln(10)/2 = 1.151293 (../shared/data/README.md)."""
+    points = finished.points
+    assert (points["status"] == "ok").all()
+    stable = points["sliding_speed"] > np.log(10) / 2
+    assert (points["predicted_growth_rate"] < 0).equals(stable)
+    assert (points["growth_rate"] < 0).equals(stable)
+    assert (points.loc[stable, "class"] == "stable").all()
+    assert points.loc[points["sliding_speed"] == 0.5, "class"].item() == "limit_cycle"
+    assert (points["n_unstable"] > 0).equals(~stable)
+
+
+def test_growth_in_the_table_is_that_of_the_complex_mode(finished):
+    points = finished.points
+    error = points["growth_rate"] / points["predicted_growth_rate"] - 1
+    assert error.abs().max() < 0.03
+    assert (points["growth_rate_low"] <= points["growth_rate"]).all()
+    assert (points["growth_rate"] <= points["growth_rate_high"]).all()
+    assert (points["growth_method"] == "left_vector").all()
+
+
+def test_the_other_columns(finished):
+    points, modes = finished.points, finished.modes
+    cycle = points[points["sliding_speed"] == 0.5].iloc[0]
+    assert cycle["settled"]
+    assert 0 < cycle["settled_time"] < 0.5
+    history = finished.history(cycle["point_id"])
+    end = history[history["time"] > 0.3]
+    f, power = scipy.signal.periodogram(end["torque"], 1 / 4e-4, nfft=2**16, detrend="linear")
+    assert cycle["dominant_frequency_hz"] == pytest.approx(f[np.argmax(power)], rel=0.005)
+    assert cycle["dominant_mode"] == 1
+    assert cycle["dominant_share"] > 0.99
+    assert abs(points["energy_balance"]).max() < 1e-3
+    np.testing.assert_allclose(points["time_reached"], 0.5)
+    assert points["stick_share_max"].max() == 1.0
+    assert (modes.groupby("point_id")["energy_share"].sum() <= 1.0 + 1e-9).all()
+    assert set(modes["mode"]) == {1}
+    assert len(finished.growth) == len(points)
+
+
+def test_histories(finished):
+    name = finished.points["point_id"].iloc[0]
+    history = finished.history(name)
+    np.testing.assert_allclose(history["time"], np.arange(len(history)) * 20 * 2e-5, atol=1e-12)
+    assert {"torque", "normal_force", "stick", "slip", "open", "energy"} <= set(history)
+    assert history["time"].iloc[-1] == pytest.approx(0.5)
+    shares = history[["stick", "slip", "open"]].sum(axis=1)
+    np.testing.assert_allclose(shares, 1.0, atol=1e-6)
+    with pytest.raises(ResultsError, match="no history of this point"):
+        finished.history("nonsense")
+
+
+def test_nothing_is_kept_where_nothing_is_asked_for(tmp_path, finished):
+    """Without histories the summary is the same: it has samples of its own."""
+    report = run_study(belt(save_every=0), tmp_path / "belt", jobs=1)
+    assert not (report.directory / HISTORIES).exists()
+    points = Results.open(tmp_path / "belt").points
+    for name in ("torque_rms", "growth_rate"):
+        np.testing.assert_allclose(points[name], finished.points[name], rtol=0.01)
+
+
+def test_tables_do_not_depend_on_batches_or_workers(tmp_path, finished):
+    run_study(belt(more="batch = 2"), tmp_path / "belt", jobs=1)
+    points = Results.open(tmp_path / "belt").points
+    assert points["point_id"].tolist() == finished.points["point_id"].tolist()
+    for name in points.select_dtypes("number").columns.drop("wall_s"):
+        np.testing.assert_allclose(points[name], finished.points[name], rtol=1e-6, err_msg=name)
+
+
+def test_a_run_goes_on_where_points_are_missing(tmp_path, finished):
+    directory = tmp_path / "belt"
+    shutil.copytree(finished.directory, directory)
+    text = BELT.format(duration=0.5, save_every=20, more="").replace("0.5, 0.9", "0.5, 0.7, 0.9")
+    report = run_study(plan_of(text), directory, jobs=1)
+    assert report.n_solved == 1
+    assert len(Results.open(directory).points) == 6
+    assert run_study(plan_of(text), directory, jobs=1).n_solved == 0
+
+
+# -- continuation --------------------------------------------------------------------------------
+def continued(start: Path, point: str, duration=0.2, more="") -> Plan:
+    text = BELT.replace("perturbation = 1e-5\n", "")
+    text = text.format(duration=duration, save_every=20, more=f'start = "{start}"\n{point}\n{more}')
+    return plan_of(text.replace("[0.5, 0.9, 1.1, 1.2, 1.3]", "[0.5]"))
+
+
+def test_a_final_state_goes_on(tmp_path, finished):
+    """0.5 s and 0.2 s more are a run of 0.7 s."""
+    name = finished.points["point_id"].iloc[0]
+    plan = continued(finished.directory, f'start_point = "{name}"')
+    run_study(plan, tmp_path / "more", jobs=1)
+    whole = plan_of(
+        BELT.format(duration=0.7, save_every=20, more="").replace(
+            "[0.5, 0.9, 1.1, 1.2, 1.3]", "[0.5]"
+        )
+    )
+    run_study(whole, tmp_path / "whole", jobs=1)
+    more, all_of_it = Results.open(tmp_path / "more"), Results.open(tmp_path / "whole")
+    end = more.history(more.points["point_id"][0])["torque"].to_numpy()
+    same = all_of_it.history(all_of_it.points["point_id"][0])["torque"].to_numpy()
+    np.testing.assert_allclose(end, same[-len(end) :], atol=1e-3 * np.ptp(same))
+    assert more.points["perturbation"][0] == 0.0
+
+
+def test_start_of_nothing(tmp_path):
+    with pytest.raises(StudyFileError, match="is none"):
+        run_study(continued(tmp_path / "nowhere", ""), tmp_path / "out", jobs=1)
+
+
+def test_start_needs_a_choice_of_points(tmp_path, finished):
+    with pytest.raises(StudyFileError, match="has 5 final states: name one by start_point"):
+        run_study(continued(finished.directory, ""), tmp_path / "out", jobs=1)
+    plan = continued(finished.directory, 'start_point = "feed"')
+    with pytest.raises(StudyFileError, match="is not finished, failed, or is unknown"):
+        run_study(plan, tmp_path / "out", jobs=1)
+
+
+def test_start_of_another_model(tmp_path, finished):
+    name = finished.points["point_id"].iloc[0]
+    plan = continued(finished.directory, f'start_point = "{name}"')
+    text = plan.study.text.replace("[modes]", "[parameters]\nfriction = 0.6\n[modes]")
+    with pytest.raises(StudyFileError, match="another model, basis, nominal point"):
+        run_study(plan_of(text), tmp_path / "out", jobs=1)
+
+
+def test_start_of_an_unfinished_point(tmp_path, finished):
+    directory = tmp_path / "belt"
+    shutil.copytree(finished.directory, directory)
+    shutil.rmtree(directory / STATES)
+    with pytest.raises(StudyFileError, match=r"no design point of .* has reached its end"):
+        run_study(continued(directory, ""), tmp_path / "out", jobs=1)
+
+
+def test_start_of_a_complex_mode_study(tmp_path):
+    text = BELT[: BELT.index("[transient]")].replace('"transient"', '"complex_modes"')
+    run_study(plan_of(text), tmp_path / "modes", jobs=1)
+    with pytest.raises(StudyFileError, match="which has no final state"):
+        run_study(continued(tmp_path / "modes", ""), tmp_path / "out", jobs=1)
+
+
+def test_no_perturbation_at_a_stable_point(tmp_path):
+    """Allowed, and reported: nothing moves."""
+    text = BELT.format(duration=0.1, save_every=20, more="").replace("1e-5", "0.0")
+    run_study(plan_of(text.replace("0.5, 0.9, 1.1, ", "")), tmp_path / "belt", jobs=1)
+    points = Results.open(tmp_path / "belt").points
+    assert (points["class"] == "stable").all()
+    assert (points["perturbation"] == 0.0).all()
+    assert points["growth_rate"].isna().all()
+
+
+def test_a_failed_step_is_a_row_with_its_time(tmp_path):
+    """A step far too long for stick-slip: the study goes on, the row says when and why."""
+    text = BELT.format(duration=0.5, save_every=20, more="tolerance = 1e-12\n")
+    text = text.replace("[modes]", '[parameters]\n"contact.kt" = 1e14\n[modes]')
+    run_study(plan_of(text.replace("step = 2e-5", "step = 1e-3")), tmp_path / "belt", jobs=1)
+    points = Results.open(tmp_path / "belt").points
+    failed = points[points["status"] != "ok"]
+    assert isinstance(points, pd.DataFrame)
+    assert len(points) == 5
+    for row in failed.to_dict("records"):
+        assert row["class"] == "failed"
+        assert row["message"].startswith("t = ")

@@ -1,0 +1,51 @@
+"""Kernels compiled ahead of the workers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+from squealstudy.analysis import warmup
+from squealstudy.kernels.jit import compiled_directory
+from squealstudy.kernels.newmark import newmark
+from squealstudy.kernels.newmark_batch import newmark_batch
+
+SCRIPT = """
+from squealstudy.analysis.warmup import warm_kernels
+from squealstudy.kernels.newmark import newmark
+from squealstudy.kernels.newmark_batch import newmark_batch
+print(warm_kernels())
+print(sum(sum(k.stats.cache_misses.values()) for k in (newmark, newmark_batch)))
+"""
+
+
+def test_both_kernels_are_ready():
+    assert warmup.warm_kernels() < 120
+    assert newmark.signatures
+    assert newmark_batch.signatures
+    assert warmup.warm_kernels() < 0.5
+
+
+def test_another_process_finds_the_kernels_compiled():
+    warmup.warm_kernels()
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, env=os.environ
+    )
+    seconds, misses = done.stdout.split()
+    assert misses == "0"
+    assert float(seconds) < 20
+
+
+def test_warming_waits_for_another_process():
+    lock = compiled_directory() / "warmup.lock"
+    finished = []
+    thread = threading.Thread(target=lambda: finished.append(warmup.warm_kernels()))
+    with warmup._alone(lock):
+        thread.start()
+        time.sleep(0.3)
+        assert not finished
+    thread.join(120)
+    assert finished[0] > 0.2
