@@ -333,6 +333,10 @@ def test_halving_and_failure_tell_time_and_reason(case):
     saved = simulate_hybrid(model, design, few, np.zeros(model.n), 1e-4 * v0)
     assert saved.outcome == "ok"
     assert saved.halvings > 0
+    fine = simulate_hybrid(
+        model, design, TransientSettings(2e-3, 1e-6), np.zeros(model.n), 1e-4 * v0
+    )
+    assert np.abs(saved.v - fine.v).max() < 0.1 * np.abs(fine.v).max()
 
 
 @pytest.mark.parametrize("size", [1e150, 1e300])

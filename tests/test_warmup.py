@@ -8,6 +8,8 @@ import sys
 import threading
 import time
 
+import numba
+
 from squealstudy.analysis import warmup
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.kernels.newmark import newmark
@@ -31,8 +33,9 @@ def test_both_kernels_are_ready():
 
 def test_another_process_finds_the_kernels_compiled():
     warmup.warm_kernels()
+    here = os.environ | {"NUMBA_CACHE_DIR": numba.config.CACHE_DIR}
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, env=os.environ
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, env=here
     )
     seconds, misses = done.stdout.split()
     assert misses == "0"

@@ -124,8 +124,9 @@ def classify(
     ``stable``: the energy at the end is not above the initial one and falls, or is gone (below
     1e-4 of the initial energy, or below `noise`), or has fallen unevenly below 0.09 of it, the
     highest level that is judged below half of the highest before. ``growing``: levels still rise
-    through the last 40 %. ``limit_cycle``: they are stationary there, or rose to a plateau within
-    it and keep that over the last fifth. ``irregular``: neither.
+    through the last 40 %. ``limit_cycle``: they are stationary there, drift by less than
+    15 % (such a run has not settled), or rose to a plateau within it and keep that over the last
+    fifth. ``irregular``: neither.
 
     Parameters
     ----------
@@ -148,14 +149,14 @@ def classify(
         return "growing"
     if end <= start and (_steady(found, -1.0) or end <= REST**2 * start):
         return "stable"
-    if _stationary(found) or _reached(found):
+    if _stationary(found, limit=DRIFT) or _reached(found):
         return "limit_cycle"
     return "stable" if end <= FADED**2 * start and _fades(found) else "irregular"
 
 
-def _stationary(found: Windows, first: int | None = None) -> bool:
+def _stationary(found: Windows, first: int | None = None, limit: float = TREND) -> bool:
     rise, error, scatter = found.trend(first)
-    return scatter <= SCATTER and (abs(rise) <= TREND or abs(rise) <= CHANCE * error)
+    return scatter <= SCATTER and (abs(rise) <= limit or abs(rise) <= CHANCE * error)
 
 
 def _reached(found: Windows) -> bool:

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from squealstudy.analysis.transient_arrays import modal_arrays, saved_arrays, work_arrays
+from squealstudy.analysis.transient_arrays import (
+    kernel_settings,
+    modal_arrays,
+    saved_arrays,
+    work_arrays,
+)
 from squealstudy.analysis.transient_observation import observation
 from squealstudy.analysis.transient_settings import (
     EnergyBalance,
@@ -59,20 +64,7 @@ def simulate(
     if not designs:
         return []
     modal, dense = modal_arrays(system, designs, settings)
-    newton = settings.method == "newmark_newton"
-    power = 2 if newton else 1
-    options = layout.Settings(
-        settings.step,
-        settings.n_steps,
-        settings.save_every,
-        settings.tolerance**power,
-        settings.tolerance_t**power,
-        settings.max_iterations,
-        settings.max_halvings,
-        newton,
-        settings.aitken,
-        dense,
-    )
+    options = kernel_settings(settings, dense)
     B = observation(system, settings.single_storage)
     work = work_arrays(modal, options, B)
     rows = ((layout.Q, layout.Q_TRIAL, q0), (layout.V, layout.V_TRIAL, v0))

@@ -106,6 +106,24 @@ def prewarped(w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.n
     return np.where(slow, (s1 * s2).real, w2), np.where(slow, -(s1 + s2).real, c)
 
 
+def kernel_settings(settings: TransientSettings, dense: bool) -> layout.Settings:
+    """The kernels' settings; Newton converges quadratically and takes squares of tolerances."""
+    newton = settings.method == "newmark_newton"
+    power = 2 if newton else 1
+    return layout.Settings(
+        settings.step,
+        settings.n_steps,
+        settings.save_every,
+        settings.tolerance**power,
+        settings.tolerance_t**power,
+        settings.max_iterations,
+        settings.max_halvings,
+        newton,
+        settings.aitken,
+        dense,
+    )
+
+
 def work_arrays(modal: layout.Modal, options: layout.Settings, B: np.ndarray) -> layout.Work:
     """Working arrays; pages of matrices that are never factored are never touched."""
     nb, _, n = modal.modes.shape
@@ -125,7 +143,9 @@ def work_arrays(modal: layout.Modal, options: layout.Settings, B: np.ndarray) ->
         aligned_zeros(panel if B.dtype == np.float32 else 0, n, ROWS),
         aligned_zeros(3, n),
         np.zeros(modal.points.shape[2], dtype=np.int64),
-        np.zeros((modal.points.shape[2], 6)),
+        np.zeros((modal.own.size, 4)),
+        np.zeros(2 * modal.own.size),
+        np.zeros(4 * modal.own.size**2),
     )
 
 

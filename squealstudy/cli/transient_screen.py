@@ -10,6 +10,7 @@ from rich.table import Table
 
 from squealstudy.cli import screen
 
+MOST_COLUMNS = 2  # parameters with a column of their own
 LISTED = 24  # design points listed; all of them are in the tables
 
 
@@ -17,14 +18,15 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     """Print what became of each design point."""
     varied = [p for p in parameters if len(set(table[p])) > 1]
     grid = Table(box=None, pad_edge=False, header_style="bold")
-    for title in varied:
-        grid.add_column(title, justify="right", overflow="fold")
+    for title in varied if len(varied) <= MOST_COLUMNS else ["point"]:
+        grid.add_column(title, justify="right", no_wrap=True)
     grid.add_column("class", no_wrap=True)
     for title in ("growth 1/s", "forecast", "torque Nm", "RMS", "Hz", "mode", "share %"):
         grid.add_column(title, justify="right", no_wrap=True)
     grid.add_column("transfer", no_wrap=True)
-    for row in table.head(LISTED).to_dict("records"):
-        grid.add_row(*(f"{row[p]:.6g}" for p in varied), *_findings(row))
+    for number, row in enumerate(table.head(LISTED).to_dict("records"), start=1):
+        place = [f"{row[p]:.6g}" for p in varied] if len(varied) <= MOST_COLUMNS else [str(number)]
+        grid.add_row(*place, *_findings(row))
     screen.console.print(grid)
     if len(table) > LISTED:
         screen.console.print(f"{len(table) - LISTED} more in the points table", style="dim")
@@ -33,6 +35,19 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
         "leading line, mode and its energy share: over the last window",
         style="dim",
     )
+    if len(varied) > MOST_COLUMNS:
+        _legend(table.head(LISTED), varied)
+
+
+def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:
+    """What each point changes of the first, a line a point."""
+    first = table.iloc[0]
+    rows = []
+    for number, row in enumerate(table.to_dict("records"), start=1):
+        changed = [f"{p} = {row[p]:.4g}" for p in varied if row[p] != first[p]]
+        rows.append((f"point {number}", ", ".join(changed) or "first"))
+    screen.console.print()
+    screen.facts(rows)
 
 
 def ranking(table: pd.DataFrame) -> None:

@@ -53,44 +53,25 @@ def balance(
     later ones are extrapolated from hold it already.
     """
     rows, point, x = state.rows, state.point, state.vectors
-    h = level.h
-    half = 0.5 * h
-    nc, k = point.shape[0], model.d.size
+    half = 0.5 * level.h
+    nb = 3 * point.shape[0]
     x[DV] = dv
-    force = np.empty(model.omega2.size)
-    free_rates(model, state, h)
-    modal_force(model, rows[LEFT] + rows[R], force)
-    move_rates(model, state, h, force)
-    modes = state.modes
-    for j in range(force.size):
-        lag = modes[RATE_END, j] - modes[RATE_S_END, j]
-        force[j] = lag - (modes[RATE, j] - modes[RATE_S, j])
-    y = np.empty(rows.shape[1])
-    multiply(model.B, dv, y)
-    for i in range(y.size):
-        y[i] += rows[Y, i] + dot(model.B_modes[i], force)
-    # the shapes' dampers r = -d y are linear: eliminated before the iteration
-    eliminated = np.zeros(k)
-    for a in range(k):
-        for b in range(k):
-            lack = y[3 * nc + b] + rows[R, 3 * nc + b] / model.d[b]
-            eliminated[a] -= level.shape_inverse[a, b] * lack
-    y_c = y[: 3 * nc].copy()
-    for i in range(3 * nc):
-        for a in range(k):
-            y_c[i] += level.G_shapes[i, a] * eliminated[a]
-    x_base = point[:, OLD_X] + half * rows[Y, 0 : 3 * nc : 3]
-    r = rows[R, : 3 * nc]
-    rows[Y_END, : 3 * nc] = y_c
+    y = predicted_velocities(model, level, state)
+    eliminated = eliminate_shapes(model, level, rows[R, nb:], y[nb:])
+    y_c = y[:nb].copy()
+    for i in range(nb):
+        y_c[i] += dot(level.G_shapes[i], eliminated)
+    rows[Y_END, :nb] = y_c
+    r = rows[R, :nb]
     # dv = h a and J dv = h (all forces): the square of all forces in the metric of G is h/2 a J a
-    scale2 = quadratic_form(level.G, r) + 0.5 / h * dot(dv, x[RHS])
+    scale2 = quadratic_form(level.G, r) + 0.5 / level.h * dot(dv, x[RHS])
     outcome, evaluations, contraction = contact_iteration(
         model.points,
         model.law,
         half,
         level.G,
         level.floor2,
-        x_base,
+        point[:, OLD_X] + half * rows[Y, 0:nb:3],
         y_c,
         r,
         point,
@@ -100,41 +81,85 @@ def balance(
         max_iterations,
     )
     rows[FOUND] = rows[R]
-    lack = r - rows[R_GUESS, : 3 * nc]
+    lack = r - rows[R_GUESS, :nb]
     heavy, n_heavy = heavy_points(model, level, lack, point, scale2, tolerance, tolerance_t)
     solve = 3 * n_heavy * dv.size > level.fill
     if solve:
         heavy[:] = True
-        rows[Y_END, : 3 * nc] = y_c
     change = np.zeros(rows.shape[1])
-    for i in range(3 * nc):
+    for i in range(nb):
         if heavy[i // 3]:
             change[i] = lack[i]
-            if not solve:
-                move(rows[Y_END, : 3 * nc], lack[i], level.G[i])
+            move(rows[Y_END, :nb], lack[i], level.G[i])
         else:  # what these forces lack acts in the next step
             r[i] = rows[R_GUESS, i]
-        rows[LEFT, i] = 2.0 * rows[FOUND, i] - r[i]
+    change_shapes(level, eliminated, change, rows, nb)
+    carry(model, level, state, change, solve)
+    return outcome, evaluations, contraction, n_heavy, solve
+
+
+@fast_kernel
+def predicted_velocities(model: Hybrid, level: Level, state: State) -> np.ndarray:
+    """B v (3 nc + k,) at the end of a step with the predicted forces; velocities of the modes."""
+    rows, modes = state.rows, state.modes
+    force = np.empty(model.omega2.size)
+    free_rates(model, state, level.h)
+    modal_force(model, rows[LEFT] + rows[R], force)
+    move_rates(model, state, level.h, force)
+    lag = force
+    for j in range(lag.size):
+        lag[j] = modes[RATE_END, j] - modes[RATE_S_END, j] - (modes[RATE, j] - modes[RATE_S, j])
+    y = np.empty(rows.shape[1])
+    multiply(model.B, state.vectors[DV], y)
+    for i in range(y.size):
+        y[i] += rows[Y, i] + dot(model.B_modes[i], lag)
+    return y
+
+
+@fast_kernel
+def eliminate_shapes(model: Hybrid, level: Level, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Change of the shapes' forces (k,) that makes r = -d y while the contact forces stay.
+
+    Their dampers are linear, so that they leave the contact iteration: `level.G` knows them.
+    """
+    change = np.zeros(r.size)
+    for b in range(r.size):
+        lack = y[b] + r[b] / model.d[b]
+        for a in range(r.size):
+            change[a] -= level.shape_inverse[a, b] * lack
+    return change
+
+
+@fast_kernel
+def change_shapes(
+    level: Level, eliminated: np.ndarray, change: np.ndarray, rows: np.ndarray, nb: int
+) -> None:
+    """The part of the shapes in `change` (3 nc + k,) beside contact forces, and their forces."""
+    k = eliminated.size
+    seen = np.zeros(k)
+    for i in range(nb):
+        if change[i] != 0.0:
+            move(seen, change[i], level.G_shapes[i])
     for a in range(k):
-        total = eliminated[a]
-        for b in range(k):
-            seen = 0.0
-            for i in range(3 * nc):
-                seen += level.G_shapes[i, b] * change[i]
-            total -= level.shape_inverse[a, b] * seen
-        change[3 * nc + a] = total
-        rows[R, 3 * nc + a] += total
-        rows[FOUND, 3 * nc + a] = rows[LEFT, 3 * nc + a] = rows[R, 3 * nc + a]
+        change[nb + a] = eliminated[a] - dot(level.shape_inverse[a], seen)
+        rows[R, nb + a] += change[nb + a]
+        rows[FOUND, nb + a] = rows[R, nb + a]
+
+
+@fast_kernel
+def carry(model: Hybrid, level: Level, state: State, change: np.ndarray, solve: bool) -> None:
+    """What a change of forces (3 nc + k,) does to the modes and to DV, or to the next RHS."""
+    x = state.vectors
+    force = np.empty(model.omega2.size)
     modal_force(model, change, force)
-    move_rates(model, state, h, force)
+    move_rates(model, state, level.h, force)
     if solve:
         x[RHS] = 0.0
-        spread(model.B, half, change, x[RHS])
-    else:
-        for i in range(change.size):
-            if change[i] != 0.0:
-                move(x[DV], half * change[i], level.X[i])
-    return outcome, evaluations, contraction, n_heavy, solve
+        spread(model.B, 0.5 * level.h, change, x[RHS])
+        return
+    for i in range(change.size):
+        if change[i] != 0.0:
+            move(x[DV], 0.5 * level.h * change[i], level.X[i])
 
 
 @fast_kernel

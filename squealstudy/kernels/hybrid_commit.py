@@ -105,6 +105,7 @@ def commit(model: Hybrid, level: Level, state: State) -> None:
     for age in range(MOST_TIMES - 1, 0, -1):
         rows[PAST + age] = rows[PAST + age - 1]
     rows[PAST] = rows[FOUND]
+    rows[LEFT] = 2.0 * rows[FOUND] - rows[R]  # the impulse of what this step left out is not lost
 
 
 @fast_kernel

@@ -17,7 +17,7 @@ from squealstudy.kernels.newmark_layout import (
     Settings,
     Work,
 )
-from squealstudy.kernels.newmark_pass import give_forces, pass_one, take_points, widen
+from squealstudy.kernels.newmark_pass import give_forces, pass_one, take_points
 from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
 
@@ -38,6 +38,15 @@ def from_lane(lanes: np.ndarray, x: np.ndarray, d: int) -> None:
     """Row FORCE of a design from lane d."""
     for j in range(x.shape[1]):
         x[FORCE, j] = lanes[2, j, d]
+
+
+@fast_kernel
+def widen(narrow: np.ndarray, wide: np.ndarray) -> None:
+    """Tiles (.., n, ROWS) in double precision: eight designs would convert each entry alone."""
+    for t in range(narrow.shape[0]):
+        for j in range(narrow.shape[1]):
+            for i in range(ROWS):
+                wide[t, j, i] = narrow[t, j, i]
 
 
 @fast_kernel

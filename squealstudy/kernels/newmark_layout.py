@@ -103,7 +103,9 @@ class Work(NamedTuple):
     wide: np.ndarray  # (panel, n, ROWS) a panel of tiles stored in single precision; else (0, ..)
     row: np.ndarray  # (3, n) [N; T1; T2] of one contact point
     listed: np.ndarray  # (nc,) int, stiff points of the design at hand
-    stiff: np.ndarray  # (nc, 6) newmark_stiff: state of each
+    stiff: np.ndarray  # (nc, 4) newmark_stiff: state of each
+    free: np.ndarray  # (2 nc,) sliding velocities of each
+    small: np.ndarray  # (4 nc^2,) their compliance
 
 
 class Saved(NamedTuple):

@@ -12,7 +12,8 @@ from squealstudy.kernels.contact_point import OUT_X, R_N, point_forces
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_layout import FORCE, Q_TRIAL, V_TRIAL, Modal, Work
 from squealstudy.kernels.newmark_vector import fill
-from squealstudy.kernels.tile import POINTS, ROWS, observe_one, spread_one
+from squealstudy.kernels.tile import POINTS, observe_one, spread_one
+
 
 @fast_kernel
 def take_points(tile: np.ndarray, point: np.ndarray, first: int) -> None:
@@ -28,15 +29,6 @@ def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
     for c in range(3):
         for i in range(POINTS):
             tile[c * POINTS + i] = point[R_N + c, first + i]
-
-
-@fast_kernel
-def widen(narrow: np.ndarray, wide: np.ndarray) -> None:
-    """Tiles (.., n, ROWS) in double precision."""
-    for t in range(narrow.shape[0]):
-        for j in range(narrow.shape[1]):
-            for i in range(ROWS):
-                wide[t, j, i] = narrow[t, j, i]
 
 
 @fast_kernel
@@ -70,8 +62,4 @@ def pass_one(B: np.ndarray, modal: Modal, work: Work, k: int) -> None:
     step = work.tiles.shape[0]
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
-        if work.wide.shape[0] > 0:
-            widen(panel, work.wide)
-            one_panel(work.wide[: panel.shape[0]], t * POINTS, modal, work, k)
-        else:
-            one_panel(panel, t * POINTS, modal, work, k)
+        one_panel(panel, t * POINTS, modal, work, k)

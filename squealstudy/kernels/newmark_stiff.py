@@ -21,13 +21,13 @@ from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_layout import DELTA, GUESS, W2, C, Modal, Work
 from squealstudy.kernels.newmark_vector import dot, fill, move
 
-STIFF = 0.02  # contraction that a point alone may cause before it is treated
-SWEEPS = 30
+STIFF = 0.05  # contraction that a point alone may cause before it is treated
+FEWEST, SWEEPS = 6, 30
 STILL = 1e-2  # change of the forces in a sweep that ends them, relative to that of all sweeps
 
-# columns of Work.stiff: w1, w2 with the forces so far; their change; bound of the friction force,
-# N; compliance of the point itself, m/(N s)
-W_1, W_2, Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3, 4, 5
+# columns of Work.stiff: change of the friction force and its bound, N; compliance of the point
+# itself, m/(N s). Work.free holds w1, w2 of each with the forces so far.
+Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3
 
 
 @fast_kernel
@@ -43,8 +43,8 @@ def stiff_points(modal: Modal, work: Work, k: int, h: float) -> int:
         if force2 * own * own > STIFF * STIFF * s2:
             mu, _ = mu_at(law[4], law[5], law[6], math.sqrt(s2))
             work.listed[m] = i
-            stiff[m, W_1] = point[1, i] + 0.5 * h * dot(T[2 * i], delta)
-            stiff[m, W_2] = point[2, i] + 0.5 * h * dot(T[2 * i + 1], delta)
+            work.free[2 * m] = point[1, i] + 0.5 * h * dot(T[2 * i], delta)
+            work.free[2 * m + 1] = point[2, i] + 0.5 * h * dot(T[2 * i + 1], delta)
             stiff[m, Z_1] = stiff[m, Z_2] = 0.0
             stiff[m, BOUND] = points[1, i] * points[2, i] * mu * point[3, i]
             stiff[m, OWN] = own
@@ -54,19 +54,18 @@ def stiff_points(modal: Modal, work: Work, k: int, h: float) -> int:
 
 @fast_kernel
 def relax_point(
-    law: np.ndarray, area: float, t1: float, t2: float, row: np.ndarray
+    law: np.ndarray, area: float, w1: float, w2: float, t1: float, t2: float, row: np.ndarray
 ) -> tuple[float, float]:
     """Friction force of a point whose velocity answers to it with its own compliance alone.
 
     With the free velocity u = w - own t the law gives t = -k u / (1 + own k) while it sticks with
     slope k, else the bound along -u.
     """
-    u1, u2 = row[W_1] - row[OWN] * t1, row[W_2] - row[OWN] * t2
+    u1, u2 = w1 - row[OWN] * t1, w2 - row[OWN] * t2
     speed = math.sqrt(u1 * u1 + u2 * u2)
     slope = area * law[7]
     if law[3] == 1.0:
-        s = math.sqrt(row[W_1] * row[W_1] + row[W_2] * row[W_2])
-        slope = resistance(1, slope, row[BOUND], s)
+        slope = resistance(1, slope, row[BOUND], math.sqrt(w1 * w1 + w2 * w2))
     rate = slope / (1.0 + row[OWN] * slope)
     if rate * speed > row[BOUND]:
         rate = row[BOUND] / speed
@@ -74,25 +73,36 @@ def relax_point(
 
 
 @fast_kernel
-def sweep(modal: Modal, work: Work, k: int, h: float, m: int) -> float:
-    """One sweep over the m listed points; squared change of their forces over that of all sweeps."""
-    H, stiff, listed, point = modal.compliance, work.stiff, work.listed, work.point[k]
+def gather(H: np.ndarray, listed: np.ndarray, m: int, scale: float, small: np.ndarray) -> None:
+    """Compliance of the m listed points times `scale` into `small`, rows of length 2 m."""
+    for a in range(2 * m):
+        row = H[2 * listed[a // 2] + a % 2]
+        for b in range(m):
+            small[2 * m * a + 2 * b] = scale * row[2 * listed[b]]
+            small[2 * m * a + 2 * b + 1] = scale * row[2 * listed[b] + 1]
+
+
+@fast_kernel
+def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
+    """One sweep over the m listed points; squared change of the forces over that of all sweeps."""
+    free, small, point = work.free, work.small, work.point[k]
     change = 0.0
     total = 0.0
     for a in range(m):
-        i, row = listed[a], stiff[a]
+        i, row = work.listed[a], work.stiff[a]
         t1, t2 = point[4, i] + row[Z_1], point[5, i] + row[Z_2]
-        new1, new2 = relax_point(modal.laws[k], modal.points[k, 1, i], t1, t2, row)
+        new1, new2 = relax_point(
+            modal.laws[k], modal.points[k, 1, i], free[2 * a], free[2 * a + 1], t1, t2, row
+        )
         e1, e2 = new1 - t1, new2 - t2
         row[Z_1] += e1
         row[Z_2] += e2
         change += e1 * e1 + e2 * e2
         total += row[Z_1] * row[Z_1] + row[Z_2] * row[Z_2]
-        H1, H2 = H[2 * i], H[2 * i + 1]
-        for b in range(m):
-            j = 2 * listed[b]
-            stiff[b, W_1] += 0.5 * h * (H1[j] * e1 + H2[j] * e2)
-            stiff[b, W_2] += 0.5 * h * (H1[j + 1] * e1 + H2[j + 1] * e2)
+        if e1 == 0.0 and e2 == 0.0:
+            continue
+        for j in range(2 * m):
+            free[j] += small[4 * m * a + j] * e1 + small[4 * m * a + 2 * m + j] * e2
     return change / total if total > 0.0 else 0.0
 
 
@@ -102,8 +112,11 @@ def mock_up(modal: Modal, work: Work, k: int, h: float) -> None:
     m = stiff_points(modal, work, k, h)
     if m == 0:
         return
-    for _ in range(SWEEPS):
-        if sweep(modal, work, k, h, m) < STILL * STILL:
+    gather(modal.compliance, work.listed, m, 0.5 * h, work.small)
+    # many points at once: about the work of a pass over the observation matrix
+    worth = modal.own.size * work.x.shape[2] // (m * m)
+    for _ in range(min(max(worth, FEWEST), SWEEPS)):
+        if sweep(modal, work, k, m) < STILL * STILL:
             break
     delta, force, point, modes = work.x[k, DELTA], work.row[0], work.point[k], modal.modes[k]
     fill(force, 0.0)

@@ -23,7 +23,7 @@ __all__ = ["LANES", "POINTS", "ROWS", "observe_eight", "observe_one", "spread_ei
 
 
 def observe_one(tile: np.ndarray, q: np.ndarray, v: np.ndarray, y: np.ndarray) -> None:
-    """Y (ROWS,) = [N q; T1 v; T2 v] of a tile (n, ROWS); q, v (n,). All f8."""
+    """Y (ROWS,) = [N q; T1 v; T2 v] of a tile (n, ROWS), f8 or f4; all others f8, q, v (n,)."""
     y[:POINTS] = tile[:, :POINTS].T @ q
     y[POINTS:] = tile[:, POINTS:].T @ v
 

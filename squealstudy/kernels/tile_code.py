@@ -22,11 +22,13 @@ Generator = tuple[Any, Callable[..., Any]]
 
 
 class _Writer:
-    """Writes vector instructions for arguments that are C-ordered f8 arrays."""
+    """Writes vector instructions for C-ordered arguments, f8 but for a tile that may be f4."""
 
     def __init__(self, context: Any, builder: Any, kinds: Sequence[Any], args: Sequence[Any]):
         self.builder = builder
-        arrays = [context.make_array(k)(context, builder, a) for k, a in zip(kinds, args, strict=True)]
+        arrays = [
+            context.make_array(k)(context, builder, a) for k, a in zip(kinds, args, strict=True)
+        ]
         self.data = [a.data for a in arrays]
         self.n = cgutils.unpack_tuple(builder, arrays[0].shape)[0]
         product = ir.FunctionType(VECTOR, [VECTOR] * 3)
@@ -43,18 +45,24 @@ class _Writer:
         return self.builder.add(scaled, self.index(offset))
 
     def vector(self, array: int, at: Any) -> Any:
-        """Address of LANES doubles of an argument from entry `at` on."""
-        return self.builder.bitcast(self.builder.gep(self.data[array], [at]), VECTOR.as_pointer())
+        """Address of LANES entries of an argument from `at` on."""
+        kind = ir.VectorType(self.data[array].type.pointee, LANES)
+        return self.builder.bitcast(self.builder.gep(self.data[array], [at]), kind.as_pointer())
+
+    def double(self, value: Any, kind: Any) -> Any:
+        """A value of single precision in double precision."""
+        return value if value.type == kind else self.builder.fpext(value, kind)
 
     def load(self, array: int, at: Any) -> Any:
-        return self.builder.load(self.vector(array, at), align=8)
+        return self.double(self.builder.load(self.vector(array, at), align=4), VECTOR)
 
     def store(self, value: Any, array: int, at: Any) -> None:
         self.builder.store(value, self.vector(array, at), align=8)
 
     def broadcast(self, array: int, at: Any) -> Any:
         """One entry of an argument in all lanes."""
-        entry = self.builder.load(self.builder.gep(self.data[array], [at]))
+        stored = self.builder.load(self.builder.gep(self.data[array], [at]))
+        entry = self.double(stored, ir.DoubleType())
         one = self.builder.insert_element(NOTHING, entry, ir.Constant(ir.IntType(32), 0))
         return self.shuffle(one, NOTHING, [0] * LANES)
 
@@ -110,7 +118,7 @@ def _lane(i: int, width: int, offset: int) -> int:
     return pair * 2 * width + within + offset + second * LANES
 
 
-def observe_one(typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
+def observe_one(_typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     """Points in the lanes."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -130,7 +138,7 @@ def observe_one(typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     return types.void(tile, q, v, y), generate
 
 
-def spread_one(typing: Any, tile: Any, r: Any, F: Any) -> Generator:
+def spread_one(_typing: Any, tile: Any, r: Any, F: Any) -> Generator:
     """Points in the lanes of the products, LANES modes in those of their sum."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -151,7 +159,7 @@ def spread_one(typing: Any, tile: Any, r: Any, F: Any) -> Generator:
     return types.void(tile, r, F), generate
 
 
-def observe_eight(typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
+def observe_eight(_typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     """Designs in the lanes."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -171,7 +179,7 @@ def observe_eight(typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     return types.void(tile, q, v, y), generate
 
 
-def spread_eight(typing: Any, tile: Any, r: Any, F: Any) -> Generator:
+def spread_eight(_typing: Any, tile: Any, r: Any, F: Any) -> Generator:
     """Designs in the lanes; three sums a mode, so that they wait less for each other."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

@@ -81,24 +81,18 @@ class HybridBasis:
         e, parts = self.explicit, self.superelements
         rows = [A[s.dofs] for s in parts]
         border = [sp.csr_matrix((row[:, e].T @ s.V).T) for row, s in zip(rows, parts, strict=True)]
-        corner = [[s.V.T @ (row[:, t.dofs] @ t.V) for t in parts] for row, s in _pairs(rows, parts)]
         blocks = [[A[e][:, e], *(b.T for b in border)]]
-        for i, b in enumerate(border):
-            mean = [(corner[i][j] + corner[j][i].T) / 2 for j in range(len(parts))]
-            blocks.append([b, *(sp.csr_matrix(x) for x in mean)])
-        return _cleaned(sp.bmat(blocks, format="csr"))
+        for row, s, beside in zip(rows, parts, border, strict=True):
+            corner = [sp.csr_matrix(s.V.T @ (row[:, t.dofs] @ t.V)) for t in parts]
+            blocks.append([beside, *corner])
+        whole = sp.bmat(blocks, format="csr")
+        return _cleaned((whole + whole.T) / 2)
 
     def observe(self, rows: sp.spmatrix) -> sp.csr_matrix:
         """Observation rows (m, n) from rows of the assembly (m, n_dof)."""
         rows = rows.tocsc()
         parts = [sp.csr_matrix(rows[:, s.dofs] @ s.V) for s in self.superelements]
         return sp.hstack([rows[:, self.explicit], *parts], format="csr")
-
-
-def _pairs(
-    rows: list[sp.csr_matrix], parts: tuple[Superelement, ...]
-) -> list[tuple[sp.csr_matrix, Superelement]]:
-    return list(zip(rows, parts, strict=True))
 
 
 def _cleaned(A: sp.csr_matrix) -> sp.csr_matrix:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,8 +61,8 @@ class Representation:
 
     name: str
     n: int
-    run: object
-    restrict: object
+    run: Callable
+    restrict: Callable
 
 
 def main() -> None:

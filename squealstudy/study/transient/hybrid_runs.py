@@ -87,7 +87,9 @@ def common_modes(reference: ReferenceModes, model: HybridModel) -> np.ndarray:
         Where they are not the same modes.
     """
     m = min(len(model.omega), reference.n_exact)
-    own, other = model.N @ model.phi[:, :m], reference.system.N[:, :m]
+    rows = zip((model.N, model.T, model.T_perp), _observation(reference), strict=True)
+    seen = [(B @ model.phi[:, :m], other[:, :m]) for B, other in rows]
+    own, other = (np.vstack(part) for part in zip(*seen, strict=True))
     sizes = np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0)
     correlation = np.einsum("ij,ij->j", own, other) / np.maximum(sizes, 1e-300)
     first_odd = int(np.argmax(np.abs(correlation) < SAME_MODE))
@@ -95,6 +97,11 @@ def common_modes(reference: ReferenceModes, model: HybridModel) -> np.ndarray:
     if m == 0:
         raise ModelError("the hybrid model does not have the modes of the modal representation")
     return np.sign(correlation[:m])
+
+
+def _observation(reference: ReferenceModes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    system = reference.system
+    return system.N, system.T1, system.T2
 
 
 def _design(task: BatchTask, model: HybridModel, one: Ready) -> HybridDesign:
