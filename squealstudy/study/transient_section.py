@@ -87,7 +87,11 @@ class TransientSection(Section):
         description="friction below the bound: straight (Coulomb with a corner) or tanh",
     )
     tolerance: float = Field(
-        default=1e-4, gt=0, le=0.1, description="force imbalance of a converged step, relative"
+        default=1e-3,
+        gt=0,
+        le=0.1,
+        description="force imbalance at which a step is corrected a last time, relative; friction "
+        "forces may change by ten times this",
     )
     contact_factor: float = Field(
         default=1.0,

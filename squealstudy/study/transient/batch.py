@@ -125,6 +125,7 @@ def settings_of(section: TransientSection, every: int) -> TransientSettings:
         every,
         section.method,
         section.tolerance,
+        10 * section.tolerance,
         contact_factor=section.contact_factor,
         prewarp=section.prewarp,
         single_storage=section.storage == "single",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_settings import TransientSettings
 from squealstudy.analysis.transient_system import stick_number
 from squealstudy.analysis.warmup import warm_kernels
 from squealstudy.study.cache import is_prepared
@@ -94,7 +94,7 @@ def time_steps(task: BatchTask) -> tuple[float, int, int] | None:
     warm(task.section)
     whole = settings_of(task.section, 0)
     steps = min(TIMED_STEPS, whole.n_steps)
-    settings = TransientSettings(steps * whole.step, whole.step, 0, whole.method, whole.tolerance)
+    settings = replace(whole, duration=steps * whole.step)
     started = time.perf_counter()
     simulate(reference.system, [ready.point.design], settings, ready.q0, ready.v0)
     return time.perf_counter() - started, steps, whole.n_steps
