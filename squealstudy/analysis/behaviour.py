@@ -16,6 +16,7 @@ CHANCE = 3.0  # standard errors that a trend must exceed
 SCATTER = 0.10  # of the RMS of sub-windows about their trend; more is irregular
 BAND = 0.05  # least half-width of the band within which levels agree
 STEADY = 0.25  # of the decay over the whole record: motion that still falls falls so fast
+LOST = 0.9  # of the first energy: what never rose and has less at the end decays, however slowly
 REST = 1e-2  # of the largest RMS: what is smaller is at rest
 FADED = 0.3  # of the initial RMS: what is smaller and falls unevenly is dying away
 PLATEAU = 0.8  # of the record: where a plateau begins at the latest
@@ -133,7 +134,8 @@ def classify(
     time, energy, frequency_hz
         As of `windows`; fewer than ten rows are irregular.
     initial : float
-        Energy that the perturbation put in, J; the first sub-window's where that is more.
+        Energy that the perturbation put in, J, or zero for the continuation of a motion; for a
+        steep fall, the first sub-window's where that is more.
     noise : float
         Energy of round-off, J.
     """
@@ -148,6 +150,8 @@ def classify(
     if rise:
         return "growing"
     if end <= start and (_steady(found, -1.0) or end <= REST**2 * start):
+        return "stable"
+    if initial > 0 and _never_rose(found) and end <= LOST * found.level[0] ** 2:
         return "stable"
     if _stationary(found, limit=DRIFT) or _reached(found):
         return "limit_cycle"
@@ -168,6 +172,11 @@ def _reached(found: Windows) -> bool:
     mean = float(found.level[first:].mean())
     below = bool((found.level[:first] <= (1 + SCATTER) * mean).all())
     return below and float(found.level[found.judged]) < mean and _stationary(found, first)
+
+
+def _never_rose(found: Windows) -> bool:
+    """Whether no level is above the first."""
+    return bool(found.level.max() <= (1 + SCATTER) * found.level[0])
 
 
 def _fades(found: Windows) -> bool:

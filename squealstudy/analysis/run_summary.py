@@ -47,6 +47,8 @@ class ModalRun:
         Their modal displacement and velocity.
     growth_q, growth_v : ndarray (rows, 4 m)
         Products of `TransientPoint.growth_rows`.
+    continued : bool
+        The run goes on from another; otherwise its first energy is that of the perturbation.
     """
 
     result: TransientResult
@@ -57,6 +59,7 @@ class ModalRun:
     v: np.ndarray
     growth_q: np.ndarray
     growth_v: np.ndarray
+    continued: bool = False
 
     @property
     def time(self) -> np.ndarray:
@@ -211,10 +214,11 @@ def _levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
 def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     energy = vibration_energy(run.v)
+    initial = 0.0 if run.continued else float(run.energy[0])
     calm, since = settled(run.time, energy, frequency_hz)
     first, last, when = transfer(run.time, energies, run.modes)
     return {
-        "class": classify(run.time, energy, float(run.energy[0]), frequency_hz),
+        "class": classify(run.time, energy, initial, frequency_hz),
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,

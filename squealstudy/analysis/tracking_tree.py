@@ -50,7 +50,7 @@ def _grid_tree(shape: tuple[int, ...]) -> np.ndarray:
     """One step back along the first parameter that is not at its first value."""
     index = np.arange(np.prod(shape, dtype=int))
     parents = np.full(len(index), -1)
-    strides = np.cumprod((1, *shape[:-1]))
+    strides = np.cumprod((1, *shape))[:-1]
     for stride, size in reversed(list(zip(strides, shape, strict=True))):
         inside = (index // stride) % size > 0
         parents[inside] = index[inside] - stride

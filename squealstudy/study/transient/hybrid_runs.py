@@ -151,5 +151,6 @@ def _run(
         result.velocity[:, :k],
         result.displacement[:, k:],
         result.velocity[:, k:],
+        task.start is not None,
     )
     return Finished(run, result.q, result.v, model.n)

@@ -54,6 +54,7 @@ def modal_runs(
             result.velocity[:, : len(modes)],
             result.displacement[:, own],
             result.velocity[:, own],
+            task.start is not None,
         )
         final = reference.phi @ np.stack([result.q, result.v], axis=1)
         finished.append(Finished(run, final[:, 0], final[:, 1], n))

@@ -1,0 +1,107 @@
+"""Every shipped transient study, on the coarse brake and for a shorter time."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from squealstudy.cli.compare import compare_results
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
+
+STUDIES = Path(__file__).parents[1] / "studies"
+
+
+def reduced(name: str, duration: float, **changes: str) -> Plan:
+    """The study with the coarse mesh, a step of 2 us and a stronger start."""
+    text = (STUDIES / f"{name}.toml").read_text().replace('"medium"', '"coarse"')
+    text = re.sub(r"duration = \S+", f"duration = {duration}", text)
+    text = text.replace("step = 1e-6", "step = 2e-6")
+    text = text.replace("perturbation = 1e-3", "perturbation = 5e-3")
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    return Plan(parse_study(text, STUDIES / f"{name}.toml"))
+
+
+def results_of(plan: Plan, directory: Path) -> Results:
+    run_study(plan, directory, jobs=1)
+    results = Results.open(directory)
+    assert (results.points["status"] == "ok").all()
+    return results
+
+
+@pytest.fixture(scope="module")
+def nominal(tmp_path_factory) -> Results:
+    directory = tmp_path_factory.mktemp("shipped") / "squeal_nominal"
+    return results_of(reduced("squeal_nominal", 0.05), directory)
+
+
+def test_squeal_nominal(nominal):
+    """Growth at the complex mode's rate, then a bounded torque (paper figure 11)."""
+    point = nominal.points.iloc[0]
+    assert point["class"] == "limit_cycle"
+    assert point["growth_rate"] == pytest.approx(point["predicted_growth_rate"], rel=0.005)
+    assert point["torque_peak_to_peak"] < point["torque_static"]
+    assert 0.05 * point["torque_static"] < point["torque_rms"] < 0.2 * point["torque_static"]
+    assert point["dominant_frequency_hz"] == pytest.approx(
+        point["predicted_frequency_hz"], rel=0.05
+    )
+    assert abs(point["energy_balance"]) < 1e-3
+    history = nominal.history(point["point_id"])
+    early, late = history[history["time"] < 0.005], history[history["time"] > 0.04]
+    assert late["torque"].std() > 10 * early["torque"].std()
+
+
+def test_squeal_damping(nominal, tmp_path):
+    """Damping the group of caliper modes quietens the limit cycle more than one of them."""
+    plan = reduced("squeal_damping", 0.01, **{'"results/squeal_nominal"': f'"{nominal.directory}"'})
+    points = results_of(plan, tmp_path / "damping").points
+    level = points["torque_rms"].to_numpy()
+    assert level[0] == pytest.approx(nominal.points["torque_rms"][0], rel=0.03)
+    assert level[9] < level[3] < level[0]
+    assert level[9] < level[6] < level[0]
+    assert (points["perturbation"] == 0.0).all()
+
+
+def test_squeal_friction(nominal, tmp_path):
+    """Eight friction coefficients: the growth rate that a user reads is the complex mode's."""
+    results = results_of(reduced("squeal_friction", 0.02), tmp_path / "friction")
+    points = results.points
+    forecast = points["predicted_growth_rate"]
+    error = points["growth_rate"] - forecast
+    assert (error.abs() < 0.03 * forecast.abs() + 0.1).all()
+    assert (points.loc[forecast < 0, "class"] == "stable").all()
+    assert (points.loc[forecast > 0, "class"] != "stable").all()
+    assert (forecast > 0).sum() >= 4
+    assert len(results.rank()) >= 1
+
+
+def test_compare_with_complex_modes(nominal, tmp_path):
+    """The same model in both domains: the same growth rates, from one frequency study."""
+    text = reduced("squeal_nominal", 0.05).study.text
+    text = text[: text.index("[transient]")].replace('"transient"', '"complex_modes"')
+    text += "[modes]\nreference_points = 0\n[reduction]\ntolerance = 1e-3\n"
+    plan = Plan(parse_study(text, STUDIES / "squeal_nominal.toml"))
+    run_study(plan, tmp_path / "modes", jobs=1)
+    table = compare_results(Results.open(tmp_path / "modes"), nominal)
+    assert len(table) == nominal.points["n_unstable"][0]
+    np.testing.assert_allclose(table["growth_rate"], table["predicted_growth_rate"], rtol=1e-6)
+    assert (table["deviation"].abs() < 0.03).all()
+    assert table["expressed"].any()
+
+
+def test_belt_oscillator(tmp_path):
+    """Stick-slip below the speed ln(10)/2 = 1.151293 m/s, steady sliding above."""
+    text = (STUDIES / "belt_oscillator.toml").read_text().replace("= 2.0 ", "= 1.0 ")
+    plan = Plan(parse_study(text, STUDIES / "belt_oscillator.toml"))
+    points = results_of(plan, tmp_path / "belt").points
+    stable = points["sliding_speed"] > np.log(10) / 2
+    assert (points.loc[stable, "class"] == "stable").all()
+    assert (points.loc[~stable, "class"].isin(["growing", "limit_cycle"])).all()
+    assert (points.loc[points["sliding_speed"] < 0.8, "class"] == "limit_cycle").all()
