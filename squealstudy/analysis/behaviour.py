@@ -203,6 +203,8 @@ def _steady(found: Windows, sign: float) -> bool:
     steps = np.diff([y[:third].mean(), y[third:-third].mean(), y[-third:].mean()])
     whole = sign * float(np.log(level[-1]) - np.log(level[0])) / (len(level) - 1)
     last = float(steps[1]) * 2 / (len(y) - third)  # a window, as pace
+    if whole * len(level) < TREND:
+        return False
     if whole > 0 and min(pace, last) >= STEADY * whole:
         return True
     return sign > 0 and bool((steps > TREND).all())

@@ -78,6 +78,7 @@ def compare(
         design = {n: float((time if n in time_parameters else frequency)[n]) for n in names}
         predicted = unstable[(unstable["point_id"] == frequency["point_id"]).to_numpy()]
         own = growth[(growth["point_id"] == time["point_id"]).to_numpy()]
+        own = own[(own["growth_rate"] > 0).to_numpy()]
         ids = {"freq_point_id": frequency["point_id"], "time_point_id": time["point_id"]}
         found = {"class": time["class"], "dominant_frequency_hz": time["dominant_frequency_hz"]}
         rows += [design | ids | found | row for row in _instabilities(predicted, own)]

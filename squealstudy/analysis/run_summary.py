@@ -164,10 +164,22 @@ def growth_rows(run: ModalRun) -> list[dict[str, Any]]:
                 "fit_start": fit.start,
                 "fit_stop": fit.stop,
                 "level_share": share,
-                "expressed": share >= EXPRESSED,
+                "expressed": share >= EXPRESSED and moving and k < run.point.modes.n_unstable,
             }
         )
     return rows
+
+
+def moving_energy(run: ModalRun) -> np.ndarray:
+    """Energy of the vibration (rows,), J: twice the kinetic energy of the sensed modes.
+
+    That is blind to static shifts; where the sensors miss most of the energy, all of it is taken.
+    """
+    last = slice(round(0.6 * len(run.time)), None)
+    sensed = mode_energies(run.q, run.v, run.omega)[last].sum()
+    if sensed < 0.5 * run.energy[last].sum():
+        return run.energy
+    return vibration_energy(run.v)
 
 
 def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -183,7 +195,7 @@ def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
             "growth_method": "left_vector",
             "onset_time": fit.onset_time,
         }
-    fit = fit_growth(run.time, np.sqrt(vibration_energy(run.v)))
+    fit = fit_growth(run.time, np.sqrt(moving_energy(run)))
     return {
         "growth_rate": fit.growth_rate,
         "growth_rate_low": fit.low,
@@ -213,7 +225,7 @@ def _levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
 
 def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
-    energy = vibration_energy(run.v)
+    energy = moving_energy(run)
     initial = 0.0 if run.continued else float(run.energy[0])
     calm, since = settled(run.time, energy, frequency_hz)
     first, last, when = transfer(run.time, energies, run.modes)
@@ -240,7 +252,7 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
 
 def _leader(run: ModalRun, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any():
+    if not shares.share.any() or run.energy.max() <= NOISE:
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {

@@ -17,6 +17,7 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
 REGULARISATION = 0.02  # of the sliding speed: where friction saturates at the highest pressure
+TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
 
 
@@ -88,7 +89,8 @@ def transient_point(
     Raises
     ------
     ParameterError
-        Damping of an assembly mode that the reference does not have.
+        Damping of an assembly mode that the reference does not have; friction so soft that steady
+        sliding is not steady.
     """
     system, operating = reference.system, state.operating
     friction = FrictionLaw(
@@ -98,6 +100,7 @@ def transient_point(
         operating.decay_speed,
         regularisation,
     )
+    _check_slope(friction, state, point)
     d, s = shape_terms(model, component_modes, state)
     basis = state.damping_ratio * reference.coupling
     d, s = np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
@@ -124,6 +127,20 @@ def transient_point(
         _energies(C, system.omega2, modes),
         float(-(system.radius @ drag)),
     )
+
+
+def _check_slope(friction: FrictionLaw, state: DesignState, point: WorkingPoint) -> None:
+    """Friction must have reached its bound at the sliding speed, at every contact point."""
+    operating = state.operating
+    least = operating.mu_steady * float(point.pressure.max()) / operating.sliding_speed
+    if friction.kind == "smooth":
+        least *= TANH_SATURATION
+    if friction.k_t < least:
+        raise ParameterError(
+            "contact.kt",
+            f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
+            f"got {friction.k_t:.3g}",
+        )
 
 
 def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from rich.table import Table
 from squealstudy.analysis.comparison import compare
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
+from squealstudy.models.operating import SLOPE
 from squealstudy.study.names import GROWTH
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.results import Results
@@ -46,7 +47,12 @@ def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
             f"{frequency.directory} is of model '{models[0]}', {transient.directory} of "
             f"'{models[1]}': expected two studies of one model"
         )
-    ours, theirs = frequency.parameters, transient.parameters
+    options = [r.manifest.get("options", {}) for r in (frequency, transient)]
+    if options[0] != options[1]:
+        odd = sorted(k for k in options[0].keys() | options[1].keys() if _differs(k, *options))
+        told = ", ".join(f"{k} {options[0].get(k)} and {options[1].get(k)}" for k in odd)
+        raise ResultsError(f"the two studies differ in the options of their model: {told}")
+    ours, theirs = ([n for n in r.parameters if n != SLOPE.name] for r in (frequency, transient))
     nominal = {n: _elsewhere(transient, n) for n in ours if n not in theirs}
     nominal |= {n: _elsewhere(frequency, n) for n in theirs if n not in ours}
     return compare(
@@ -58,6 +64,10 @@ def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
         theirs,
         nominal,
     )
+
+
+def _differs(key: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+    return bool(first.get(key) != second.get(key))
 
 
 def _in_order(first: Results, second: Results) -> tuple[Results, Results]:

@@ -19,20 +19,24 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     varied = [p for p in parameters if len(set(table[p])) > 1]
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in varied if len(varied) <= MOST_COLUMNS else ["point"]:
-        grid.add_column(title, justify="right", no_wrap=True)
+        grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     grid.add_column("class", no_wrap=True)
     for title in ("growth 1/s", "forecast", "torque Nm", "RMS", "Hz", "mode", "share %"):
-        grid.add_column(title, justify="right", no_wrap=True)
-    grid.add_column("transfer", no_wrap=True)
+        grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
+    moved = bool(table["transfer_to"].any())
+    if moved:
+        grid.add_column("transfer", no_wrap=True)
     for number, row in enumerate(table.head(LISTED).to_dict("records"), start=1):
         place = [f"{row[p]:.6g}" for p in varied] if len(varied) <= MOST_COLUMNS else [str(number)]
-        grid.add_row(*place, *_findings(row))
+        found = _findings(row)
+        grid.add_row(*place, *(found if moved else found[:-1]))
     screen.console.print(grid)
     if len(table) > LISTED:
         screen.console.print(f"{len(table) - LISTED} more in the points table", style="dim")
     screen.console.print(
-        "growth: fitted in time; forecast: of the complex mode; torque and RMS of its fluctuation, "
-        "leading line, mode and its energy share: over the last window",
+        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; torque and "
+        "RMS of its fluctuation, its leading line (a harmonic where that is loudest), mode and its "
+        "energy share: over the last window",
         style="dim",
     )
     if len(varied) > MOST_COLUMNS:
@@ -90,7 +94,7 @@ def _findings(row: dict[Any, Any]) -> list[str]:
         )
     return [
         str(row["class"]),
-        _number(row["growth_rate"]),
+        _growth(row),
         _number(row["predicted_growth_rate"]),
         _number(row["torque_mean"]),
         _number(row["torque_rms"]),
@@ -99,6 +103,13 @@ def _findings(row: dict[Any, Any]) -> list[str]:
         f"{100 * row['dominant_share']:.0f}" if _known(row["dominant_share"]) else "-",
         transfer,
     ]
+
+
+def _growth(row: dict[Any, Any]) -> str:
+    """The fitted rate; ~ where its bounds are more than 10 % away."""
+    rate = row["growth_rate"]
+    wide = row["growth_rate_high"] - row["growth_rate_low"] > 0.2 * abs(rate)
+    return f"{'~' if wide else ''}{_number(rate)}"
 
 
 def _known(value: float) -> bool:

@@ -23,11 +23,11 @@ def content_hash(content: Any) -> str:
 
 
 @cache
-def source_hash() -> str:
+def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
     """Hash of the numerical code: results of another version are never taken for this one's."""
     root = Path(squealstudy.__file__).parent
     digest = hashlib.sha256()
-    for package in NUMERIC_PACKAGES:
+    for package in packages:
         for path in sorted((root / package).rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())

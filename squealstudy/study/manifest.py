@@ -36,6 +36,7 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "name": study.definition.study.name,
         "kind": study.definition.study.kind,
         "model": study.model.name,
+        "options": dict(study.options),
         "study_hash": plan.study_hash,
         "structures": [s.key for s in plan.structures],
         "n_points": len(plan.tasks),

@@ -22,6 +22,8 @@ from squealstudy.study.toml_lines import KeyPath
 from squealstudy.study.transient.start import StartState, find_start
 
 LAW_OPTION = "contact_law"
+MOST_TRAINING = 4  # design points of a training run
+TRANSIENT_SOURCES = ("study/transient",)  # they decide what is sampled and trained
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
 
@@ -129,9 +131,26 @@ class Plan:
             return []
         section = self.study.definition.transient
         settings = section.model_dump(mode="json", exclude={"batch", "start", "start_point"})
-        explicit = "perturbation" in section.model_fields_set
+        continued = self.start is not None
+        kicked = not continued or "perturbation" in section.model_fields_set
         start = self.start.point_id if self.start is not None else ""
-        return [settings, explicit, start, self.study.definition.modes.stability_tolerance]
+        trained = self.training_designs if section.pod_vectors else ()
+        return [
+            settings,
+            kicked,
+            start,
+            self.study.definition.modes.stability_tolerance,
+            [sorted(d.values.items()) for d in trained],
+            source_hash(TRANSIENT_SOURCES),
+        ]
+
+    @cached_property
+    def training_designs(self) -> tuple[Design, ...]:
+        """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
+        chosen = {int(f(column)) for column in self.coordinates.T for f in (np.argmin, np.argmax)}
+        nominal = Design(self.study.model, self.law_kind, self.nominal_values)
+        ends = (self.designs[i] for i in sorted(chosen))
+        return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
     @cached_property
     def tasks(self) -> tuple[PointTask, ...]:

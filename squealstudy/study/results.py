@@ -114,6 +114,11 @@ class Results:
         of a transient study (analysis.transient_ranking.rank_energy), which has no choice of `by`.
         """
         if self.kind == "transient":
+            if by != "share":
+                raise ResultsError(
+                    f"{self.directory}: modes of a transient study are ranked by energy share, "
+                    f"not by '{by}'"
+                )
             from squealstudy.analysis.transient_ranking import rank_energy
 
             return rank_energy(self.points, self.modes, top, where)

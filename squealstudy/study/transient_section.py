@@ -14,7 +14,14 @@ from pydantic import (
 
 from squealstudy.study.section import Section
 
+MOST_STEPS = 1e9
 WORKING_POINT = "working_point"  # where a run starts by default
+
+
+def _modes(values: tuple[int, ...]) -> tuple[int, ...]:
+    if any(v < 1 for v in values) or len(set(values)) < len(values):
+        raise ValueError("expected distinct mode numbers from 1")
+    return values
 
 
 def _sensors(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
@@ -56,7 +63,8 @@ class TransientSection(Section):
     start: str = Field(
         default=WORKING_POINT,
         min_length=1,
-        description="'working_point', or a results directory whose final state goes on",
+        description="'working_point', or a results directory whose final state goes on: "
+        "its deviation from steady sliding, about that of each design point",
     )
     start_point: str | None = Field(
         default=None, description="point_id in that directory, where it has more than one"
@@ -68,7 +76,7 @@ class TransientSection(Section):
         description="largest initial velocity at a contact point, m/s; nothing is added to a "
         "continued state unless this is given",
     )
-    perturb_modes: Annotated[tuple[int, ...], Strict(False)] = Field(
+    perturb_modes: Annotated[tuple[int, ...], Strict(False), AfterValidator(_modes)] = Field(
         default=(),
         description="assembly modes (from 1) that carry it; the unstable complex modes by default",
     )
@@ -134,6 +142,8 @@ class TransientSection(Section):
             raise ValueError(
                 f"duration {self.duration:g} s is shorter than one step of {self.step:g} s"
             )
+        if self.duration / self.step > MOST_STEPS:
+            raise ValueError(f"{self.duration / self.step:.3g} steps: at most {MOST_STEPS:.0g}")
         if self.start == WORKING_POINT and self.start_point is not None:
             raise ValueError("start_point needs a results directory as start")
         if self.pod_vectors and self.modes_below is None:

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from squealstudy.analysis.design_state import ModeKey
 from squealstudy.study.cache import prepared_path
-from squealstudy.study.design import Design
 from squealstudy.study.keys import content_hash
 from squealstudy.study.plan import Plan
 
-MOST_TRAINING = 4  # design points of a training run
 TRAINING_KEYS = {"step", "tolerance", "friction", "pod_duration"}
 
 
@@ -60,14 +56,6 @@ def training_path(plan: Plan, prepared_key: str) -> Path:
     """Where the snapshots of the study's training run are kept, there or not."""
     section = plan.study.definition.transient
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
-    values = [sorted(d.values.items()) for d in training_designs(plan)]
+    values = [sorted(d.values.items()) for d in plan.training_designs]
     name = content_hash([settings, values, mode_keys(plan), list(plan.band_hz)])
     return prepared_path(prepared_key) / "training" / f"{name}.npy"
-
-
-def training_designs(plan: Plan) -> list[Design]:
-    """The nominal design, and those at the ends of the sweeps."""
-    chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
-    ends = [plan.designs[i] for i in sorted(chosen)]
-    nominal = Design(plan.study.model, plan.law_kind, plan.nominal_values)
-    return [nominal, *(d for d in ends if d.values != nominal.values)][:MOST_TRAINING]

@@ -110,11 +110,24 @@ def reference_of(task: BatchTask) -> ReferenceModes:
 
 
 def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
-    """Steps between rows that summaries are made from: a divisor of `save_every` where kept."""
+    """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
+
+    Raises
+    ------
+    ValueError
+        Where that has none of a useful size.
+    """
     enough = max(1, int(1.0 / (SAMPLES_A_PERIOD * band_hz[1] * section.step)))
     if section.save_every == 0:
         return enough
-    return max(d for d in range(1, enough + 1) if section.save_every % d == 0)
+    best = max(d for d in range(1, enough + 1) if section.save_every % d == 0)
+    if 4 * best < min(enough, section.save_every):
+        near = max(1, round(section.save_every / enough)) * enough
+        raise ValueError(
+            f"{section.save_every} has no divisor near {enough}, the steps between samples that "
+            f"summaries need; {near} does"
+        )
+    return best
 
 
 def settings_of(section: TransientSection, every: int) -> TransientSettings:

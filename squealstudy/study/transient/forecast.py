@@ -48,16 +48,16 @@ def warnings(plan: Plan) -> list[str]:
                 above[text] = modes.growth_above
             number = stick_number(reference.system, design, task.section.step)
             stiff.append((number, design.friction.k_t))
-    return [*_above(plan, above), *_stiff(plan, stiff)]
+    return [*_above(plan, above), *_stiff(plan, stiff), *_still(plan)]
 
 
 def _ends(plan: Plan) -> list[BatchTask]:
     """Design points where a sweep is at its first or last value, one each."""
-    chosen = {0, len(plan.tasks) - 1}
+    chosen = [len(plan.tasks) - 1, 0]
     for column in plan.coordinates.T:
-        chosen |= {int(np.argmin(column)), int(np.argmax(column))}
+        chosen += [int(np.argmax(column)), int(np.argmin(column))]
     key = plan.structures[0].key
-    tasks = [plan.tasks[i] for i in sorted(chosen) if plan.tasks[i].prepared_key == key]
+    tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].prepared_key == key]
     basis = truncated_choice(plan)
     return [batch_task(plan, Path(), (task,), basis) for task in tasks[:MOST_ENDS]]
 
@@ -71,6 +71,13 @@ def _above(plan: Plan, above: dict[str, float]) -> list[str]:
         "in time; structural damping (damping_ratio, or stiffness_damping that rises with "
         "frequency) holds it"
     ]
+
+
+def _still(plan: Plan) -> list[str]:
+    section = plan.study.definition.transient
+    if section.perturbation or section.continued:
+        return []
+    return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
 
 
 def _stiff(plan: Plan, stiff: list[tuple[float, float]]) -> list[str]:

@@ -20,7 +20,13 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import ChunkReport, PointTask
 from squealstudy.study.transient import forecast, rows
 from squealstudy.study.transient.basis import mode_keys, truncated_choice
-from squealstudy.study.transient.batch import BatchTask, batch_task, sensed_modes, shared_reference
+from squealstudy.study.transient.batch import (
+    BatchTask,
+    batch_task,
+    sampling,
+    sensed_modes,
+    shared_reference,
+)
 from squealstudy.study.transient.start import KEY as START
 from squealstudy.study.transient.start import check_model
 from squealstudy.study.transient.tables import build_tables
@@ -37,6 +43,10 @@ class Transient:
     def check(self, plan: Plan) -> None:
         """Sensors, perturbed modes and the continued state must fit every structure."""
         section = plan.study.definition.transient
+        try:
+            sampling(section, plan.band_hz)
+        except ValueError as error:
+            raise plan.error_at(("transient", "save_every"), str(error)) from None
         if plan.start is not None:
             keys = {s.key for s in plan.structures}
             reason = check_model(plan.start, keys, section)
@@ -109,6 +119,7 @@ class Transient:
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""
+        forecast.warm(plan.study.definition.transient)
         started = time.perf_counter()
         with threadpool_limits(1):
             found = forecast.time_steps(batch_task(plan, Path(), (task,), truncated_choice(plan)))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from squealstudy.errors import ResultsError
 from squealstudy.study.files import write_atomic
-from squealstudy.study.names import STATES
+from squealstudy.study.names import POINTS, STATES
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.source import SourceText
 from squealstudy.study.transient_section import TransientSection
@@ -75,8 +77,22 @@ def find_start(section: TransientSection, source: SourceText) -> StartState | No
         raise source.error(
             KEY, f"'{section.start}' holds a {manifest.get('kind')} study, which has no final state"
         )
-    states = {path.stem: path for path in sorted((directory / STATES).glob("*.npz"))}
-    return _read(_chosen(section, source, states))
+    known = _finished(directory)
+    files = sorted((directory / STATES).glob("*.npz"))
+    states = {path.stem: path for path in files if known is None or path.stem in known}
+    path = _chosen(section, source, states)
+    try:
+        return _read(path)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise source.error(KEY, f"{path} is no final state ({error})") from None
+
+
+def _finished(directory: Path) -> set[str] | None:
+    """Design points of the table that reached their end; None before there is a table."""
+    if not (directory / POINTS).is_file():
+        return None
+    table = pq.read_table(directory / POINTS, columns=["point_id", "status"]).to_pylist()
+    return {row["point_id"] for row in table if row["status"] == "ok"}
 
 
 def _chosen(section: TransientSection, source: SourceText, states: dict[str, Path]) -> Path:

@@ -12,7 +12,7 @@ import pyarrow as pa
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.files import write_parquet
-from squealstudy.study.names import GROWTH, MODES, POINTS
+from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan
 from squealstudy.study.transient.rows import (
     GROWTH_FIELDS,
@@ -41,12 +41,21 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     if missing:
         raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
     rows = [found[i] for i in ids]
+    _remove_unplanned(directory, set(ids))
     points = _points(plan, rows)
     write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
     write_parquet(directory / GROWTH, _nested(rows, "growth", GROWTH_FIELDS))
     frame: pd.DataFrame = points.to_pandas()
     return frame
+
+
+def _remove_unplanned(directory: Path, ids: set[str]) -> None:
+    """Histories and final states of points that the study no longer has."""
+    for name in (HISTORIES, STATES):
+        for path in (directory / name).glob("*"):
+            if path.stem not in ids:
+                path.unlink()
 
 
 def _points(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:

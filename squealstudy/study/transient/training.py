@@ -16,7 +16,7 @@ from squealstudy.study.files import write_atomic
 from squealstudy.study.kind import Progress
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
-from squealstudy.study.transient.basis import ALL_MODES, training_designs, training_path
+from squealstudy.study.transient.basis import ALL_MODES, training_path
 from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.working_points import NewGaps
@@ -52,7 +52,7 @@ def _save(snapshots: np.ndarray, path: Path) -> None:
 
 def training_run(plan: Plan, prepared_key: str) -> np.ndarray:
     """Modal displacements (rows, n) of the training designs, all modes kept."""
-    points = tuple(PointTask("training", d, prepared_key) for d in training_designs(plan))
+    points = tuple(PointTask("training", d, prepared_key) for d in plan.training_designs)
     task = batch_task(plan, Path(), points, ALL_MODES)
     reference = reference_of(task)
     ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.modal_system import ReferenceModes
@@ -25,6 +26,10 @@ from squealstudy.study.transient.rows import SCHEMA, failed_row, row
 from squealstudy.study.transient.start import save_state
 from squealstudy.study.working_points import NewGaps
 
+RINGS = 1.0  # stick number beyond which a stuck contact rings at the step
+STUCK = 0.5  # share of the contact area that sticks at a time
+UNEXPECTED = (np.linalg.LinAlgError, FloatingPointError, ValueError)
+
 
 def solve_batch(task: BatchTask) -> ChunkReport:
     """Integrate the points of a batch, one BLAS thread, and write histories, states, chunk."""
@@ -34,15 +39,20 @@ def solve_batch(task: BatchTask) -> ChunkReport:
     ready: list[Ready] = []
     gaps = NewGaps()
     with threadpool_limits(1):
-        reference = reference_of(task)
-        for point in task.points:
-            outcome = set_up(task, reference, point, gaps)
-            if isinstance(outcome, Ready):
-                ready.append(outcome)
-            else:
-                rows.append(outcome)
-        if ready:
-            rows += _advance(task, reference, ready, started)
+        try:
+            reference = reference_of(task)
+        except SquealstudyError as error:  # no nominal working point on this structure
+            status = getattr(error, "status", "failed")
+            rows = [failed_row(p.point_id, 0.0, status, str(error)) for p in task.points]
+        else:
+            for point in task.points:
+                outcome = set_up(task, reference, point, gaps)
+                if isinstance(outcome, Ready):
+                    ready.append(outcome)
+                else:
+                    rows.append(outcome)
+            if ready:
+                rows += _advance(task, reference, ready, started)
     name = chunk_id(p.point_id for p in task.points)
     write_chunk(task.directory, name, rows, SCHEMA)
     gaps.save(name)
@@ -57,7 +67,7 @@ def _advance(
     integrate = hybrid_runs if task.section.representation == "hybrid" else modal_runs
     try:
         finished = integrate(task, reference, ready)
-    except SquealstudyError as error:
+    except (SquealstudyError, *UNEXPECTED) as error:
         status = getattr(error, "status", "failed")
         return [failed_row(one.task.point_id, 0.0, status, str(error)) for one in ready]
     wall = (time.perf_counter() - started) / len(ready)
@@ -80,11 +90,22 @@ def _row(
         "n_contact_points": len(system.area),
         "perturbation": one.perturbation,
     }
+    message = result.message or _ringing(point, task.section.step)
     modes = [
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
     ]
-    return row(
-        one.task.point_id, wall, result.outcome, result.message, point, modes, summary.growth
+    return row(one.task.point_id, wall, result.outcome, message, point, modes, summary.growth)
+
+
+def _ringing(point: dict[str, Any], step: float) -> str:
+    """Average acceleration does not damp the friction of stuck points at a long step."""
+    number, share = point["stick_number"], point.get("stick_share_max", 0.0)
+    if number <= RINGS or not share >= STUCK:
+        return ""
+    return (
+        f"{100 * share:.0f} % of the contact sticks while h k_t |T|^2 / 2 is {number:.3g}: "
+        f"friction rings and levels may be too high, which a step of {step * RINGS / number:.2g} s "
+        "avoids"
     )
 
 
