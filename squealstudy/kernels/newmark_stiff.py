@@ -21,7 +21,7 @@ from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_layout import DELTA, GUESS, W2, C, Modal, Work
 from squealstudy.kernels.newmark_vector import dot, fill, move
 
-STIFF = 1.0  # contraction by a point alone from which on it is treated; Aitken serves the others
+STIFF = 0.05  # contraction that a point alone may cause before it is treated
 FEWEST, SWEEPS = 6, 30
 STILL = 1e-2  # change of the forces in a sweep that ends them, relative to that of all sweeps
 
