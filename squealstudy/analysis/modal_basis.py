@@ -15,6 +15,8 @@ import scipy.linalg as la
 from squealstudy.analysis.modal_system import ReferenceModes
 from squealstudy.errors import ParameterError
 
+COUPLED = 1e-3  # of the largest damping: coupling below it is left out
+
 
 def kept_modes(reference: ReferenceModes, below_hz: float) -> int:
     """Number of assembly modes up to a frequency; ParameterError where there is none."""
@@ -80,7 +82,7 @@ def project(reference: ReferenceModes, basis: np.ndarray) -> ReferenceModes:
     K = basis.T @ (system.omega2[:, None] * basis)
     G = basis.T @ (reference.rates[:, None] * basis)
     coupling, turn = la.eigh(G - np.diag(np.diag(G)))
-    kept = np.abs(coupling) > 1e-12 * np.abs(G).max()
+    kept = np.abs(coupling) > COUPLED * np.abs(G).max()
     rows = turn[:, kept].T
     smaller = replace(
         system,

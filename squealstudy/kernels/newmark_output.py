@@ -45,6 +45,8 @@ def add_work(modal: Modal, work: Work, k: int, h: float) -> None:
         w_load += modes[LOAD, j] * total
         damped += modes[C, j] * total * total
     for m in range(modal.shapes.shape[0]):
+        if modal.tuned[k, 0, m] == 0.0:
+            continue
         y = dot(modal.shapes[m], x[V]) + dot(modal.shapes[m], x[V_TRIAL])
         damped += modal.tuned[k, 0, m] * y * y
     speed = modal.laws[k, 8]

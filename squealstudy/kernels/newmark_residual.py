@@ -42,12 +42,17 @@ def residual(modal: Modal, work: Work, k: int) -> tuple[float, float]:
     """Force residual of design k into row DELTA; its square and the square of its scale."""
     x = work.x[k]
     e2, scale2 = balance(x, modal.modes[k])
+    changed = False
     for m in range(modal.shapes.shape[0]):
-        u = modal.shapes[m]
-        force = modal.tuned[k, 0, m] * dot(u, x[V_TRIAL]) + modal.tuned[k, 1, m] * dot(
-            u, x[Q_TRIAL]
-        )
+        d, s, u = modal.tuned[k, 0, m], modal.tuned[k, 1, m], modal.shapes[m]
+        if d == 0.0 and s == 0.0:
+            continue
+        force = d * dot(u, x[V_TRIAL])
+        if s != 0.0:
+            force += s * dot(u, x[Q_TRIAL])
         move(x[DELTA], -force, u)
+        changed = True
+    if changed:
         e2 = dot(x[DELTA], x[DELTA])
     return e2, scale2
 

@@ -13,8 +13,8 @@ Scale = Literal["linear", "log"]
 
 MOST_LEVELS = 1_000_000
 LARGEST_SEED = 2**32 - 1
-# enrichment shapes of tiny singular values are local contact shapes: as coordinates in time they
-# are modes of 30 to 80 kHz, some of them unstable (studies/benchmarks/level_over_basis.py)
+# enrichment shapes of small singular values are local contact shapes: in time they are modes far
+# above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
 TRANSIENT_TOLERANCE = 1e-3
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
 
