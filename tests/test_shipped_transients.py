@@ -84,10 +84,7 @@ def test_squeal_friction(nominal, tmp_path):
 
 def test_compare_with_complex_modes(nominal, tmp_path):
     """The same model in both domains: the same growth rates, from one frequency study."""
-    text = reduced("squeal_nominal", 0.05).study.text
-    text = text[: text.index("[transient]")].replace('"transient"', '"complex_modes"')
-    text += "[modes]\nreference_points = 0\n[reduction]\ntolerance = 1e-3\n"
-    plan = Plan(parse_study(text, STUDIES / "squeal_nominal.toml"))
+    plan = reduced("squeal_modes", 0.0, **{"[modes]": "[modes]\nreference_points = 0"})
     run_study(plan, tmp_path / "modes", jobs=1)
     table = compare_results(Results.open(tmp_path / "modes"), nominal)
     assert len(table) == nominal.points["n_unstable"][0]
