@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.analysis.comparison import COLUMNS, _partners, compare
-from squealstudy.cli import screen
 from squealstudy.cli.compare import compare_command, compare_results, summary
 from squealstudy.errors import ResultsError
 from squealstudy.study.results import Results
@@ -214,11 +213,9 @@ def studies(tmp_path):
     return one, two
 
 
-def test_the_command_prints_a_table_and_a_summary(studies, monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr(screen.console, "file", stream)
+def test_the_command_prints_a_table_and_a_summary(studies, capsys):
     compare_command(*studies, csv=False)
-    text = " ".join(stream.getvalue().split())
+    text = " ".join(capsys.readouterr().out.split())
     assert "4 predicted instabilities at 2 design points, 2 express themselves" in text
     assert "1 cannot be told" in text
     assert "1 more in the time study alone" in text

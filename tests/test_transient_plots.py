@@ -280,7 +280,7 @@ def test_the_spectrogram_marks_predictions_up_to_the_band_top():
     )
     assert not any(text.startswith("6000 Hz,") for text in texts)
     assert "Torque [dB of its maximum]" in texts
-    assert axes.get_title(loc="left") == "friction = 0.5; dominant 3175 Hz"
+    assert axes.get_title(loc="left") == "friction = 0.5\ndominant 3175 Hz"
     assert overlapping(figure) == []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,8 @@ from squealstudy.plots.tables import describe
 
 BINS = 1500  # of a long signal: about the pixels of an axis
 MS = 1e3
+MOST_NAMED = 2  # varied parameters that are all named in a title
+LINE = 100  # characters of a line of a title
 
 
 @dataclass(frozen=True)
@@ -128,9 +131,18 @@ def own_rows(table: pd.DataFrame, row: pd.Series | None) -> pd.DataFrame:
 
 
 def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str] | None) -> str:
-    """The varied parameters of a design point, or all where none is, with units."""
-    names = transient_parameters(points, varied=True) or transient_parameters(points)
-    return describe(row, points, names, units)
+    """What a design point is, with units, in lines that fit over a picture.
+
+    One or two varied parameters with their values; of more, those that differ from the first
+    point's; all parameters where none is varied.
+    """
+    names = transient_parameters(points, varied=True)
+    if len(names) > MOST_NAMED:
+        names = [n for n in names if row[n] != points[n].iloc[0]]
+        if not names:
+            return "first design point"
+    text = describe(row, points, names or transient_parameters(points), units)
+    return textwrap.fill(text, LINE)
 
 
 def main_components(modes: pd.DataFrame) -> pd.Series:

@@ -66,8 +66,8 @@ def spectrogram(
     finish(axes, "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)
-    parts = [title, _dominant(row), _cut(band_top, nyquist)]
-    axes.set_title("; ".join(part for part in parts if part), fontsize=9.5, loc="left")
+    below = "; ".join(part for part in (_dominant(row), _cut(band_top, nyquist)) if part)
+    axes.set_title("\n".join(part for part in (title, below) if part), fontsize=9, loc="left")
     if growth is not None:
         _predictions(figure, axes, own_rows(growth, row), top)
     return figure
@@ -122,12 +122,12 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
         return
     axes.text(
         1.02,
-        1.01,
-        "predicted unstable (share of energy)",
+        -0.02,
+        "predicted unstable\n(share of energy)",
         transform=axes.transAxes,
         fontsize=8,
         color=DARK,
-        va="bottom",
+        va="top",
     )
     end_labels(figure, axes, labels)
 
