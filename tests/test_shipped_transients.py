@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from squealstudy.cli.compare import compare_results
+from squealstudy.errors import ResultsError
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
@@ -80,6 +81,20 @@ def test_squeal_friction(nominal, tmp_path):
     assert (points.loc[forecast > 0, "class"] != "stable").all()
     assert (forecast > 0).sum() >= 4
     assert len(results.rank()) >= 1
+
+
+def test_steps_that_cannot_converge_are_told_before_and_are_a_row_after(nominal, tmp_path):
+    """k_t far too large: `check` warns, the row has the time and the reason."""
+    changes = {"friction = 0.5\n": 'friction = 0.5\n"contact.kt" = 1e13\n'}
+    changes["perturbation = 5e-3"] = "perturbation = 2.0"  # enough to stick
+    plan = reduced("squeal_nominal", 0.001, **changes)
+    warned: list[str] = []
+    with pytest.raises(ResultsError, match="the contact iteration did not converge"):
+        run_study(plan, tmp_path / "stiff", jobs=1, warn=warned.append)
+    assert any("friction is too stiff for the step" in text for text in warned)
+    point = Results.open(tmp_path / "stiff").points.iloc[0]
+    assert (point["status"], point["class"]) == ("not_converged", "failed")
+    assert point["message"].startswith("t = ")
 
 
 def test_compare_with_complex_modes(nominal, tmp_path):

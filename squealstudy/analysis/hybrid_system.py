@@ -83,8 +83,7 @@ def uniform_damping(
         Of all modes up to the cutoff.
     beyond : float or None
         Ratio at the cutoff from where it rises in proportion to frequency; None for `zeta`. Finite
-        elements squeal far above the band too: on the coarse disc brake a full-order mode at
-        29.1 kHz grows by 1.6 % undamped (studies/benchmarks/hybrid.py --above).
+        elements squeal far above the band too (studies/benchmarks/hybrid.py --above).
     """
     start = zeta if beyond is None else beyond
     return np.full(len(model.omega), zeta), start / (np.pi * model.damping_cutoff)

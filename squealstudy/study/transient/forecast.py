@@ -21,7 +21,7 @@ from squealstudy.study.working_points import NewGaps
 
 TIMED_STEPS = 300
 MOST_ENDS = 6  # design points looked at for warnings
-STICK_LIMIT = 1e3  # h k_t |T|^2 / 2 up to which steps converge (tests/test_transient_study.py)
+STICK_LIMIT = 1e3  # h k_t |T|^2 / 2: a margin of ten below where steps failed on the medium brake
 
 
 def warm(section: TransientSection) -> float:
