@@ -22,7 +22,12 @@ from squealstudy.reduction.cmt import (
     reduce_cmt,
 )
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
-from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
+from squealstudy.reduction.prepared import (
+    PreparedModel,
+    mode_shapes,
+    prepare,
+    reference_stiffness,
+)
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
 threadpoolctl.threadpool_limits(1)  # as in workers; more threads are slower on a loaded machine
@@ -97,3 +102,11 @@ def brake() -> Brake:
 @pytest.fixture(scope="session")
 def reduced(brake) -> tuple[ReducedModel, Basis]:
     return reduce_brake(brake)
+
+
+@pytest.fixture(scope="session")
+def prepared() -> PreparedModel:
+    """The coarse brake up to 4 kHz, trained at both ends of 2 to 40 bar: small and fast."""
+    assembly = build_model("disc_brake", {"mesh": "coarse"})
+    ends = [replace(NOMINAL, pressure=p) for p in (2e5, 40e5)]
+    return prepare(assembly, NOMINAL, BasisSettings(6e3, 6e3, 4.5e3), ends)

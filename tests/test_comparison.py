@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from transient_tables import growth_table, modes_table, points_table
 from squealstudy.analysis.comparison import COLUMNS, _partners, compare
 from squealstudy.cli.compare import compare_command, compare_results, summary
 from squealstudy.errors import ResultsError
+from squealstudy.study.complex_modes.onsets import onsets_arrow
 from squealstudy.study.results import Results
 
 CALIPER = "caliper.modes[8].damping_ratio"
@@ -178,6 +180,7 @@ def write_results(directory, kind, points, modes, growth=None, model="disc_brake
     directory.mkdir()
     points.to_parquet(directory / "points.parquet")
     modes.to_parquet(directory / "modes.parquet")
+    pq.write_table(onsets_arrow(None), directory / "onsets.parquet")
     if growth is not None:
         growth.to_parquet(directory / "growth.parquet")
     content = {"kind": kind, "model": model, "status": "finished", "sweeps": []} | manifest

@@ -322,7 +322,7 @@ BAD = {
     "design type": (
         GOOD.replace('"grid"', '"gird" #!'),
         "design.type",
-        "one of 'grid', 'zip', 'sobol' or 'latin_hypercube', got 'gird'; did you mean 'grid'",
+        "'sobol_indices' or 'boundary', got 'gird'; did you mean 'grid'",
     ),
     "samples of a grid": (
         GOOD.replace('"grid"', '"grid"\nsamples = 3 #!'),
@@ -616,10 +616,10 @@ def test_schema_names_every_table_and_model():
     schema = study_schema()
     assert schema["$schema"].startswith("https://json-schema.org/")
     tables = {"study", "model", "parameters", "sweep", "design", "modes", "reduction"}
-    tables |= {"transient"}
+    tables |= {"transient", "sensitivity"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
-    assert model["name"]["enum"] == ["disc_brake", "hulten", "hoffmann", "belt"]
+    assert model["name"]["enum"] == ["disc_brake", "hulten", "hoffmann", "belt", "matrices"]
     assert model["mesh"]["enum"] == ["medium", "coarse", "fine"]
     text = json.dumps(schema)
     assert "null" not in text

@@ -10,8 +10,14 @@ import reference
 import scipy.io
 import scipy.sparse as sp
 
+import squealstudy
+from squealstudy.errors import StudyFileError
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
+from squealstudy.study.definition import load_study, parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
 
+STUDY = Path(__file__).resolve().parents[1] / "studies" / "m0_speed.toml"
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "m0"
 FILES = {
     "M": "BMLL00",
@@ -42,10 +48,14 @@ AT_4PI = [
 AT_2PI_WITHOUT_D4 = [(-8.834e-4 + 5131j, 1e-7, 1), (-2.462 + 3338j, 1e-3, 1)]
 
 
-@pytest.fixture(scope="module")
-def m0():
+def skip_without_data():
     if not DATA.is_dir():
         pytest.skip(f"M0 IS NOT CHECKED: its matrices are not at {DATA}")
+
+
+@pytest.fixture(scope="module")
+def m0():
+    skip_without_data()
     matrices = {}
     for name, stem in FILES.items():
         content = scipy.io.loadmat(DATA / f"{stem}.mat")
@@ -82,3 +92,39 @@ def test_published_roots_of_the_second_convention(m0):
     lam, psi = smallest_roots(m0["M"], LowRankSum(C), LowRankSum(K), 30, 5e3)
     assert reference.residuals(m0["M"], C, K, lam, psi).max() < 1e-8
     assert_printed(lam, AT_2PI_WITHOUT_D4)
+
+
+def test_published_roots_come_out_of_the_study_file(tmp_path, monkeypatch):
+    """The shipped study at one speed, 4 pi, the default of its parameter."""
+    skip_without_data()
+    monkeypatch.delenv("SQUEALSTUDY_DATA", raising=False)
+    text = STUDY.read_text()
+    head, modes = text.partition("[[sweep]]")[0], text[text.index("[modes]") :]
+    study = parse_study(head + modes + "reference_points = 0\n", STUDY)
+    assert study.values == {"omega": 4 * np.pi}
+    run_study(Plan(study), tmp_path / "r", jobs=1)
+    found = squealstudy.open_results(tmp_path / "r").modes
+    size, growth = 2 * np.pi * found["frequency_hz"], found["growth_rate"]
+    lam = (growth + 1j * np.sqrt(size**2 - growth**2)).to_numpy()
+    assert_printed(lam, AT_4PI)
+    region = (lam.real > -7) & (np.abs(lam) < 4e4)
+    assert region.sum() == len(AT_4PI)
+    assert (found["residual"] < 1e-8).all()
+
+
+def test_the_shipped_study_covers_the_published_speeds_and_region():
+    study = load_study(STUDY)
+    (sweep,) = study.sweeps
+    assert (sweep.low, sweep.high) == (2 * np.pi, 40 * np.pi)
+    assert np.abs(np.array(sweep.values) - 4 * np.pi).min() < 1e-8
+    low, high = study.definition.modes.band
+    size = np.abs([value for value, _, _ in AT_4PI])
+    assert 2 * np.pi * low < size.min()
+    assert size.max() < 4e4 < 2 * np.pi * high
+
+
+def test_without_the_data_the_folder_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("SQUEALSTUDY_DATA", str(tmp_path / "nothing"))
+    with pytest.raises(StudyFileError, match=r"there is no folder .*nothing.m0; .*folder = ") as e:
+        run_study(Plan(load_study(STUDY)), tmp_path / "r", jobs=1)
+    assert e.value.key == "model.term[1].file"

@@ -52,6 +52,8 @@ num = 12
 [modes]
 band = [500.0, 2500.0]
 reference_points = 0
+refine_tracking = false
+refine_onsets = false
 [reduction]
 enrichment = false
 """

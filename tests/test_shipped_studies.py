@@ -17,12 +17,20 @@ from squealstudy.study.runner import run_study
 STUDIES = sorted((Path(__file__).parents[1] / "studies").glob("*.toml"))
 
 
-def reduced(name: str, num: int) -> Plan:
-    """The study with the coarse mesh, a narrower band and `num` values a sweep."""
+QUICK = (
+    ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nreference_points = 0"),
+    ('mesh = "coarse"', 'mesh = "coarse"\ncontact_points = 2'),
+)
+
+
+def reduced(name: str, num: int, *changes: tuple[str, str]) -> Plan:
+    """The study with the coarse mesh, a narrower band and `num` values a sweep; and changes."""
     path = next(p for p in STUDIES if p.stem == name)
     text = path.read_text().replace('"medium"', '"coarse"').replace("8000.0", "4000.0")
     text = re.sub(r"num = \d+", f"num = {num}", text)
     text = text.replace("[modes]", "[reduction]\nenrichment = false\n\n[modes]")
+    for old, new in changes:
+        text = text.replace(old, new)
     return Plan(parse_study(text, path))
 
 
@@ -57,6 +65,29 @@ def test_friction_pressure(tmp_path: Path) -> None:
     assert np.nanmax(points["reference_frequency_error"]) < 2e-2  # without enrichment
 
 
+def test_robust_brake(tmp_path: Path) -> None:
+    plan = reduced("robust_brake", 0, ("samples = 64", "samples = 8"), *QUICK)
+    results = results_of(plan, tmp_path / "r")
+    table = results.robust()
+    assert (table["points"] == 16).all()
+    assert table["probability"].is_monotonic_decreasing
+    assert table["probability"].iloc[0] > 0.5
+    indices = results.sobol_indices(top=0).set_index("parameter")
+    assert indices.index.tolist() == results.swept
+    assert indices["total"].between(0, 2).all()
+    assert indices["total"]["caliper.modes[7-9].frequency_scale"] < indices["total"].max()
+
+
+def test_stability_boundary(tmp_path: Path) -> None:
+    plan = reduced("stability_boundary", 3, ("levels = 3", "levels = 1"), *QUICK)
+    results = results_of(plan, tmp_path / "r")
+    nodes, solved = results.full_points()
+    assert len(nodes) == 5 * 5
+    assert len(results.points) == solved.sum() <= 25
+    assert (nodes.loc[nodes["friction"] == 0, "n_unstable"] == 0).all()  # nothing drives it
+    assert nodes["n_unstable"].max() >= 1
+
+
 def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
     modes = results_of(reduced("caliper_modes", 3), tmp_path / "modes")
     damping = results_of(reduced("caliper_damping", 2), tmp_path / "damping")
@@ -73,3 +104,24 @@ def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path
     )
     shifted = modes.modes.groupby("point_id")["growth_rate"].max()
     assert np.ptp(shifted) > 1.0  # a shifted caliper changes who squeals
+
+
+def test_sensitivity(tmp_path: Path) -> None:
+    plan = reduced(
+        "sensitivity",
+        1,
+        ('    "disc.modes[*].frequency_scale",\n', ""),
+        ('    "inner_pad.modes[*].frequency_scale",\n', ""),
+        ('    "caliper.density",\n', ""),
+        ('    "disc.young_modulus",\n', ""),
+    )
+    run_study(plan, tmp_path / "r", jobs=1)
+    table = squealstudy.open_results(tmp_path / "r").sensitivities
+    assert set(table["frequency_hz"].round(-2)) == {3200.0, 3300.0}
+    assert (table["residual"] < 1e-9).all()
+    fastest = table[(table["mode"] == 1) & ~table["near_coalescence"]]
+    seen = fastest[fastest["predicted_growth_change"].abs() > 1.0]
+    assert {"friction", "pressure", "caliper.modes[7].damping_ratio"} <= set(seen["parameter"])
+    assert "caliper.young_modulus" in set(seen["parameter"])
+    ratio = seen["finite_growth_change"] / seen["predicted_growth_change"]
+    assert ratio.between(0.8, 1.25).all()

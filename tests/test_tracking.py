@@ -1,12 +1,28 @@
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 import pytest
+import scipy.linalg as la
+from conftest import NOMINAL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
-from squealstudy.analysis.tracking import mac, pair_modes, track
+import squealstudy
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.track_labels import TrackTree, expected_roots, track
+from squealstudy.analysis.tracking import mac, pair_modes
+from squealstudy.analysis.tracking_refinement import Modes, Refinement
 from squealstudy.analysis.tracking_tree import levels, tracking_tree
+from squealstudy.errors import ConvergenceError
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
 
 HZ = 2 * np.pi
 
@@ -385,3 +401,201 @@ def test_coordinates_must_be_finite():
 def test_parents_that_are_no_tree(parents):
     with pytest.raises(ValueError, match=r"cycle|parent 2"):
         levels(parents, [1] * len(parents))
+
+
+# -- refinement
+
+
+def follow_line(solve, values, depth=4):
+    """Labels along a line whose doubtful steps are bisected, and the points solved for that."""
+    states = [Modes(*solve(x)) for x in values]
+    tree = TrackTree(
+        range(-1, len(values) - 1), [s.lam for s in states], np.asarray(values)[:, None]
+    )
+    refinement = Refinement(lambda x: Modes(*solve(float(x[0]))), depth)
+    pairings = {}
+    for i in tree.children:
+        before = pairings.get(i - 1)
+        earlier = states[i - 2].lam if before is not None else None
+        expected = expected_roots(states[i - 1].lam, tree.step[i], earlier, before)
+        ends = np.array([values[i - 1]]), np.array([values[i]])
+        pairings[i] = refinement.pair(states[i - 1], states[i], *ends, expected)
+    return states, tree.label(pairings), refinement.points
+
+
+def wrong_labels(solve, values, fine=0.002, depth=4):
+    """Labels that differ from those of a much finer line: (flagged, not flagged), points solved."""
+    _, tracks, points = follow_line(solve, values, depth)
+    count = round((values[-1] - values[0]) / fine)
+    every = count // (len(values) - 1)
+    assert every * (len(values) - 1) == count
+    dense = np.linspace(values[0], values[-1], count + 1)
+    reference = line([solve(x) for x in dense], dense[:, None])
+    wrong = {True: 0, False: 0}
+    for i in range(1, len(values)):  # labels of both may be numbered differently: compare steps
+        before = dict(zip(tracks.labels[i - 1], reference.labels[every * (i - 1)], strict=True))
+        for label, true, doubt in zip(
+            tracks.labels[i], reference.labels[every * i], tracks.ambiguous[i], strict=True
+        ):
+            entered = label not in before and true not in before.values()
+            wrong[bool(doubt)] += not entered and before.get(label) != true
+    return wrong, points
+
+
+@pytest.mark.parametrize("num", [3, 6, 8, 15, 36])
+@pytest.mark.parametrize("zeta", [0.002, 0.01])
+def test_refined_steps_go_through_a_lock_in_as_fine_ones_do(num, zeta):
+    wrong, points = wrong_labels(lambda mu: hulten(mu, zeta=zeta), np.linspace(0, 0.7, num))
+    assert wrong == {True: 0, False: 0}
+    assert points <= 3 * 15
+
+
+@pytest.mark.parametrize("num", [2, 3, 6, 11])
+@pytest.mark.parametrize("coupling", [0.03, 0.01, 0.003, 1e-4])
+def test_refined_steps_tell_veering_from_crossing(num, coupling):
+    values = np.linspace(-1, 1, num)
+    states, tracks, _ = follow_line(lambda t: coupled_pair(t, coupling), values)
+    swapped = along(states, tracks, 1)[-1].imag > along(states, tracks, 2)[-1].imag
+    flagged = any(a.any() for a in tracks.ambiguous)
+    assert flagged or swapped == (coupling < 1e-3)
+
+
+def test_a_coalescence_stays_ambiguous_after_refinement_and_costs_little():
+    values = (0.0, 0.1, 0.2, 0.28, 0.4, 0.5, 0.6)  # flutter at 0.2917
+    _, tracks, points = follow_line(hulten, values)
+    assert [a.any() for a in tracks.ambiguous] == [False, False, False, False, True, False, False]
+    assert 4 <= points <= 15
+
+
+def test_modes_too_far_apart_to_be_paired_are_found_by_smaller_steps():
+    def drifting(x):  # frequencies change by a tenth, shapes turn by a right angle
+        angle = np.pi / 2 * x
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        return HZ * np.array([1000.0, 3000.0]) * (1 + x / 10) * 1j, turn.astype(complex)
+
+    ends = [Modes(*drifting(x)) for x in (0.0, 1.0)]
+    assert (pair_modes(*ends[0], *ends[1]).partner < 0).all()
+    pairing = Refinement(lambda x: Modes(*drifting(x[0]))).pair(*ends, np.zeros(1), np.ones(1))
+    assert list(pairing.partner) == [0, 1]
+    assert not pairing.ambiguous.any()
+
+
+def test_a_sure_pairing_is_not_refined():
+    def solve(x):
+        raise AssertionError("no point was to be solved")
+
+    states = [Modes(*hulten(mu, zeta=0.01)) for mu in (0.1, 0.12)]
+    pairing = Refinement(solve).pair(*states, np.array([0.1]), np.array([0.12]))
+    assert list(pairing.partner) == [0, 1]
+
+
+def test_without_points_in_between_the_pairing_stays_as_it_is():
+    def solve(x):
+        raise ConvergenceError("not_converged", "no working point")
+
+    states = [Modes(*hulten(mu)) for mu in (0.28, 0.4)]
+    refinement = Refinement(solve)
+    pairing = refinement.pair(*states, np.array([0.28]), np.array([0.4]))
+    direct = pair_modes(*states[0], *states[1])
+    assert all(np.array_equal(a, b) for a, b in zip(pairing, direct, strict=True))
+    assert refinement.points == 1
+
+
+def friction_chain(seed, n=10):
+    """Random masses, springs and friction forces: frequencies veer, cross and lock in over mu."""
+    rng = np.random.default_rng(seed)
+    w2 = (HZ * np.sort(rng.uniform(1000, 3000, n))) ** 2
+    coupling = rng.normal(size=(n, n)) * 0.03
+    friction = rng.normal(size=(n, n)) * 0.25
+    scale = np.sqrt(np.outer(w2, w2))
+    K0 = np.diag(w2) + (coupling + coupling.T) / 2 * scale
+    Kf = friction * scale
+    C = np.diag(2 * 0.005 * np.sqrt(w2))
+    return lambda mu: complex_modes(C, K0 + mu * Kf)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 6, 7, 8, 11, 13])
+def test_no_label_is_wrong_but_flagged_in_random_systems_with_friction(seed):
+    values = np.linspace(0, 0.7, 15)
+    wrong, _ = wrong_labels(friction_chain(seed), values)
+    assert wrong[False] == 0
+    unrefined, _ = wrong_labels(friction_chain(seed), values, depth=0)
+    assert (sum(unrefined.values()) > 0) == (seed in (1, 6, 7, 8, 11))  # what there was to resolve
+
+
+# -- the brake
+
+
+@pytest.fixture(scope="module")
+def brake_line(brake, reduced):
+    """Complex modes of the coarse brake over friction, 1 to 6 kHz, in its real modes below 9 kHz.
+
+    The working point stays that of the nominal friction, so that the matrices are affine.
+    """
+    at = [
+        linearise(reduced[0], brake.point, DesignState(replace(NOMINAL, friction=mu)))
+        for mu in (0.0, 0.5)
+    ]
+    omega2, phi = la.eigh(at[0].K_sym)
+    phi = phi[:, omega2 < (HZ * 9000) ** 2]
+    K0, K1, C0, C1 = (phi.T @ A @ phi for A in (at[0].K, at[1].K, at[0].C, at[1].C))
+
+    @cache
+    def solve(mu):
+        C, K = C0 + mu / 0.5 * (C1 - C0), K0 + mu / 0.5 * (K1 - K0)
+        lam, psi = dense_roots(C, K, (HZ * 1000, HZ * 6000))
+        kept = lam.imag > 0
+        return lam[kept], psi.T[kept]
+
+    return solve
+
+
+@pytest.mark.parametrize("num", [8, 15, 36])
+def test_no_label_of_the_brake_is_wrong_over_the_whole_range_of_friction(brake_line, num):
+    values = np.linspace(0.0, 0.7, num)
+    wrong, _ = wrong_labels(brake_line, values)
+    assert wrong[False] == 0
+
+
+SWEEP = """
+[study]
+name = "sweep"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.7
+num = {num}
+[modes]
+band = [500.0, 8000.0]
+reference_points = 0
+refine_onsets = false
+"""
+
+
+@pytest.mark.full_size
+def test_no_label_of_the_whole_coarse_brake_is_wrong(tmp_path):
+    """Steps of 0.05 against steps of 0.002, working points and all; some ten minutes."""
+    found = {}
+    for num in (15, 351):
+        plan = Plan(parse_study(SWEEP.format(num=num), Path("study.toml")))
+        run_study(plan, tmp_path / str(num), jobs=2)
+        modes = squealstudy.open_results(tmp_path / str(num)).modes
+        modes = modes[~modes["overdamped"]]
+        by_point = dict(list(modes.groupby("point_id")))
+        found[num] = [by_point[task.point_id] for task in plan.tasks]
+    coarse, fine = found[15], found[351][::25]
+    wrong = flagged = 0
+    for i in range(1, 15):
+        before = dict(zip(coarse[i - 1]["track"], fine[i - 1]["track"], strict=True))
+        for label, true, doubt in zip(
+            coarse[i]["track"], fine[i]["track"], coarse[i]["track_ambiguous"], strict=True
+        ):
+            entered = label not in before and true not in before.values()
+            flagged += doubt
+            wrong += not doubt and not entered and before.get(label) != true
+    assert wrong == 0
+    assert flagged < 0.05 * sum(map(len, coarse))

@@ -67,10 +67,47 @@ def full_order_modes(
     ParameterError
         Damping of an assembly mode beyond `damped_to_hz`.
     """
+    system = full_order_system(assembly, modes, point, state, damped_to_hz)
+    C_sum, K_sum = system.C, system.K
+    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1])
+    kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
+    lam, psi = lam[kept], psi[:, kept]
+    R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
+    size = np.linalg.norm(K_sum @ psi, axis=0)
+    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size)
+
+
+@dataclass(frozen=True)
+class FullOrderSystem:
+    """Matrices of the unreduced assembly at a working point.
+
+    Attributes
+    ----------
+    C, K : LowRankSum (n_dof, n_dof)
+        Damping and non-symmetric stiffness.
+    omega, phi : ndarray (m,), (n_dof, m)
+        Real modes that carry modal damping, mass-normalised; none without it.
+    """
+
+    C: LowRankSum
+    K: LowRankSum
+    omega: np.ndarray
+    phi: np.ndarray
+
+
+def full_order_system(
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    point: WorkingPoint,
+    state: DesignState,
+    damped_to_hz: float,
+) -> FullOrderSystem:
+    """The matrices that `full_order_modes` solves; parameters and errors are its own."""
     K, C, K_sym = _sparse_system(assembly, point, state)
-    K_low = _component_terms(assembly, modes, state.stiffness_changes(_frequencies(modes)))
-    C_low = _component_terms(assembly, modes, state.modal_dampers(_frequencies(modes)))
-    if state.damping_ratio or state.assembly_damping:
+    K_low = component_terms(assembly, modes, state.stiffness_changes(mode_frequencies(modes)))
+    C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
+    omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
+    if state.damping_ratio or any(state.assembly_damping.values()):
         omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
         omega, phi = _changed_modes(omega, phi, *K_low)
         zeta = state.assembly_damping_ratios(len(omega))
@@ -82,13 +119,7 @@ def full_order_modes(
         beta = state.stiffness_damping
         C = (C + beta * K_sym).tocsr()
         C_low = (np.hstack([C_low[0], K_low[0]]), np.concatenate([C_low[1], beta * K_low[1]]))
-    C_sum, K_sum = LowRankSum(C, *C_low), LowRankSum(K, *K_low)
-    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1])
-    kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
-    lam, psi = lam[kept], psi[:, kept]
-    R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
-    size = np.linalg.norm(K_sum @ psi, axis=0)
-    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size)
+    return FullOrderSystem(LowRankSum(C, *C_low), LowRankSum(K, *K_low), omega, phi)
 
 
 def _sparse_system(
@@ -119,11 +150,12 @@ def _changed_modes(
     return np.sqrt(np.maximum(w2, 0.0)), phi @ y
 
 
-def _frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
+def mode_frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
+    """Free-free frequency [rad/s] of every component mode."""
     return {(name, j + 1): float(w) for name, m in modes.items() for j, w in enumerate(m.omega)}
 
 
-def _component_terms(
+def component_terms(
     assembly: Assembly, modes: Mapping[str, ComponentModes], values: Mapping[ModeKey, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """U = M phi and the diagonal of the changed component modes."""

@@ -19,6 +19,8 @@ from squealstudy.reduction.working_point import (
 )
 
 RIGID_HZ = 1.0
+DENSE = "dense"
+ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,10 @@ class PointModes:
     shapes : ndarray (m, k) complex64
         Coordinates on PreparedModel.shape_basis, unit norm.
     working_point : WorkingPoint
+    error_estimate : ndarray (m,) or None
+        |lam - lam of the component-mode model|, 1/s; of a family, of the full model.
+    method : str
+        The rung of reanalysis that found them.
     """
 
     lam: np.ndarray
@@ -44,6 +50,8 @@ class PointModes:
     energies: np.ndarray
     shapes: np.ndarray
     working_point: WorkingPoint
+    error_estimate: np.ndarray | None = None
+    method: str = DENSE
 
 
 def state_working_point(
@@ -109,4 +117,5 @@ def solve_point(
         energy_shares(prepared.model, system, psi),
         shapes.astype(np.complex64),
         point,
+        ROUND_OFF * np.abs(lam),
     )

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from squealstudy.analysis.crossings import BELOW_RANGE, CROSSING, INTO, line_crossings
 from squealstudy.errors import ResultsError
 
-NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "n_modes", "n_unstable"}
+NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "method", "n_modes", "n_unstable"}
 NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
 NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
-ROUNDING = 1e-9
+REFINED = "refined"
 DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
 KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 ORDER = {  # by: column, ascending
@@ -24,14 +25,19 @@ ORDER = {  # by: column, ascending
     "damping": ("min_damping_ratio", True),
     "threshold": ("threshold", True),
     "frequency": ("frequency_hz", True),
+    "probability": ("unstable_share", False),
+    "worst": ("max_growth_rate", False),
+    "mean_growth": ("mean_growth_rate", False),
 }
 COLUMNS = (
     {"track": "int64", "kind": "str", "frequency_hz": "f8", "frequency_min_hz": "f8"}
     | {"frequency_max_hz": "f8", "unstable_share": "f8", "unstable_points": "int64"}
-    | {"max_growth_rate": "f8", "min_damping_ratio": "f8", "at": "str", "threshold": "f8"}
+    | {"max_growth_rate": "f8", "mean_growth_rate": "f8", "min_damping_ratio": "f8"}
+    | {"at": "str", "threshold": "f8"}
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
     | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
 )
+SUMMARISED = ("frequency_hz", "growth_rate", "damping_ratio", "track_ambiguous")
 UNUSABLE: tuple[type[Exception], ...] = (SyntaxError, TokenError, TypeError, ValueError)
 UNUSABLE += (LookupError, AttributeError, NotImplementedError)
 _QUOTED = re.compile(r"`[^`]*`|'[^']*'|\"[^\"]*\"")
@@ -44,6 +50,7 @@ def rank_modes(
     by: str = "share",
     top: int | None = None,
     where: str | None = None,
+    onsets: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """One row for each track that is unstable anywhere.
 
@@ -54,23 +61,27 @@ def rank_modes(
     along : str or None
         Parameter whose threshold is wanted.
     by : str
-        share, growth, damping, threshold, frequency or energy_<component>: worst first.
+        share, growth, damping, threshold, frequency or energy_<component>: worst first. Of random
+        designs share is a `probability`, growth the `worst` case, and `mean_growth` the mean.
     top : int or None
         Rows to keep.
     where : str or None
         A pandas query over both tables; names with dots or brackets may be bare or in backticks.
         Of the conditions that `and` joins, those on columns of `points` alone say which points
         count, the others which unstable modes do.
+    onsets : DataFrame or None
+        Table of onsets along `along`; where it has a refined one, that replaces the interpolation.
 
     Returns
     -------
     DataFrame
         COLUMNS; `kind` is "mode", but overdamped unstable roots are together in a row of track -1,
         "static divergence", and unstable modes without a track in one of track -2, "untracked".
+        `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
-        interpolated on lines of constant other parameters. `threshold_kind` is "crossing", "below
-        range" (unstable at the first value of a line; NaN) or "first seen" (a track that begins
-        unstable; an upper bound).
+        interpolated on lines of constant other parameters. `threshold_kind` is "crossing",
+        "refined" (by root finding), "below range" (unstable at the first value of a line; NaN) or
+        "first seen" (a track that begins unstable; an upper bound).
 
     Raises
     ------
@@ -87,10 +98,18 @@ def rank_modes(
         group = np.where(listed & (group >= 0), track, np.minimum(group, 0))
         rows = np.flatnonzero(group)
         x, line = points[along].where(counted), line_codes(points, along)
-        found = _thresholds(modes.iloc[rows], group[rows], code[rows], x, line)
+        refined = _refined_onsets(points, onsets)
+        found = _thresholds(
+            modes[["damping_ratio", "unstable"]].iloc[rows],
+            group[rows],
+            code[rows],
+            x,
+            line,
+            refined,
+        )
         table["threshold"], table["threshold_kind"] = found["value"], found["kind"]
     table["order"] = table[key]
-    table["threshold"] = table["threshold"].mask(table["threshold_kind"] == "below range")
+    table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
     table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])
     return table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
 
@@ -150,9 +169,10 @@ def _summary(
 ) -> pd.DataFrame:
     """All but thresholds, one row a group of unstable modes, indexed by `track`."""
     rows = np.flatnonzero(group)
-    unstable = modes.iloc[rows].assign(track=group[rows], point=code[rows])
-    by_track = unstable.groupby("track")
     energies = energy_columns(modes)
+    needed = [*energies, *SUMMARISED]
+    unstable = modes[needed].iloc[rows].assign(track=group[rows], point=code[rows])
+    by_track = unstable.groupby("track")
     table = by_track[[*energies, "frequency_hz"]].mean()
     table["frequency_min_hz"] = by_track["frequency_hz"].min()
     table["frequency_max_hz"] = by_track["frequency_hz"].max()
@@ -160,6 +180,8 @@ def _summary(
     table["unstable_points"] = by_track["point"].nunique()
     table["unstable_share"] = table["unstable_points"] / max(n_points, 1)
     table["max_growth_rate"] = by_track["growth_rate"].max()
+    largest = unstable.groupby(["track", "point"])["growth_rate"].max()
+    table["mean_growth_rate"] = largest.groupby(level="track").sum() / max(n_points, 1)
     table["min_damping_ratio"] = by_track["damping_ratio"].min()
     table["ambiguous"] = by_track["track_ambiguous"].any()
     table["threshold"], table["threshold_kind"] = np.nan, ""
@@ -179,28 +201,42 @@ def _summary(
 
 
 def _thresholds(
-    modes: pd.DataFrame, group: np.ndarray, code: np.ndarray, x: pd.Series, line: np.ndarray
+    modes: pd.DataFrame,
+    group: np.ndarray,
+    code: np.ndarray,
+    x: pd.Series,
+    line: np.ndarray,
+    refined: dict[tuple[int, int, int], float],
 ) -> pd.DataFrame:
     """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`."""
-    start = x.groupby(line).transform("min").to_numpy()[code]
-    several = x.groupby(line).transform("nunique").to_numpy()[code] > 1
-    at, on = x.to_numpy()[code], line[code]
-    order = np.lexsort((at, on, group))
-    group, at, on, start, several = (a[order] for a in (group, at, on, start, several))
-    zeta = modes["damping_ratio"].to_numpy()[order]
-    unstable = modes["unstable"].to_numpy(bool)[order]
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = (np.diff(group) != 0) | (np.diff(on) != 0) | (group[1:] < 0)
-    entered = unstable & (first | ~np.roll(unstable, 1))
-    before, x0 = np.maximum(np.roll(zeta, 1), 0.0), np.roll(at, 1)
-    part = np.clip(before / np.maximum(before - zeta, np.finfo(float).tiny), 0.0, 1.0)
-    part[part < ROUNDING] = 0.0  # the damping before was zero but for round-off
-    below = first & several & (at == start) & (group > 0)
-    value = np.where(first, at, x0 + part * (at - x0))
-    found = pd.DataFrame({"track": group, "value": np.where(below, -np.inf, value)})
-    found["kind"] = np.select([below, first], ["below range", "first seen"], "crossing")
-    found = found.iloc[np.flatnonzero(entered)].sort_values("value")
-    return found.drop_duplicates("track").set_index("track")
+    by_line = x.groupby(line)
+    start = by_line.transform("min").where(by_line.transform("nunique") > 1).to_numpy()
+    zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
+    at = x.to_numpy()[code]
+    found = line_crossings(group, line[code], at, start[code], zeta, unstable)
+    found = found[found["direction"] == INTO]
+    crossed = (found["kind"] == CROSSING).to_numpy()
+    if refined and crossed.any():
+        ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
+        keys = zip(found.loc[crossed, "track"], *ends, strict=True)
+        better = np.array([refined.get(key, np.nan) for key in keys])
+        rows = found.index[crossed][~np.isnan(better)]
+        found.loc[rows, "value"] = better[~np.isnan(better)]
+        found.loc[rows, "kind"] = REFINED
+    found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
+    return found.sort_values("value").drop_duplicates("track").set_index("track")
+
+
+def _refined_onsets(
+    points: pd.DataFrame, onsets: pd.DataFrame | None
+) -> dict[tuple[int, int, int], float]:
+    """Refined onsets by track and the rows in `points` of both ends of their brackets."""
+    if onsets is None:
+        return {}
+    kept = onsets[(onsets["status"] == REFINED) & (onsets["direction"] == INTO)]
+    index = pd.Index(points["point_id"])
+    ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
+    return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))
 
 
 def selection(

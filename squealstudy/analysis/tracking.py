@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-
-from squealstudy.analysis.tracking_tree import levels
 
 FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
 DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
@@ -17,10 +13,10 @@ UNPAIRED = 1.0  # cost of leaving a mode without partner
 RIVAL = 1.5  # another pairing is nearly as good below this multiple of the chosen one's cost
 LOW_MAC = 0.5
 TIE = 1e-3  # what decides between two equal pairings, see `_cost`
-STRAIGHT = 0.999  # cosine above which two steps lie on one line
-EXTRAPOLATED = 0.5  # share of the last change that is expected to go on: all of it overshoots where
-# frequencies come together and lock in, none of it lags where they cross
-LONGEST_STEP = 3.0  # extrapolated at most, in steps of the parent
+LOST = 0.8  # distance within which two modes that both stay alone may be one, see `_lost`
+PASSING = 1.2  # trust in a pair whose frequency passes that of another
+CLEAR = 0.99  # but for a MAC above this: a crossing
+BLOCK = 40  # modes whose MAC is taken together: only those within the frequency window count
 
 
 class Pairing(NamedTuple):
@@ -34,29 +30,17 @@ class Pairing(NamedTuple):
         MAC of each pair, NaN without partner.
     ambiguous : ndarray (ma,) of bool
         Another pairing is nearly as good, or the MAC is low.
+    trust : ndarray (ma,)
+        How far a pair is from being ambiguous: cost of the next best pairing over RIVAL times its
+        own, or MAC over LOW_MAC where that is less; ambiguous where not above 1. At most PASSING
+        where two frequencies pass each other and the MAC is not CLEAR, 1 for a mode that stays
+        alone near another that does.
     """
 
     partner: np.ndarray
     mac: np.ndarray
     ambiguous: np.ndarray
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """Labels of all modes of all points; one array a point, one entry a mode.
-
-    Attributes
-    ----------
-    labels : list of ndarray of int
-        Track numbers from 1, by frequency at the root; modes that turn up later are numbered on.
-    macs : list of ndarray
-        MAC with the same track's mode in the parent point, NaN where the track begins.
-    ambiguous : list of ndarray of bool
-    """
-
-    labels: list[np.ndarray]
-    macs: list[np.ndarray]
-    ambiguous: list[np.ndarray]
+    trust: np.ndarray
 
 
 def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -72,15 +56,21 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     ndarray (ma, mb)
         Between 0 and 1; zero where a shape vanishes.
     """
-    product = np.abs(a.conj() @ b.T) ** 2
-    size = np.outer(_squares(a), _squares(b))
-    value: np.ndarray = np.clip(product / np.maximum(size, np.finfo(size.dtype).tiny), 0.0, 1.0)
-    return value
+    return _mac(a, b, squares(a), squares(b))
 
 
-def _squares(a: np.ndarray) -> np.ndarray:
-    total: np.ndarray = (a.real**2 + a.imag**2).sum(axis=1)
-    return total
+def squares(a: np.ndarray) -> np.ndarray:
+    """|a|^2 of each row."""
+    total: np.ndarray = np.einsum("ij,ij->i", a.real, a.real)
+    return total + np.einsum("ij,ij->i", a.imag, a.imag)
+
+
+def _mac(a: np.ndarray, b: np.ndarray, a2: np.ndarray, b2: np.ndarray) -> np.ndarray:
+    product = a.conj() @ b.T
+    size = a2[:, None] * b2
+    value: np.ndarray = product.real**2 + product.imag**2
+    value /= np.maximum(size, np.finfo(size.dtype).tiny, out=size)
+    return np.minimum(value, 1.0, out=value)
 
 
 def pair_modes(
@@ -108,122 +98,111 @@ def pair_modes(
     """
     partner = np.full(len(lam_a), -1)
     macs = np.full(len(lam_a), np.nan)
-    ambiguous = np.zeros(len(lam_a), dtype=bool)
+    trust = np.full(len(lam_a), np.inf)
     if not len(lam_a) or not len(lam_b):
-        return Pairing(partner, macs, ambiguous)
-    value = mac(shapes_a, shapes_b)
-    cost = _cost(value, lam_a if expected is None else expected, lam_b)
+        return Pairing(partner, macs, np.zeros(len(lam_a), dtype=bool), trust)
+    far, tie = _distance(lam_a if expected is None else expected, lam_b)
+    value = _mac_within(shapes_a, shapes_b, far < UNPAIRED)
+    cost = np.minimum(1.0 - value + far + tie, UNPAIRED)
     rows, columns = linear_sum_assignment(cost)
     taken = cost[rows, columns] < UNPAIRED
     rows, columns = rows[taken], columns[taken]
     partner[rows], macs[rows] = columns, value[rows, columns]
-    ambiguous[rows] = _rivalled(cost, rows, columns) | (macs[rows] < LOW_MAC)
-    return Pairing(partner, macs, ambiguous)
+    rival = _rival(cost, rows, columns) / RIVAL
+    trust[rows] = np.minimum(rival, macs[rows] / LOW_MAC)
+    ambiguous = np.zeros(len(lam_a), dtype=bool)
+    ambiguous[rows] = (rival <= 1.0) | (macs[rows] < LOW_MAC)
+    unclear = macs[rows] < CLEAR
+    passing = _passing(lam_a[rows], lam_b[columns])
+    trust[rows[unclear]] = np.minimum(trust[rows], passing)[unclear]
+    trust[_lost(far, partner)] = 1.0
+    return Pairing(partner, macs, ambiguous, trust)
 
 
-def _cost(value: np.ndarray, expected: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
-    """Cost of each pair (ma, mb), at most UNPAIRED.
+def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of each pair (ma, mb) as a cost, and what decides between equal pairings.
 
     At an undamped lock-in both pairings cost the same: a term far below all others then sends the
     mode of lower frequency on with the higher growth, so that rounding does not decide.
     """
-    size_a, size_b = np.abs(expected), np.abs(lam_b)
-    df = np.abs(np.log(np.maximum(size_b, 1e-300) / np.maximum(size_a, 1e-300)[:, None]))
-    zeta_a, zeta_b = (-x.real / np.maximum(np.abs(x), 1e-300) for x in (expected, lam_b))
-    tie = np.outer(size_a / max(size_a.max(), 1e-300), -zeta_b)
-    dz = np.abs(zeta_b - zeta_a[:, None])
-    cost = 1.0 - value + df / FREQUENCY_WINDOW + dz / DAMPING_WINDOW + TIE * tie
-    capped: np.ndarray = np.minimum(cost, UNPAIRED)
-    return capped
+    size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
+    zeta_a, zeta_b = -expected.real / size_a, -lam_b.real / size_b
+    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / FREQUENCY_WINDOW
+    far += np.abs(zeta_b - zeta_a[:, None]) / DAMPING_WINDOW
+    return far, (size_a / size_a.max())[:, None] * (-TIE * zeta_b)
 
 
-def _rivalled(cost: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Of each chosen pair: does exchanging its partner cost little more? (n,) of bool."""
-    own = cost[rows, columns]
-    swapped = cost[np.ix_(rows, columns)]
-    swapped = swapped + swapped.T
-    np.fill_diagonal(swapped, np.inf)
-    rivalled: np.ndarray = (swapped <= RIVAL * (own[:, None] + own)).any(axis=1)
-    free_rows = np.delete(np.arange(cost.shape[0]), rows)
-    free_columns = np.delete(np.arange(cost.shape[1]), columns)
-    for others in (cost[np.ix_(rows, free_columns)], cost[np.ix_(free_rows, columns)].T):
-        near = (others <= RIVAL * own[:, None]) & (others < UNPAIRED)
-        rivalled = rivalled | near.any(axis=1)
-    return rivalled
+def _mac_within(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """MAC (ma, mb) of the pairs that are near enough; zero or MAC of others.
 
-
-def track(
-    parents: Sequence[int],
-    lams: Sequence[np.ndarray],
-    shapes: Sequence[np.ndarray],
-    coordinates: np.ndarray | None = None,
-) -> Tracks:
-    """Label the modes of all points along a tree: a child inherits the labels of its parent.
-
-    Children of a point without modes attach to its nearest ancestor with modes; where there is
-    none, to the first of them. The labels depend on the tree only.
-
-    Parameters
-    ----------
-    parents : sequence of int (n,)
-        Parent of each point, -1 for a root.
-    lams, shapes : sequences of ndarray (m,), (m, k)
-        Roots [rad/s] and shapes of each point, empty for a failed one.
-    coordinates : ndarray (n, p) or None
-        Design points; with them roots are extrapolated along straight lines of the tree.
-
-    Raises
-    ------
-    ValueError
-        Where `parents` is no tree over the points.
+    Modes come roughly by frequency, so that a block of them sees a part of the others only.
     """
-    n = len(parents)
-    if len(lams) != n or len(shapes) != n:
-        raise ValueError(f"{n} parents, {len(lams)} sets of roots, {len(shapes)} sets of shapes")
-    attached, rows = levels(parents, [len(lam) for lam in lams])
-    x = None if coordinates is None else _normalised(np.asarray(coordinates, dtype=float))
-    labels = [np.full(len(lam), -1) for lam in lams]
-    macs = [np.full(len(lam), np.nan) for lam in lams]
-    ambiguous = [np.zeros(len(lam), dtype=bool) for lam in lams]
-    before = [np.full(len(lam), np.nan, dtype=complex) for lam in lams]  # the root in the parent
-    used = 0
-    for level in rows:
-        for i in level:
-            p = attached[i]
-            if p < 0:
-                continue
-            step = 0.0 if x is None or attached[p] < 0 else _step(x, attached[p], p, i)
-            change = np.where(np.isnan(before[p]), 0.0, step * (lams[p] - before[p]))
-            pairs = pair_modes(lams[p], shapes[p], lams[i], shapes[i], lams[p] + change)
-            a = np.flatnonzero(pairs.partner >= 0)
-            b = pairs.partner[a]
-            labels[i][b], before[i][b] = labels[p][a], lams[p][a]
-            macs[i][b], ambiguous[i][b] = pairs.mac[a], pairs.ambiguous[a]
-        used += _number_newcomers(level, lams, labels, used)
-    return Tracks(labels, macs, ambiguous)
+    a2, b2 = squares(a), squares(b)
+    if len(a) <= BLOCK:
+        return _mac(a, b, a2, b2)
+    value = np.zeros(near.shape, dtype=a2.dtype)
+    for start in range(0, len(a), BLOCK):
+        rows = slice(start, start + BLOCK)
+        seen = np.flatnonzero(near[rows].any(axis=0))
+        if len(seen):
+            columns = slice(seen[0], seen[-1] + 1)
+            value[rows, columns] = _mac(a[rows], b[columns], a2[rows], b2[columns])
+    return value
 
 
-def _normalised(x: np.ndarray) -> np.ndarray:
-    span = np.ptp(x, axis=0)
-    scaled: np.ndarray = x / np.where(span > 0, span, 1.0)
-    return scaled
+def _rival(cost: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Cost of the next best choice of each chosen pair, relative to its own cost (n,).
+
+    It exchanges partners with another pair, and then the costs of both count; or it takes a mode
+    that has no partner at all. Infinite where there is no other choice.
+    """
+    least = 1e-300  # the cost of a pair that did not change is zero but for rounding
+    chosen = cost[rows] if len(rows) < cost.shape[0] else cost
+    swapped = chosen.take(columns, axis=1)
+    own = swapped.diagonal().copy()
+    ratio = swapped + swapped.T
+    ratio /= np.maximum(own[:, None] + own, least)
+    ratio.flat[:: len(own) + 1] = np.inf
+    best: np.ndarray = ratio.min(axis=1, initial=np.inf)
+    for others in (_without(chosen.T, columns).T, _without(cost, rows).take(columns, axis=1).T):
+        if others.size:
+            free = np.where(others < UNPAIRED, others, np.inf).min(axis=1)
+            best = np.minimum(best, free / np.maximum(own, least))
+    return best
 
 
-def _step(x: np.ndarray, g: int, p: int, i: int) -> float:
-    """How much of the change from g to p is expected from p to i; none off their line."""
-    u, v = x[p] - x[g], x[i] - x[p]
-    size_u, size_v = float(np.linalg.norm(u)), float(np.linalg.norm(v))
-    if not size_u or not u @ v > STRAIGHT * size_u * size_v:
-        return 0.0
-    return EXTRAPOLATED * min(size_v / size_u, LONGEST_STEP)
+def _without(a: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The other rows of an array."""
+    if len(rows) == len(a):
+        return a[:0]
+    kept = np.ones(len(a), dtype=bool)
+    kept[rows] = False
+    return a[kept]
 
 
-def _number_newcomers(
-    level: Sequence[int], lams: Sequence[np.ndarray], labels: Sequence[np.ndarray], used: int
-) -> int:
-    """Number what has no label yet, oscillating modes first, by frequency. Returns how many."""
-    new = [(i, j) for i in level for j in np.flatnonzero(labels[i] < 0)]
-    new.sort(key=lambda ij: (lams[ij[0]][ij[1]].imag == 0, abs(lams[ij[0]][ij[1]]), ij))
-    for number, (i, j) in enumerate(new, start=used + 1):
-        labels[i][j] = number
-    return len(new)
+def _passing(lam_a: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
+    """PASSING for each pair whose frequency passes that of another pair, else infinite (n,).
+
+    Whether two modes cross or veer, their shapes tell at close quarters only.
+    """
+    order_a, order_b = np.abs(lam_a).argsort(), np.abs(lam_b).argsort()
+    place = np.empty(len(lam_a), dtype=int)
+    place[order_b] = np.arange(len(lam_a))
+    ranks = place[order_a]  # ascending but for modes that pass each other
+    if not len(ranks):
+        return np.zeros(0)
+    passing = (np.maximum.accumulate(ranks) > ranks) | (
+        np.minimum.accumulate(ranks[::-1])[::-1] < ranks
+    )
+    found = np.full(len(lam_a), np.inf)
+    found[order_a[passing]] = PASSING
+    return found
+
+
+def _lost(far: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """Modes without partner that have another such mode nearby: a step too long, perhaps."""
+    alone = (partner < 0).nonzero()[0]
+    if not len(alone):
+        return alone
+    free = _without(far.T, partner[partner >= 0]).T
+    return alone[(free[alone] < LOST).any(axis=1)]

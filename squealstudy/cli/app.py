@@ -31,7 +31,11 @@ Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Results directory; default results/NAME.")
 ]
 By = Annotated[
-    str, typer.Option(help="share, growth, damping, threshold, frequency or energy_<component>.")
+    str,
+    typer.Option(
+        help="share, growth, damping, threshold, frequency, energy_<component>; of random designs "
+        "probability, worst, mean_growth."
+    ),
 ]
 Top = Annotated[int | None, typer.Option(min=1, help="Number of modes listed.")]
 Where = Annotated[
@@ -80,6 +84,44 @@ def rank(
     from squealstudy.cli.rank import rank_command
 
     rank_command(results, by, top, where, csv)
+
+
+@app.command()
+def robust(
+    results: ResultsPath,
+    top: Top = None,
+    confidence: Annotated[
+        float, typer.Option(min=0.5, max=0.9999, help="Of the intervals.")
+    ] = 0.95,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="Print all columns as CSV; indices with --indices.")
+    ] = False,
+    indices: Annotated[
+        bool, typer.Option("--indices", help="Print the Sobol indices alone.")
+    ] = False,
+) -> None:
+    """Probability of instability of a random design, and its Sobol indices."""
+    from squealstudy.cli.robust import robust_command
+
+    robust_command(results, top, confidence, csv, indices)
+
+
+@app.command()
+def sensitivity(
+    path: Annotated[
+        Path, typer.Argument(metavar="STUDY_OR_RESULTS", help="Study file or results directory.")
+    ],
+    mode: Annotated[
+        float | None, typer.Option(min=0.0, help="Mode nearest this frequency, Hz.")
+    ] = None,
+    top: Annotated[int | None, typer.Option(min=1, help="Number of parameters listed.")] = 20,
+    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+    jobs: Jobs = None,
+) -> None:
+    """Which component modes and parameters move the most unstable mode, beside a reanalysis."""
+    from squealstudy.cli.sensitivity import sensitivity_command
+
+    sensitivity_command(path, mode, top, csv, jobs)
 
 
 @app.command()

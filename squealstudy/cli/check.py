@@ -10,11 +10,13 @@ from pathlib import Path
 
 from squealstudy.cli import screen
 from squealstudy.errors import SquealstudyError
+from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
 from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
+from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
     build_first,
     check_component_modes,
@@ -39,6 +41,7 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     check_component_modes(plan)
     kind = kind_of(plan)
     kind.check(plan)
+    plan = grown(plan, directory) if directory.is_dir() else plan
     done = chunks.finished_points(directory, kind.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))
@@ -52,24 +55,27 @@ def _facts(
     study = plan.study
     rows = [
         ("study", f"{study.name}: {study.definition.study.kind} on {study.model.name}, valid"),
-        ("design", f"{len(plan.tasks)} points, {missing} of them not yet in {directory}"),
+        ("design", _design(plan, missing, directory)),
         *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
-        ("reductions", _structures(plan, cost)),
+        _structures(plan, cost),
+        *_method(plan),
     ]
     if cost.n_coordinates is not None:
-        rows.append(("reduced model", f"{cost.n_coordinates} degrees of freedom"))
+        rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
     build_s = cost.n_missing_structures * (cost.structure_s or 0.0)
     workers = min(jobs, max(missing, 1))
-    total = missing * cost.point_s / workers + build_s / (
-        1 if cost.n_missing_structures == 1 else workers
-    )
+    build_s /= 1 if cost.n_missing_structures == 1 else workers
+    total = _duration(missing * cost.point_s / workers + build_s)
+    if grows(plan.study) and missing:
+        most = missing + most_points(plan.study) - len(plan.tasks)
+        total += f" to {_duration(most * cost.point_s / min(jobs, max(most, 1)) + build_s)}"
     return [
         *rows,
         (
             "time",
-            f"{_duration(total)}: {cost.point_s:.2f} s a point on one core, {workers} workers",
+            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers",
         ),
         (
             "memory",
@@ -78,22 +84,49 @@ def _facts(
     ]
 
 
+def _method(plan: Plan) -> list[tuple[str, str]]:
+    """How design points are solved, and why so."""
+    if plan.study.definition.study.kind != "complex_modes":
+        return []
+    method = plan.method
+    kept = f", to {method.tolerance:g}" if method.identity else ""
+    bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
+    return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+
+
+def _design(plan: Plan, missing: int, directory: Path) -> str:
+    """Number of points; of a design that grows also what it may come to."""
+    text = f"{len(plan.tasks)} points, {missing} of them not yet in {directory}"
+    if grows(plan.study) and missing:
+        text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
+    return text
+
+
 def _range(plan: Plan, index: int) -> str:
     sweep = plan.study.sweeps[index]
     values = sweep.values
-    count = f"{len(values)} values" if values else "random"
+    scatter = "random" if sweep.distribution is None else sweep.distribution.text
+    count = f"{len(values)} values" if values else scatter
     unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
     return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
 
 
-def _structures(plan: Plan, cost: Estimate) -> str:
+def _model_word(plan: Plan) -> str:
+    return "model" if isinstance(plan.study.model, FamilyDefinition) else "reduced model"
+
+
+def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
+    """Reductions to make, or the files of a family, which is never reduced here."""
+    if isinstance(plan.study.model, FamilyDefinition):
+        n = len(plan.study.model.sources)
+        return "matrices", f"{n} terms read, parameters {', '.join(plan.study.values) or 'none'}"
     total = len(plan.structures)
     text = f"{total} needed, {cost.n_missing_structures} not in the cache"
     if total > 1:
         text += "; a swept mass or stiffness costs one reduction a value"
     if cost.n_missing_structures and cost.structure_s:
         text += f" ({_duration(cost.structure_s)} each)"
-    return text
+    return "reductions", text
 
 
 def _duration(seconds: float) -> str:

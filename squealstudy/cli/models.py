@@ -8,7 +8,12 @@ from rich.table import Table
 from squealstudy.cli import screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue import MODEL_NAMES, MODELS
+from squealstudy.models.expression import CONSTANTS
+from squealstudy.models.expression_tree import FUNCTIONS
+from squealstudy.models.matrix_family import DESCRIPTION
+from squealstudy.models.matrix_family import NAME as MATRICES
+from squealstudy.models.matrix_files import READERS
 from squealstudy.models.parameter import ModelDefinition
 
 MODE_PARAMETERS = (
@@ -17,15 +22,39 @@ MODE_PARAMETERS = (
     ("modes[N].damping_ratio", "damping_ratio", "the same of a real mode of the assembly"),
 )
 
+CONTRACT = f"""\
+lambda^2 M(p) + lambda C(p) + K(p), each a sum of the terms that the study lists:
+
+[model]
+name = "matrices"
+folder = "..."                 # of the files, beside the study without it; or $SQUEALSTUDY_DATA
+
+[[model.term]]
+matrix = "C"                   # M | C | K
+file = "gyroscopic.mat"        # {" ".join(e for endings in READERS for e in endings)}
+variable = "G"                 # where the file holds several
+coefficient = "omega/(2*pi)"   # number or expression, default 1
+
+[parameters]
+omega = 12.6                   # every name in a coefficient is a parameter and has its value here
+
+Expressions: + - * / ** and brackets; {", ".join(CONSTANTS)}; {", ".join(FUNCTIONS)}.
+Such a model has no contact, components or energies: it is solved at full order, tracked, ranked and
+drawn, but not integrated in time."""
+
 
 def models_command(name: str | None, modes: bool, cutoff: float) -> None:
     """List the models, or describe one."""
     if name is None:
-        screen.facts([(m.name, m.description) for m in MODELS.values()])
+        rows = [(m.name, m.description) for m in MODELS.values()]
+        screen.facts([*rows, (MATRICES, DESCRIPTION)])
         screen.console.print("\nsquealstudy models NAME lists parameters, components and modes.")
         return
+    if name == MATRICES:
+        screen.console.print(f"{MATRICES}: {DESCRIPTION}\n\n{CONTRACT}")
+        return
     if name not in MODELS:
-        raise SquealstudyError(f"unknown model '{name}', expected {', '.join(MODELS)}")
+        raise SquealstudyError(f"unknown model '{name}', expected {', '.join(MODEL_NAMES)}")
     model = MODELS[name]
     screen.console.print(f"{model.name}: {model.description}\n")
     _options(model)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -10,14 +11,17 @@ from matplotlib.figure import Figure
 
 from squealstudy.analysis.ranking import parameter_columns
 from squealstudy.cli import screen
+from squealstudy.cli.sensitivity_screen import sensitivity_figures
 from squealstudy.cli.transient_pictures import NOT_IN_NAMES, nominal_others, transient_figures
 from squealstudy.errors import ResultsError
 from squealstudy.plots.evolution import evolution
 from squealstudy.plots.files import save_figure
 from squealstudy.plots.ranking_bars import ranking_bars
+from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
-from squealstudy.study.results import Results
+from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.study.results import SOBOL_INDICES, Results
 
 
 def plot_command(path: Path, output: Path | None, along: str | None) -> None:
@@ -36,13 +40,19 @@ def _listed(names: list[str]) -> str:
 def draw_pictures(results: Results, directory: Path, along: str | None = None) -> list[Path]:
     """Draw and save every picture that the study's design allows; their paths."""
     drawn = []
-    transient = results.kind == "transient"
-    pairs = transient_figures(results, along) if transient else _figures(results, along).items()
-    for name, figure in pairs:
+    for name, figure in _named_figures(results, along):
         path = directory / f"{name}.png"
         save_figure(figure, path)
         drawn.append(path)
     return drawn
+
+
+def _named_figures(results: Results, along: str | None) -> Iterable[tuple[str, Figure]]:
+    if results.kind == "transient":
+        return transient_figures(results, along)
+    if results.kind == "sensitivity":
+        return sensitivity_figures(results)
+    return _figures(results, along).items()
 
 
 def _figures(results: Results, along: str | None) -> dict[str, Figure]:
@@ -61,11 +71,23 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
     if len(varied) == 2 and set(points[varied[0]]) == set(points[varied[1]]):
         figures["evolution_together"] = _together(results, varied, units)
     if len(varied) >= 2:
+        nodes, solved = results.full_points() if results.boundary else (points, None)
         for measure in ("count", "growth"):
             figures[f"stability_map_{measure}"] = stability_map(
-                points, modes, varied[0], varied[1], units=units, measure=measure
+                nodes, modes, varied[0], varied[1], units=units, measure=measure, solved=solved
             )
+    if results.design in RANDOM_DESIGNS:
+        figures["robust"] = _robust(results)
     return figures
+
+
+def _robust(results: Results) -> Figure:
+    """Probabilities, and the Sobol indices where the design has them and enough points solved."""
+    indices = None
+    if results.design == SOBOL_INDICES:
+        with contextlib.suppress(ResultsError):  # `squealstudy robust` says why
+            indices = results.sobol_indices()
+    return robust_bars(results.robust(), indices)
 
 
 def _together(results: Results, varied: list[str], units: Mapping[str, str]) -> Figure:

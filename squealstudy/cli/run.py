@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import screen, transient_screen
+from squealstudy.cli import screen, sensitivity_screen, transient_screen
 from squealstudy.cli.pictures import draw_pictures
+from squealstudy.models.matrix_family import NAME as MATRICES
 from squealstudy.study.definition import load_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
@@ -45,6 +46,9 @@ def show_findings(results: Results) -> None:
         screen.console.print()
         transient_screen.ranking(results.rank(top=LISTED))
         return
+    if results.kind == "sensitivity":
+        sensitivity_screen.show_ranking(results, None, LISTED)
+        return
     unit = results.manifest["units"].get(results.along, "")
     screen.ranking(results.rank(top=LISTED), results.along, unit)
 
@@ -59,11 +63,30 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
             f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        *_method(manifest),
         ("error", error_statement(report.directory, manifest)),
         ("tables", ", ".join(str(report.directory / n) for n in TABLES[manifest["kind"]])),
     ]
     if report.n_solved == 0:
         rows.insert(1, ("nothing to do", "all design points were there already"))
+    return rows
+
+
+def _method(manifest: dict[str, Any]) -> list[tuple[str, str]]:
+    """Which rungs served the points of a complex-mode study, and what an audit of them found."""
+    method = manifest.get("method")
+    if not method:
+        return []
+    served = ", ".join(f"{rung} {count}" for rung, count in method["points"].items())
+    rows = [("method", f"{method['chosen']} ({method['reason']}); points by rung: {served}")]
+    audit = manifest.get("audit")
+    if audit and audit["modes"]:
+        text = (
+            f"{audit['modes']} modes of {audit['points']} points at full order: largest error "
+            f"{audit['largest_true_error']:.1e}, largest estimate {audit['largest_estimate']:.1e}, "
+            f"{audit['missed_modes']} missed"
+        )
+        rows.append(("audit", text))
     return rows
 
 
@@ -73,13 +96,16 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
         points = Results.open(directory).points
         balance = points.loc[points["status"] == "ok", "energy_balance"].abs().max()
         return f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
+    if manifest["kind"] == "sensitivity":
+        return sensitivity_screen.agreement(Results.open(directory).sensitivities)
     checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
     if not checks:
         return "not checked against the full-order model ([modes] reference_points = 0)"
     frequency = max(c["frequency_error"] for c in checks)
     damping = max(c["damping_error"] for c in checks)
     missed = sum(c["missed_modes"] for c in checks)
+    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of |damping| < 5 % against the full-order model at {len(checks)} point(s)"
+        f"modes of |damping| < 5 % against {other} at {len(checks)} point(s)"
     )

@@ -53,7 +53,9 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in titles:
         grid.add_column(title, justify="right", no_wrap=True, min_width=NARROW)
-    grid.add_column("energy in", no_wrap=True, min_width=WIDE)
+    energies = bool(table["main_component"].any())  # a family of matrices has none
+    if energies:
+        grid.add_column("energy in", no_wrap=True, min_width=WIDE)
     grid.add_column("worst at", overflow="fold")
     for row in table.to_dict("records"):
         grid.add_row(
@@ -63,8 +65,7 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
             f"{row['max_growth_rate']:.1f}",
             f"{100 * row['min_damping_ratio']:.3f}",
             *([_threshold(row)] if along else []),
-            f"{row['main_component']} {100 * row['main_share']:.0f} %, "
-            f"{row['second_component']} {100 * row['second_share']:.0f} %",
+            *([_energy(row)] if energies else []),
             ", ".join(value for _, value in _settings(row)),
         )
     console.print(grid)
@@ -79,6 +80,11 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
         console.print(f"onset: {name} from which on the mode is unstable", style="dim")
     if table["ambiguous"].any():
         console.print("~ tracking was ambiguous somewhere on this mode's lines", style="dim")
+
+
+def _energy(row: dict[Hashable, Any]) -> str:
+    shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
+    return ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares if name)
 
 
 def _settings(row: dict[Hashable, Any]) -> list[tuple[str, str]]:

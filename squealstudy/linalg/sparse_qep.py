@@ -52,7 +52,12 @@ class WoodburyFactor:
 
 
 def smallest_roots(
-    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int, scale: float
+    M: sp.spmatrix,
+    C: LowRankSum,
+    K: LowRankSum,
+    n_roots: int,
+    scale: float,
+    factor: Factor | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The `n_roots` roots of smallest modulus, conjugates included.
 
@@ -65,6 +70,8 @@ def smallest_roots(
         Roots asked for; a pair counts twice.
     scale : float
         Typical |lambda| [rad/s]; balances the companion form.
+    factor : Factor or None
+        Of K, where it is there already; only large models need one.
 
     Returns
     -------
@@ -81,12 +88,12 @@ def smallest_roots(
     n = M.shape[0]
     if n <= DENSE_LIMIT:
         return _dense_roots(M, C, K, n_roots)
-    factor = WoodburyFactor(K)
+    solver: Factor = WoodburyFactor(K) if factor is None else factor
 
     def apply(z: np.ndarray) -> np.ndarray:
         # theta x = y,  K (theta y) = -(s C y + s^2 M x), in time scaled by s
         x, y = z[:n], z[n:]
-        return np.concatenate([y, -factor.solve(scale * (C @ y) + scale**2 * (M @ x))])
+        return np.concatenate([y, -solver.solve(scale * (C @ y) + scale**2 * (M @ x))])
 
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
     v0 = np.random.default_rng(0).standard_normal(2 * n)

@@ -96,6 +96,11 @@ class ModelDefinition:
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
 
+    @property
+    def energy_parts(self) -> tuple[str, ...]:
+        """What elastic energy is divided over: components and interfaces; nothing without them."""
+        return (*self.components, "interfaces") if self.components else ()
+
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""
         return {p.name: p for p in self.parameters}[name]

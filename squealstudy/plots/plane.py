@@ -25,6 +25,8 @@ class StudyPlane:
 
     Attributes
     ----------
+    rows : ndarray (n,) of int
+        Places of the design points in the points table.
     across, up : Quantity
         The two parameters.
     x, y : ndarray (n,)
@@ -43,6 +45,7 @@ class StudyPlane:
         Points of the plane differ in other parameters too.
     """
 
+    rows: np.ndarray
     across: Quantity
     up: Quantity
     x: np.ndarray
@@ -105,6 +108,7 @@ def study_plane(
     besides = f"also varied: {', '.join(vary)}" if vary else ""
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
+        points.index.get_indexer(plane.index),
         across,
         up,
         across.scaled(plane[along[0]]),

@@ -23,7 +23,7 @@ NAMES = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 def ranking_bars(
     ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12, along: str | None = None
 ) -> Figure:
-    """Unstable share of each ranked track, and its mean energy shares over unstable points.
+    """Unstable share of each ranked track, and mean energy shares where the model has them.
 
     Parameters
     ----------
@@ -40,11 +40,14 @@ def ranking_bars(
     if not len(shown):
         return empty_figure("no unstable mode")
     energies = mean_energies(modes, shown["track"].tolist())
-    figure = new_figure(10.5, 1.9 + 0.38 * len(shown))
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
+    figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
     place = np.arange(len(shown))
+    if len(energies.columns):
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
+        _energies(right, place, energies)
+    else:  # a family of matrices has no components
+        left = figure.subplots()
     _shares(left, place, shown)
-    _energies(right, place, energies)
     left.set_yticks(place, [_name(row) for row in shown.to_dict("records")])
     left.set_ylim(len(shown) - 0.4, -0.6)
     parts = [f"first {len(shown)} of {len(ranking)} rows"] if len(ranking) > len(shown) else []
@@ -98,5 +101,4 @@ def _energies(axes: Axes, place: np.ndarray, energies: pd.DataFrame) -> None:
     finish(axes, "Elastic energy, mean over unstable points [%]", "")
     axes.set_xlim(min(left.min(), 0.0), 100)
     axes.grid(False, axis="y")
-    if len(energies.columns):
-        axes.figure.legend(loc="outside lower right", ncols=5, fontsize=9, frameon=False)
+    axes.figure.legend(loc="outside lower right", ncols=5, fontsize=9, frameon=False)

@@ -35,6 +35,7 @@ def stability_map(
     units: Mapping[str, str] | None = None,
     measure: str = "count",
     top: int = 4,
+    solved: np.ndarray | None = None,
 ) -> Figure:
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
@@ -50,6 +51,9 @@ def stability_map(
     top : int
         Number of tracks, fastest growth first, whose boundary of stability is drawn; ticks point
         to the unstable side.
+    solved : ndarray (n_points,) of bool or None
+        The rows of `points` that were solved, where it is the full grid of a boundary design: they
+        are marked.
 
     Raises
     ------
@@ -71,11 +75,16 @@ def stability_map(
         set_ticks(axis, shown, points[shown.name])
     drawable = 0 if plane.others_vary else len(plane.worst)
     handles = [_boundary(axes, plane, place) for place in range(drawable)]
+    shares = _mark_solved(axes, plane, solved)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     failed = int(np.isnan(plane.value).sum())
     mark = "hatched" if plane.gridded else "x"
-    parts = [plane.elsewhere, f"{plural(failed, 'point')} failed ({mark})" if failed else ""]
+    parts = [
+        plane.elsewhere,
+        shares,
+        f"{plural(failed, 'point')} failed ({mark})" if failed else "",
+    ]
     parts += [] if len(plane.worst) else ["no unstable track"]
     axes.set_title("; ".join(part for part in parts if part), fontsize=10, loc="left")
     if handles:
@@ -127,6 +136,15 @@ def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize
     axes.plot(plane.x[~known], plane.y[~known], "x", color="0.4")
     style |= {"edgecolor": "0.3", "linewidth": 0.6, "s": 38, "zorder": 2}
     return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], **style)
+
+
+def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> str:
+    """Dots at the solved nodes; how many they are of all nodes shown."""
+    if solved is None:
+        return ""
+    here = solved[plane.rows]
+    axes.plot(plane.x[here], plane.y[here], ".", color="0.25", markersize=2.5, markeredgewidth=0)
+    return f"{here.sum()} of {len(here)} nodes solved (dots)"
 
 
 def _scales(axes: Axes, plane: StudyPlane) -> None:

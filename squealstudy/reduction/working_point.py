@@ -71,7 +71,7 @@ def working_point(
         friction beyond which the steady state does not exist.
     """
     law, A = point.law, space.area
-    equations = _GapEquations(space, point)
+    equations = GapEquations(space, point)
     estimate = _mean_pressure(space, point)
     if start is None:
         g = np.full(len(A), law.gap_at(estimate))
@@ -91,7 +91,7 @@ def working_point(
         residual = equations.relative(F, g)
         size = np.abs(step).max() / law.gap_scale(level)
         if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
-            return _result(space, g, p, kappa, iteration, residual)
+            return working_point_result(space.area, g, p, kappa, iteration, residual)
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
@@ -103,14 +103,16 @@ def known_working_point(
     space: ContactSpace, point: OperatingPoint, gap: np.ndarray
 ) -> WorkingPoint | None:
     """The working point at gaps solved earlier, or None where they do not balance this point."""
-    equations = _GapEquations(space, point)
+    equations = GapEquations(space, point)
     g = np.array(gap, dtype=float)
     F, p, kappa = equations.imbalance(g)
     residual = equations.relative(F, g)
-    return _result(space, g, p, kappa, 0, residual) if residual < TOLERANCE else None
+    if not residual < TOLERANCE:
+        return None
+    return working_point_result(space.area, g, p, kappa, 0, residual)
 
 
-class _GapEquations:
+class GapEquations:
     """Imbalance of the gaps and its Jacobian, at one operating point."""
 
     def __init__(self, space: ContactSpace, point: OperatingPoint) -> None:
@@ -138,17 +140,17 @@ class _GapEquations:
         return float(np.abs(F).max() / (self._size + np.abs(g).max() + 1e-300))
 
 
-def _result(
-    space: ContactSpace,
+def working_point_result(
+    area: np.ndarray,
     g: np.ndarray,
     p: np.ndarray,
     kappa: np.ndarray,
     iterations: int,
     residual: float,
 ) -> WorkingPoint:
-    A = space.area
-    open_area = A[p < 0.01 * (A @ p / A.sum())].sum()
-    return WorkingPoint(g, p, kappa, iterations, residual, float(open_area / A.sum()))
+    """The contact state at solved gaps."""
+    open_area = area[p < 0.01 * (area @ p / area.sum())].sum()
+    return WorkingPoint(g, p, kappa, iterations, residual, float(open_area / area.sum()))
 
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:

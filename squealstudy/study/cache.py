@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,20 +40,26 @@ def is_prepared(key: str) -> bool:
 
 def save_prepared(key: str, prepared: PreparedModel) -> Path:
     """Store a prepared model; the directory appears whole or not at all."""
-    target = prepared_path(key)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{key}.", dir=target.parent))
     scalars: dict[str, object] = {"timings": dict(prepared.timings)}
+    arrays = {name: getattr(prepared, name) for name in ARRAYS}
     for part in PARTS:
         value = getattr(prepared, part)
         for f in fields(value):
             item = getattr(value, f.name)
             if isinstance(item, np.ndarray):
-                np.save(temporary / f"{part}.{f.name}.npy", item)
+                arrays[f"{part}.{f.name}"] = item
             else:
                 scalars[f"{part}.{f.name}"] = item
-    for name in ARRAYS:
-        np.save(temporary / f"{name}.npy", getattr(prepared, name))
+    return store(key, scalars, arrays)
+
+
+def store(key: str, scalars: dict[str, object], arrays: Mapping[str, np.ndarray]) -> Path:
+    """Write scalars and arrays under a key; the directory appears whole or not at all."""
+    target = prepared_path(key)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{key}.", dir=target.parent))
+    for name, array in arrays.items():
+        np.save(temporary / f"{name}.npy", array)
     scalars["files"] = {p.name: p.stat().st_size for p in sorted(temporary.iterdir())}
     (temporary / META).write_text(json.dumps(scalars), encoding="utf-8")
     try:
@@ -68,7 +76,7 @@ def save_prepared(key: str, prepared: PreparedModel) -> Path:
 def load_prepared(key: str) -> PreparedModel:
     """Read a prepared model; arrays are read-only memory maps shared by all workers."""
     path = prepared_path(key)
-    scalars = json.loads((path / META).read_text(encoding="utf-8"))
+    scalars = read_scalars(key)
 
     def part(name: str, kind: type) -> object:
         values = {}
@@ -93,6 +101,12 @@ def load_prepared(key: str) -> PreparedModel:
         **{name: np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS},
         timings=scalars["timings"],
     )
+
+
+def read_scalars(key: str) -> dict[str, Any]:
+    """What is stored under a key beside arrays; every prepared model has its `timings` there."""
+    scalars: dict[str, Any] = json.loads((prepared_path(key) / META).read_text(encoding="utf-8"))
+    return scalars
 
 
 # -- working points ------------------------------------------------------------------------------

@@ -1,8 +1,8 @@
-"""Chunk files: one row a design point with its findings nested, under an explicit schema."""
+"""Chunk files: one row a design point with its findings in lists, under an explicit schema."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +22,30 @@ def write_chunk(
     write_parquet(directory / DIRECTORY / f"{name}.parquet", table)
 
 
-def finished_points(directory: Path, schema: pa.Schema) -> set[str]:
-    """Ids of all points in whole chunk files; files of another schema are passed over."""
-    found: set[str] = set()
+def read_tables(
+    directory: Path, schema: pa.Schema, columns: Sequence[str] | None = None
+) -> Iterator[pa.Table]:
+    """Tables of the chunk files one after the other; files of another schema are passed over."""
+    chosen = None if columns is None else list(columns)
     for path in sorted((directory / DIRECTORY).glob("*.parquet")):
-        if pq.read_schema(path).equals(schema):
-            found.update(pq.read_table(path, columns=["point_id"])["point_id"].to_pylist())
+        with pq.ParquetFile(path) as file:
+            if file.schema_arrow.equals(schema):
+                yield file.read(columns=chosen, use_threads=False)
+
+
+def finished_points(directory: Path, schema: pa.Schema) -> set[str]:
+    """Ids of all points in whole chunk files."""
+    found: set[str] = set()
+    for table in read_tables(directory, schema, ["point_id"]):
+        found.update(table["point_id"].to_pylist())
     return found
 
 
 def read_chunks(directory: Path, wanted: set[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
     """Rows of the wanted points by id; a point that stands twice is taken once."""
     rows: dict[str, dict[str, Any]] = {}
-    for path in sorted((directory / DIRECTORY).glob("*.parquet")):
-        if not pq.read_schema(path).equals(schema):
-            continue
-        for row in pq.read_table(path).to_pylist():
+    for table in read_tables(directory, schema):
+        for row in table.to_pylist():
             if row["point_id"] in wanted:
                 rows[row["point_id"]] = row
     return rows

@@ -76,7 +76,7 @@ def parse_study(text: str, path: Path) -> Study:
     """The study of a TOML text; `path` is for messages. Raises as `load_study`."""
     source = SourceText(path, text)
     definition = validate(StudyDefinition, source, parse_toml(path, text))
-    model = _model(definition.model, source)
+    model = _model(definition, source)
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
     for name, value in definition.parameters.items():
@@ -94,25 +94,31 @@ def parse_study(text: str, path: Path) -> Study:
     return Study(path, text, definition, model, options, values, sweeps)
 
 
-def _model(section: ModelSection, source: SourceText) -> ModelDefinition:
-    from squealstudy.models.catalogue import MODELS
+def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
+    from squealstudy.models.catalogue import MODEL_NAMES, MODELS
+    from squealstudy.models.matrix_family import NAME
+    from squealstudy.study.family import family_of
 
-    if section.name not in MODELS:
+    name = definition.model.name
+    if name not in MODEL_NAMES:
         raise source.error(
             ("model", "name"),
-            f"expected one of {', '.join(MODELS)}, got {shown(section.name)}"
-            + did_you_mean(section.name, MODELS),
+            f"expected one of {', '.join(MODEL_NAMES)}, got {shown(name)}"
+            + did_you_mean(name, MODEL_NAMES),
         )
-    return MODELS[section.name]
+    return family_of(definition, source) if name == NAME else MODELS[name]
 
 
 def _options(
     section: ModelSection, model: ModelDefinition, source: SourceText
 ) -> dict[str, str | int]:
     """Every option of the model: as given, or its default."""
+    from squealstudy.models.matrix_family import FamilyDefinition
+
     options = {option.name: option for option in model.options}
     values = {option.name: option.choices[0] for option in model.options}
-    for name, value in section.options.items():
+    foreign = () if isinstance(model, FamilyDefinition) else section.family_keys
+    for name, value in (dict.fromkeys(foreign) | section.options).items():
         keys = ("model", name)
         if name not in options:
             its = f"its options are {', '.join(options)}" if options else "it has no options"

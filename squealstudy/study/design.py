@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import OperatingPoint, law_from_values
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import ModeParameter, parse_parameter
@@ -27,6 +28,11 @@ class Design:
     model: ModelDefinition
     law_kind: str
     values: Mapping[str, float]
+
+    @property
+    def has_working_point(self) -> bool:
+        """Whether there is contact to balance; a family of matrices has none."""
+        return not isinstance(self.model, FamilyDefinition)
 
     def structural_values(self) -> dict[str, float]:
         """The values that decide masses and stiffnesses, sorted by name."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.cache import is_prepared
+from squealstudy.study.family_cache import load_any
 from squealstudy.study.kinds import kind_named
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
@@ -59,7 +60,7 @@ def estimate(plan: Plan) -> Estimate:
     step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
     timed = (kind.time_point(plan, task) for task in tasks[::step][:TIMED_POINTS])
     seconds = [t for t in timed if t]
-    prepared = load_prepared(ready[0])
+    prepared = load_any(ready[0])
     return Estimate(
         missing,
         float(sum(prepared.timings.values())),

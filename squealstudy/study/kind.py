@@ -36,7 +36,7 @@ class Kind(Protocol):
         """What may go wrong in a run, from the prepared model of the first structure."""
         ...
 
-    def prepare(self, plan: Plan, report: Progress) -> None:
+    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """What must be there before workers start, beside the structures."""
         ...
 
@@ -60,8 +60,10 @@ class Kind(Protocol):
         """Checks of finished points against a better model, for the manifest."""
         ...
 
-    def build_tables(self, plan: Plan, directory: Path) -> pd.DataFrame:
-        """Write the tables from the chunk files; the points' table."""
+    def build_tables(
+        self, plan: Plan, directory: Path, jobs: int, report: Progress
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write the tables from the chunk files; the points' table, and facts for the manifest."""
         ...
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:

@@ -13,6 +13,7 @@ from typing import Any
 from squealstudy.errors import ResultsError
 from squealstudy.study.plan import Plan
 from squealstudy.study.results_manifest import read_manifest
+from squealstudy.study.rounds import map_facts
 
 LOCK = ".lock"
 PACKAGES = (
@@ -37,15 +38,14 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "kind": study.definition.study.kind,
         "model": study.model.name,
         "options": dict(study.options),
-        "study_hash": plan.study_hash,
-        "structures": [s.key for s in plan.structures],
-        "n_points": len(plan.tasks),
+        **point_facts(plan),
         "band_hz": list(plan.band_hz),
         "parameters": list(study.shown_parameters),
         "sweeps": [s.parameter.name for s in study.sweeps],
         "units": {p: parameter_unit(plan, p) for p in study.shown_parameters},
         "nominal": {p: plan.nominal_values[p] for p in study.shown_parameters},
         "grid_shape": plan.grid_shape,
+        "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "transient": plan.in_time[0] if plan.in_time else None,
         "study": study.text,
         "versions": {name: version(name) for name in PACKAGES},
@@ -54,6 +54,17 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "threads": {"workers": jobs, "blas_threads_a_worker": 1},
         "timings": {},
     }
+
+
+def point_facts(plan: Plan) -> dict[str, Any]:
+    """What a manifest says of the design points; it changes where a design grows."""
+    facts = {
+        "study_hash": plan.study_hash,
+        "structures": [s.key for s in plan.structures],
+        "n_points": len(plan.tasks),
+    }
+    found = map_facts(plan)
+    return facts if found is None else {**facts, "boundary": found}
 
 
 def parameter_unit(plan: Plan, name: str) -> str:

@@ -2,5 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 POINTS, MODES, GROWTH = "points.parquet", "modes.parquet", "growth.parquet"
+ONSETS = "onsets.parquet"
+SENSITIVITIES = "sensitivities.parquet"
 HISTORIES, STATES = "histories", "states"
+ONSET_PARAMETER = "friction"
+
+
+def onset_parameter(swept: Sequence[str]) -> str | None:
+    """The parameter along which onsets are sought: friction if swept, else the first sweep."""
+    if ONSET_PARAMETER in swept:
+        return ONSET_PARAMETER
+    return swept[0] if swept else None

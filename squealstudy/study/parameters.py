@@ -123,6 +123,8 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
     plain = {p.name: p for p in model.parameters}
     if name in plain:
         return PlainParameter(plain[name])
+    if not model.components and ("modes[" in name or ".modes" in name):
+        raise ParameterError(name, f"model '{model.name}' has no components whose modes to change")
     if "modes[" in name or ".modes" in name:
         return _parse_mode_parameter(name, model)
     hint = did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"

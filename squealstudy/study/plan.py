@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import StudyFileError
+from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import CONTACT_LAW, OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
 from squealstudy.study.design import Design
+from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
+from squealstudy.study.method import DENSE, FULL, Method, choose_method
 from squealstudy.study.sampling import design_points, grid_shape
+from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.toml_lines import KeyPath
@@ -23,6 +27,7 @@ from squealstudy.study.transient.start import StartState, find_start
 
 LAW_OPTION = "contact_law"
 MOST_TRAINING = 4  # design points of a training run
+SLOPE_SOURCES = ("study/sensitivity",)
 TRANSIENT_SOURCES = ("study/transient",)  # they decide what is sampled and trained
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
@@ -43,11 +48,14 @@ class Plan:
     ----------
     study : Study
         A loaded study file.
+    swept : list of dict or None
+        Swept values of every design point, where the study's own design has grown by results
+        (study/rounds.py).
     """
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: Study, swept: list[dict[str, float]] | None = None) -> None:
         self.study = study
-        self.swept = design_points(study)
+        self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
             Design(study.model, self.law_kind, {**study.values, **point}) for point in self.swept
         )
@@ -102,7 +110,9 @@ class Plan:
         return tuple(points)
 
     def structure_key(self, design: Design) -> str:
-        """Content hash of the prepared model that a design needs."""
+        """Content hash of the prepared model that a design needs; StudyFileError without files."""
+        if isinstance(self.study.model, FamilyDefinition):
+            return self.family_key
         s = self.settings
         return content_hash(
             {
@@ -115,6 +125,25 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+            }
+        )
+
+    @cached_property
+    def family_key(self) -> str:
+        """Content hash of the one prepared model of a family: its files, not where they are."""
+        model = self.study.model
+        assert isinstance(model, FamilyDefinition)
+        digests = file_digests(model, SourceText(self.study.path, self.study.text))
+        terms = [
+            [term.matrix, digest, term.variable, term.coefficient]
+            for term, digest in zip(model.sources, digests, strict=True)
+        ]
+        return content_hash(
+            {
+                "source": source_hash(),
+                "terms": terms,
+                "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
+                "band": list(self.band_hz),
             }
         )
 
@@ -145,6 +174,17 @@ class Plan:
         ]
 
     @cached_property
+    def in_sensitivity(self) -> list[Any]:
+        """What sensitivities depend on beside parameters; StudyFileError for a name unknown."""
+        definition = self.study.definition
+        if definition.study.kind != "sensitivity":
+            return []
+        asked = asked_parameters(self.study, self.law_kind)
+        section = definition.sensitivity.model_dump(mode="json", exclude={"parameters"})
+        tolerance = definition.modes.stability_tolerance
+        return [section, [item.name for item in asked], tolerance, source_hash(SLOPE_SOURCES)]
+
+    @cached_property
     def training_designs(self) -> tuple[Design, ...]:
         """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
         chosen = {int(f(column)) for column in self.coordinates.T for f in (np.argmin, np.argmax)}
@@ -153,12 +193,28 @@ class Plan:
         return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
     @cached_property
+    def method(self) -> Method:
+        """How design points are solved; StudyFileError for one that cannot serve this study."""
+        exact = FULL if isinstance(self.study.model, FamilyDefinition) else DENSE
+        structural = [s.name for s in self.study.sweeps if s.parameter.structural]
+        return choose_method(self.study, self.swept, structural, exact)
+
+    @cached_property
     def tasks(self) -> tuple[PointTask, ...]:
         """Identity and structure of every design point, in the order of the design."""
         tasks = []
         for design in self.designs:
             key = self.structure_key(design)
-            model_hash = content_hash([key, list(self.band_hz), self.law_kind, *self.in_time])
+            model_hash = content_hash(
+                [
+                    key,
+                    list(self.band_hz),
+                    self.law_kind,
+                    *self.in_time,
+                    *self.in_sensitivity,
+                    *self.method.identity,
+                ]
+            )
             tasks.append(PointTask(point_id(model_hash, design.values), design, key))
         return tuple(tasks)
 
@@ -180,6 +236,7 @@ class Plan:
                 list(self.study.shown_parameters),
                 modes.model_dump(mode="json"),
                 *self.in_time,
+                *self.in_sensitivity,
             ]
         )
 
@@ -244,6 +301,18 @@ class Plan:
 def has_mesh(study: Study) -> bool:
     """Whether the model is a finite-element one, to be reduced."""
     return "mesh" in study.options
+
+
+def checked_points(plan: Plan) -> list[int]:
+    """Indices of the design points solved at full order too: the chosen ones, then the audit's.
+
+    The audit draws its share of all points at random; which they are depends on their number alone.
+    """
+    section = plan.study.definition.modes
+    chosen = reference_choice(plan, section.reference_points)
+    count = int(np.ceil(section.audit * len(plan.tasks)))
+    drawn = np.random.default_rng(0).permutation(len(plan.tasks))[:count]
+    return list(dict.fromkeys([*chosen, *(int(i) for i in drawn)]))
 
 
 def reference_choice(plan: Plan, count: int) -> list[int]:

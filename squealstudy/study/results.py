@@ -7,17 +7,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
 from squealstudy.analysis.ranking import rank_modes
 from squealstudy.errors import ResultsError
-from squealstudy.study.names import GROWTH, MODES, POINTS
+from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.study.names import GROWTH, MODES, ONSETS, POINTS, SENSITIVITIES, onset_parameter
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
 
-ONSET_PARAMETER = "friction"
-TABLES = {"complex_modes": (POINTS, MODES), "transient": (POINTS, MODES, GROWTH)}
+SOBOL_INDICES = "sobol_indices"
+TABLES = {
+    "complex_modes": (POINTS, MODES, ONSETS),
+    "transient": (POINTS, MODES, GROWTH),
+    "sensitivity": (POINTS, SENSITIVITIES),
+}
 
 
 @dataclass(frozen=True)
@@ -63,8 +69,30 @@ class Results:
 
     @cached_property
     def modes(self) -> pd.DataFrame:
-        """One row a complex mode of a design point."""
+        """One row a complex mode of a design point; ResultsError in a sensitivity study."""
+        if self.kind == "sensitivity":
+            raise ResultsError(
+                f"{self.directory}: a sensitivity study has no table of modes; 'squealstudy "
+                "sensitivity' ranks its parameters"
+            )
         return self._read(MODES)
+
+    @cached_property
+    def onsets(self) -> pd.DataFrame:
+        """One row for each value of the parameter `along` at which a track turns (un)stable.
+
+        See study.complex_modes.onsets. Raises ResultsError where the study has no complex modes.
+        """
+        if self.kind != "complex_modes":
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no table of onsets")
+        return self._read(ONSETS)
+
+    @cached_property
+    def sensitivities(self) -> pd.DataFrame:
+        """One row a parameter, mode and design point of a sensitivity study; else ResultsError."""
+        if self.kind != "sensitivity":
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no sensitivities")
+        return self._read(SENSITIVITIES)
 
     @cached_property
     def growth(self) -> pd.DataFrame:
@@ -85,7 +113,7 @@ class Results:
 
     @property
     def kind(self) -> str:
-        """``complex_modes`` or ``transient``."""
+        """``complex_modes``, ``transient`` or ``sensitivity``."""
         return str(self.manifest["kind"])
 
     @property
@@ -101,9 +129,7 @@ class Results:
     @property
     def along(self) -> str | None:
         """The parameter of onset thresholds: friction where it is swept, else the first sweep."""
-        if ONSET_PARAMETER in self.swept:
-            return ONSET_PARAMETER
-        return self.swept[0] if self.swept else None
+        return onset_parameter(self.swept)
 
     def rank(
         self, by: str = "share", top: int | None = None, where: str | None = None
@@ -122,7 +148,90 @@ class Results:
             from squealstudy.analysis.transient_ranking import rank_energy
 
             return rank_energy(self.points, self.modes, top, where)
-        return rank_modes(self.points, self.modes, self.along, by, top, where)
+        if self.boundary is not None:
+            return self._rank_map(by, top, where)
+        return rank_modes(self.points, self.modes, self.along, by, top, where, self.onsets)
+
+    def _rank_map(self, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """The ranking over all nodes of a boundary design's full grid; `at` are solved nodes."""
+        from squealstudy.analysis.boundary_map import full_tables
+
+        facts = self.boundary or {}
+        points, modes = full_tables(self.points, self.modes, facts["axes"], facts["levels"])
+        table = rank_modes(points, modes, self.along, by, top, where)
+        solved = rank_modes(self.points, self.modes, None, "growth", None, where)
+        table["at"] = table["track"].map(solved.set_index("track")["at"]).fillna(table["at"])
+        return table
+
+    @property
+    def design(self) -> str:
+        """Type of the design, ``grid`` or another."""
+        return str(self.manifest.get("design", {}).get("type", "grid"))
+
+    @property
+    def boundary(self) -> dict[str, Any] | None:
+        """Full grid (``axes``, ``levels``) of a boundary design and how much of it was solved."""
+        facts: dict[str, Any] | None = self.manifest.get("boundary")
+        return facts
+
+    def full_points(self) -> tuple[pd.DataFrame, np.ndarray]:
+        """`points` on every node of a boundary design's full grid, and which were solved.
+
+        See analysis.boundary_map.full_points.
+
+        Raises ResultsError where the design is another.
+        """
+        if self.boundary is None:
+            raise ResultsError(f"{self.directory}: a {self.design} design has no boundary map")
+        from squealstudy.analysis.boundary_map import full_points
+
+        return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
+
+    def robust(self, confidence: float = 0.95) -> pd.DataFrame:
+        """Probability of instability with its interval, of any mode and of each track.
+
+        The points of a random design count as draws (analysis.robust.robust_table); of a
+        sobol_indices design its two independent samples alone.
+
+        Raises
+        ------
+        ResultsError
+            Where the design is not random, or every point failed.
+        """
+        self._expect_random("probability of instability")
+        from squealstudy.analysis.robust import robust_table
+        from squealstudy.analysis.saltelli import base_rows
+
+        n, d = len(self.points), len(self.swept)
+        drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
+        return robust_table(self.points, self.modes, drawn, confidence)
+
+    def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
+        """First and total Sobol indices of the largest growth rate and of unstable tracks.
+
+        See analysis.sobol_table.sobol_table.
+
+        Raises
+        ------
+        ResultsError
+            Where the design is not ``sobol_indices``, or too many points failed.
+        """
+        if self.design != SOBOL_INDICES:
+            raise ResultsError(
+                f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
+                f"this is {self.design}"
+            )
+        from squealstudy.analysis.sobol_table import sobol_table
+
+        return sobol_table(self.points, self.modes, self.swept, top, confidence)
+
+    def _expect_random(self, what: str) -> None:
+        if self.kind != "complex_modes" or self.design not in RANDOM_DESIGNS:
+            kinds = ", ".join(RANDOM_DESIGNS)
+            raise ResultsError(
+                f"{self.directory}: {what} needs complex modes of a random design ({kinds}), this "
+                f"is {self.kind} of a {self.design} design"
+            )
 
     def _expect_transient(self, what: str) -> None:
         if self.kind != "transient":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from joblib import delayed
 
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
-from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.cache import is_prepared, load_prepared, read_scalars
 from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.kind import Kind, Progress
@@ -23,13 +22,15 @@ from squealstudy.study.manifest import (
     check_ownership,
     locked,
     new_manifest,
+    point_facts,
 )
 from squealstudy.study.parallel import in_parallel
-from squealstudy.study.plan import Plan, Structure
+from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
+from squealstudy.study.rounds import grown
 from squealstudy.study.sampling import check_limit
-from squealstudy.study.structures import BuildTask, build_structure, mode_counts
+from squealstudy.study.structures import build_structure, build_task, mode_counts
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ def run_study(
     """Run a study, or what is left of it.
 
     Nothing is written before the study is known to be valid. Whole chunk files are kept over
-    kills and changes; only missing design points are solved.
+    kills and changes; only missing design points are solved. A design that grows is solved in
+    rounds, each of points that the ones before ask for.
 
     Parameters
     ----------
@@ -115,6 +117,9 @@ def run_study(
     kind = kind_of(plan)
     kind.check(plan)
     with locked(directory):
+        if (further := grown(plan, directory)) is not plan:
+            plan = further
+            failures |= build_structures(plan, jobs, progress)
         found = check_ownership(directory, plan)
         if found and _is_complete(found, plan, kind, directory):
             return RunReport(directory, found, 0, len(plan.tasks))
@@ -125,6 +130,12 @@ def run_study(
         for text in kind.warnings(plan):
             warn(text)
         n_solved = _solve_points(plan, kind, directory, jobs, failures, progress, manifest)
+        while len((further := grown(plan, directory)).tasks) > len(plan.tasks):
+            plan = further
+            check_limit(plan.study, yes, len(plan.tasks))
+            failures |= build_structures(plan, jobs, progress)
+            manifest |= point_facts(plan)
+            n_solved += _solve_points(plan, kind, directory, jobs, failures, progress, manifest)
         verified = time.perf_counter()
         manifest["reference"] = kind.verify(plan, directory, jobs, failures, progress)
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
@@ -154,7 +165,7 @@ def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str
     stage = "reduction"
     progress(stage, 0, len(missing))
     threads = jobs if len(missing) == 1 else 1
-    tasks = [_build_task(plan, s, threads) for s in missing]
+    tasks = [build_task(plan, s, threads) for s in missing]
     if len(tasks) == 1:
         outcomes = iter([build_structure(tasks[0])])
     else:
@@ -171,25 +182,13 @@ def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str
 
 def build_first(plan: Plan, jobs: int) -> str:
     """Make the first structure of a plan; the reason of its failure, or an empty string."""
-    return build_structure(_build_task(plan, plan.structures[0], jobs))[1]
-
-
-def _build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask:
-    return BuildTask(
-        structure,
-        plan.study.options,
-        plan.nominal,
-        plan.training,
-        plan.settings,
-        threads,
-        os.getpid(),
-    )
+    return build_structure(build_task(plan, plan.structures[0], jobs))[1]
 
 
 def _structure_timings(plan: Plan, failures: dict[str, str]) -> dict[str, float]:
     """Seconds of each preparing stage when it was done, the mean over structures."""
     kept = [s.key for s in plan.structures if s.key not in failures]
-    frame = pd.DataFrame([dict(load_prepared(key).timings) for key in kept])
+    frame = pd.DataFrame([read_scalars(key)["timings"] for key in kept])
     return {f"structure_{name}": float(value) for name, value in frame.mean().items()}
 
 
@@ -212,11 +211,12 @@ def _solve_points(
         rows = [kind.failed_row(t.point_id, "structure", failures[t.prepared_key]) for t in unbuilt]
         chunks.write_chunk(directory, chunk_id(t.point_id for t in unbuilt), rows, kind.schema)
     if solvable:
-        kind.prepare(plan, progress)
+        kind.prepare(plan, progress, jobs)
     tasks = kind.tasks(plan, directory, solvable, jobs)
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     progress("design points", done, total)
-    busy = peak = 0.0
+    timings = manifest["timings"]
+    busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
     for report in in_parallel(jobs, [delayed(kind.solve)(t) for t in tasks]):
         done += report.n_points
         known += report.n_known_working_points
@@ -224,12 +224,14 @@ def _solve_points(
         peak = max(peak, report.peak_mb)
         progress("design points", done, total)
     manifest["peak_memory_mb"] = {"largest_worker": peak}
-    manifest["timings"] |= {
+    spent = {
         "points_s": time.perf_counter() - started,
         "points_worker_s": busy,
         "points_solved": len(solvable),
         "working_points_reused": known,
     }
+    for name, value in spent.items():  # of all rounds together
+        timings[name] = timings.get(name, 0) + value
     return len(pending)
 
 
@@ -244,7 +246,9 @@ def _finish(
     """Build the tables and close the manifest."""
     progress("tables", 0, 1)
     tables_started = time.perf_counter()
-    points = kind.build_tables(plan, directory)
+    jobs = int(manifest["threads"]["workers"])
+    points, facts = kind.build_tables(plan, directory, jobs, progress)
+    manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
     manifest["n_failed"] = int((points["status"] != "ok").sum())

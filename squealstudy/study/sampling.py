@@ -7,23 +7,33 @@ import math
 
 import numpy as np
 
+from squealstudy.analysis.saltelli import saltelli_rows
+from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
 from squealstudy.study.source import SourceText
-from squealstudy.study.sweeps import Sweep
+from squealstudy.study.sweeps import beyond
+
+GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
+INDICES = "sobol_indices"
 
 
 def count_points(study: Study) -> int:
-    """Number of design points, without making them."""
+    """Number of design points, without making them; of a boundary design those it begins with."""
     design = study.definition.design
     if design.samples is not None:
-        return design.samples
+        groups = len(study.sweeps) + 2 if design.type == INDICES else 1
+        return design.samples * groups
     lengths = [len(sweep.values) for sweep in study.sweeps]
-    return math.prod(lengths) if design.type == "grid" else max(lengths, default=1)
+    return math.prod(lengths) if design.type in GRIDS else max(lengths, default=1)
 
 
-def check_limit(study: Study, yes: bool) -> None:
-    """Raise StudyFileError (key ``design.limit``) for more points than the limit, unless `yes`."""
-    count, limit = count_points(study), study.definition.design.limit
+def check_limit(study: Study, yes: bool, n_points: int | None = None) -> None:
+    """Raise StudyFileError (key ``design.limit``) for more points than the limit, unless `yes`.
+
+    `n_points` is their number where it is not that of `count_points`.
+    """
+    count = count_points(study) if n_points is None else n_points
+    limit = study.definition.design.limit
     if count > limit and not yes:
         raise SourceText(study.path, study.text).error(
             ("design", "limit"),
@@ -43,11 +53,16 @@ def design_points(study: Study) -> list[dict[str, float]]:
     """Swept values of each design point, by parameter name.
 
     In a grid the first sweep varies fastest: its lines are contiguous. The points of a random
-    design are decided by its seed.
+    design are decided by its seed. A boundary design begins with its coarse grid.
+
+    Raises
+    ------
+    StudyFileError
+        Where a distribution gives a value that its parameter cannot take.
     """
     names = [sweep.name for sweep in study.sweeps]
     kind = study.definition.design.type
-    if kind == "grid":
+    if kind in GRIDS:
         slowest_first = itertools.product(*(s.values for s in reversed(study.sweeps)))
         rows = [tuple(reversed(row)) for row in slowest_first]
     elif kind == "zip":
@@ -59,7 +74,7 @@ def design_points(study: Study) -> list[dict[str, float]]:
 
 def _random_rows(study: Study) -> list[tuple[float, ...]]:
     unit = _unit_points(study)
-    columns = [_spread(sweep, u) for sweep, u in zip(study.sweeps, unit.T, strict=True)]
+    columns = [_sampled(study, k, u) for k, u in enumerate(unit.T)]
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
@@ -67,20 +82,31 @@ def _unit_points(study: Study) -> np.ndarray:
     """Points in the unit cube (n_points, n_sweeps)."""
     from scipy.stats import qmc
 
-    design, n = study.definition.design, count_points(study)
+    design, d = study.definition.design, len(study.sweeps)
+    n = design.samples or 1
     rng = np.random.default_rng(design.seed)
     if design.type == "latin_hypercube":
-        return np.asarray(qmc.LatinHypercube(len(study.sweeps), seed=rng).random(n))
+        return np.asarray(qmc.LatinHypercube(d, seed=rng).random(n))
+    bits = (n - 1).bit_length()
+    if design.type == INDICES:  # one sequence of twice the dimension: its halves are independent
+        both = np.asarray(qmc.Sobol(2 * d, scramble=True, seed=rng).random_base2(bits))
+        return saltelli_rows(both[:, :d], both[:, d:])
     # a power of two is drawn, and its beginning taken: the sequence is the same
-    sobol = qmc.Sobol(len(study.sweeps), scramble=True, seed=rng)
-    return np.asarray(sobol.random_base2((n - 1).bit_length()))[:n]
+    sobol = qmc.Sobol(d, scramble=True, seed=rng)
+    return np.asarray(sobol.random_base2(bits))[:n]
 
 
-def _spread(sweep: Sweep, u: np.ndarray) -> np.ndarray:
-    """Values of a swept range from numbers in [0, 1)."""
-    if sweep.scale == "log":
-        a, b = math.log(sweep.low), math.log(sweep.high)
-        x = np.exp(a + (b - a) * u)
-    else:
-        x = sweep.low + (sweep.high - sweep.low) * u
-    return np.clip(x, sweep.low, sweep.high)
+def _sampled(study: Study, number: int, u: np.ndarray) -> np.ndarray:
+    """Values (n,) of one sweep from numbers (n,) in [0, 1); StudyFileError."""
+    sweep = study.sweeps[number]
+    if sweep.distribution is None:
+        raise ValueError(f"sweep '{sweep.name}' has no distribution")
+    values = sweep.distribution.quantiles(u)
+    for value in (values.min(), values.max()):
+        try:
+            sweep.parameter.check(float(value))
+        except ParameterError as e:
+            source = SourceText(study.path, study.text)
+            message = f"{sweep.name}: {beyond(sweep.distribution, e.message)}"
+            raise source.error(("sweep", number, "distribution"), message) from None
+    return values

@@ -11,11 +11,11 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def study_schema() -> dict[str, Any]:
     """JSON Schema of a study file, with the names and options of the models of the catalogue."""
-    from squealstudy.models.catalogue import MODELS
+    from squealstudy.models.catalogue import MODEL_NAMES, MODELS
 
     schema: dict[str, Any] = _without_null(StudyDefinition.model_json_schema())
     model = schema["$defs"]["ModelSection"]
-    model["properties"]["name"]["enum"] = list(MODELS)
+    model["properties"]["name"]["enum"] = list(MODEL_NAMES)
     choices: dict[str, list[str | int]] = {}
     for option in (option for m in MODELS.values() for option in m.options):
         known = choices.setdefault(option.name, [])

@@ -6,12 +6,16 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, Strict, model_validator
 
+from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
+from squealstudy.study.sensitivity_section import SensitivitySection
 from squealstudy.study.transient_section import TransientSection
 
 Scale = Literal["linear", "log"]
+DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
 
 MOST_LEVELS = 1_000_000
+MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 # enrichment shapes of small singular values are local contact shapes: in time they are modes far
 # above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
@@ -27,8 +31,9 @@ class StudySection(Section):
         max_length=100,
         description="name of the study and of its results directory: letters, digits, _ and -",
     )
-    kind: Literal["complex_modes", "transient"] = Field(
-        description="what is computed at each design point: complex modes, or motion in time"
+    kind: Literal["complex_modes", "transient", "sensitivity"] = Field(
+        description="what is computed at each design point: complex modes, motion in time, or "
+        "sensitivities of complex modes"
     )
     description: str = Field(default="", description="free text, copied to the results")
 
@@ -39,11 +44,24 @@ class ModelSection(Section):
     model_config = ConfigDict(extra="allow")  # which options there are is the catalogue's to say
 
     name: str = Field(description="model of the catalogue; 'squealstudy models' lists them")
+    term: Annotated[tuple[TermSection, ...], Strict(False)] = Field(
+        default=(), description="summands of the mass, damping and stiffness (matrices only)"
+    )
+    folder: str | None = Field(
+        default=None,
+        description="where the files of the terms are, relative to the study file or absolute; "
+        "$SQUEALSTUDY_DATA replaces it (matrices only)",
+    )
 
     @property
     def options(self) -> dict[str, Any]:
         """The other keys as given, unchecked."""
         return dict(self.model_extra or {})
+
+    @property
+    def family_keys(self) -> tuple[str, ...]:
+        """Keys given that only a family of matrices has."""
+        return tuple(key for key in ("term", "folder") if key in self.model_fields_set)
 
 
 class SweepSection(Section):
@@ -67,26 +85,53 @@ class SweepSection(Section):
         description="number of values from start to stop, both in",
     )
     scale: Scale = Field(default="linear", description="spacing of the values from start to stop")
+    distribution: DistributionName = Field(
+        default="uniform",
+        description="of random designs: uniform from start to stop (or in the logarithm), normal "
+        "(mean, std), truncated_normal (mean, std, start, stop), lognormal (median, sigma)",
+    )
+    mean: float | None = Field(default=None, description="of a normal distribution, SI units")
+    std: float | None = Field(
+        default=None, gt=0, description="standard deviation of a normal distribution, SI units"
+    )
+    median: float | None = Field(
+        default=None, gt=0, description="of a lognormal distribution, SI units"
+    )
+    sigma: float | None = Field(
+        default=None,
+        gt=0,
+        description="standard deviation of the natural logarithm (lognormal): about the relative "
+        "scatter",
+    )
 
 
 class DesignSection(Section):
     """How the sweeps are put together to design points."""
 
-    type: Literal["grid", "zip", "sobol", "latin_hypercube"] = Field(
+    type: Literal["grid", "zip", "sobol", "latin_hypercube", "sobol_indices", "boundary"] = Field(
         default="grid",
-        description="all combinations, values side by side, or points that fill the ranges",
+        description="all combinations, values side by side, points that fill the ranges, the "
+        "sample of Sobol indices, or a grid that is refined where stability changes",
     )
     samples: int | None = Field(
         default=None,
         ge=1,
         le=MOST_LEVELS,
-        description="number of points (sobol and latin_hypercube)",
+        description="number of points (sobol and latin_hypercube); of sobol_indices the base "
+        "points, a power of two: there are samples x (sweeps + 2) design points",
     )
     seed: int = Field(
         default=0,
         ge=0,
         le=LARGEST_SEED,
-        description="of the random numbers (sobol and latin_hypercube)",
+        description="of the random numbers (sobol, latin_hypercube, sobol_indices)",
+    )
+    levels: int = Field(
+        default=3,
+        ge=1,
+        le=MOST_REFINEMENTS,
+        description="how often a cell of a boundary design may be halved: its map is as fine as a "
+        "grid of (num - 1) 2^levels + 1 values a sweep",
     )
     limit: int = Field(
         default=20_000, ge=1, le=10**9, description="more points than this need the option --yes"
@@ -107,8 +152,37 @@ class ModesSection(Section):
         le=1,
         description="a mode is unstable where its damping ratio is below minus this",
     )
+    method: Literal[
+        "auto", "full", "dense", "two_step", "sweep_basis", "windows", "perturbation"
+    ] = Field(
+        default="auto",
+        description="how design points are solved; auto: exactly (dense, of matrices full) or by "
+        "windows over a sweep basis, whichever costs less in all at the tolerance",
+    )
+    tolerance: float = Field(
+        default=1e-4,
+        gt=0,
+        le=0.1,
+        description="largest estimated error of lightly damped modes, relative in frequency and "
+        "absolute in damping ratio, of methods that are not exact",
+    )
+    audit: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="share of the design points solved once more at full order, chosen at random: "
+        "true errors beside the estimates",
+    )
     track: bool = Field(
         default=True, description="follow modes along the lines of a grid by their shapes"
+    )
+    refine_tracking: bool = Field(
+        default=True,
+        description="solve points in between where it is in doubt which mode goes on as which",
+    )
+    refine_onsets: bool = Field(
+        default=True,
+        description="find the values at which modes turn unstable by root finding, to 1e-4",
     )
     reference_points: int = Field(
         default=2,
@@ -163,13 +237,18 @@ class StudyDefinition(Section):
     transient: TransientSection = Field(
         default=TransientSection(), description="time integration (kind = 'transient' only)"
     )
+    sensitivity: SensitivitySection = Field(
+        default=SensitivitySection(),
+        description="which derivatives are computed (kind = 'sensitivity' only)",
+    )
 
     @model_validator(mode="after")
     def _sections_of_the_kind(self) -> Self:
-        if "transient" in self.model_fields_set and self.study.kind != "transient":
-            raise ValueError(
-                f'a [transient] section needs kind = "transient", this is {self.study.kind}'
-            )
+        for kind in ("transient", "sensitivity"):
+            if kind in self.model_fields_set and self.study.kind != kind:
+                raise ValueError(
+                    f'a [{kind}] section needs kind = "{kind}", this is {self.study.kind}'
+                )
         return self
 
     @model_validator(mode="before")

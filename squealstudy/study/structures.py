@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.family_point import angular_band
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
+from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.cache import is_prepared, save_prepared
+from squealstudy.study.family import read_family
+from squealstudy.study.family_cache import save_family
 from squealstudy.study.plan import Plan, Structure
 from squealstudy.study.process import watch_parent
+from squealstudy.study.source import SourceText
 
 
 @dataclass(frozen=True)
@@ -31,8 +38,54 @@ class BuildTask:
     parent: int
 
 
-def build_structure(task: BuildTask) -> tuple[str, str]:
-    """Assemble, reduce and cache one structure; (key, "") or (key, reason of failure)."""
+@dataclass(frozen=True)
+class FamilyTask:
+    """A family of matrices to read, prepare and store."""
+
+    key: str
+    model: FamilyDefinition
+    source: SourceText
+    band_hz: tuple[float, float]
+    threads: int
+
+
+def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | FamilyTask:
+    """What has to be done for a structure of the plan."""
+    study = plan.study
+    if isinstance(study.model, FamilyDefinition):
+        source = SourceText(study.path, study.text)
+        return FamilyTask(structure.key, study.model, source, plan.band_hz, threads)
+    return BuildTask(
+        structure, study.options, plan.nominal, plan.training, plan.settings, threads, os.getpid()
+    )
+
+
+def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
+    """Make and cache one structure; (key, "") or (key, reason of failure).
+
+    Raises StudyFileError where a file of matrices cannot be used.
+    """
+    return _build_family(task) if isinstance(task, FamilyTask) else _build_reduced(task)
+
+
+def _build_family(task: FamilyTask) -> tuple[str, str]:
+    """Read the matrices and solve the nominal point."""
+    if is_prepared(task.key):
+        return task.key, ""
+    started = time.perf_counter()
+    family = read_family(task.model, task.source)
+    read_s = time.perf_counter() - started
+    try:
+        with threadpool_limits(task.threads):
+            prepared = prepare_family(family, task.model.defaults(), angular_band(task.band_hz))
+    except SquealstudyError as error:
+        return task.key, f"at the values of [parameters]: {error}"
+    save_family(task.key, replace(prepared, timings={"read_s": read_s, **prepared.timings}))
+    return task.key, ""
+
+
+def _build_reduced(task: BuildTask) -> tuple[str, str]:
+    """Assemble and reduce."""
     watch_parent(task.parent)
     key, design = task.structure.key, task.structure.design
     if is_prepared(key):

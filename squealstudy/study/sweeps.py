@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.study.design_rules import BOUNDARY, RANDOM_DESIGNS, check_design
+from squealstudy.study.distributions import KEYS, TAIL, UNIFORM, Distribution
 from squealstudy.study.parameters import StudyParameter, parse_parameter
 from squealstudy.study.sections import DesignSection, Scale, StudyDefinition, SweepSection
 from squealstudy.study.source import SourceText
@@ -15,7 +17,7 @@ from squealstudy.study.toml_lines import KeyPath
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
 
-RANDOM_DESIGNS = ("sobol", "latin_hypercube")
+SCATTER = ("distribution", "mean", "std", "median", "sigma")
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,14 @@ class Sweep:
     ----------
     parameter : PlainParameter or ModeParameter
     values : tuple of float
-        Levels in the order of the file; empty for random designs.
+        Levels in the order of the file; empty for random designs. Of a boundary design those of
+        its first, coarse grid.
     low, high : float
-        The range that is swept.
+        The range that is swept; `Distribution.range` of random designs.
     scale : str
-        ``linear`` or ``log``: how start to stop is divided or sampled.
+        ``linear`` or ``log``: how start to stop is divided or sampled; log of a lognormal one.
+    distribution : Distribution or None
+        Of random designs.
     """
 
     parameter: StudyParameter
@@ -38,6 +43,7 @@ class Sweep:
     low: float
     high: float
     scale: Scale
+    distribution: Distribution | None = None
 
     @property
     def name(self) -> str:
@@ -63,43 +69,8 @@ def resolve_sweeps(
         if sweep.name in [s.name for s in sweeps]:
             raise source.error(("sweep", i, "parameter"), f"'{sweep.name}' is swept twice")
         sweeps.append(sweep)
-    _check_design(design, sweeps, source)
-    if design.type == "zip":
-        _check_zip(definition.sweep, sweeps, source)
+    check_design(definition, sweeps, source)
     return tuple(sweeps)
-
-
-def _check_design(design: DesignSection, sweeps: list[Sweep], source: SourceText) -> None:
-    random = design.type in RANDOM_DESIGNS
-    if random and not sweeps:
-        raise source.error(
-            ("design", "type"), f"a {design.type} design needs at least one [[sweep]]"
-        )
-    if random and design.samples is None:
-        raise source.error(
-            ("design", "samples"),
-            f"the key 'samples' is missing: number of points of a {design.type} design",
-        )
-    for key in ("samples", "seed"):
-        if not random and key in design.model_fields_set:
-            raise source.error(
-                ("design", key),
-                f"only {' and '.join(RANDOM_DESIGNS)} designs have '{key}', not {design.type}",
-            )
-
-
-def _check_zip(sections: tuple[SweepSection, ...], sweeps: list[Sweep], source: SourceText) -> None:
-    """Equal lengths, and no point twice."""
-    for i, sweep in enumerate(sweeps):
-        if len(sweep.values) != len(sweeps[0].values):
-            raise source.error(
-                ("sweep", i, "num" if sections[i].values is None else "values"),
-                f"zip takes sweeps of equal length: '{sweep.name}' has {len(sweep.values)} values, "
-                f"'{sweeps[0].name}' has {len(sweeps[0].values)}",
-            )
-    points = list(zip(*(s.values for s in sweeps), strict=True))
-    if len(set(points)) < len(points):
-        raise source.error(("design", "type"), "a point of this zip design appears twice")
 
 
 @dataclass(frozen=True)
@@ -118,38 +89,88 @@ class _SweepReader:
             parameter = parse_parameter(self.section.parameter, self.model)
         except ParameterError as e:
             raise self.source.error((*self.keys, "parameter"), e.message) from None
+        if self.design.type in RANDOM_DESIGNS:
+            return self._random(parameter)
         listed = self.section.values is not None
         values = self._listed(parameter) if listed else self._range(parameter)
         low, high = min(values), max(values)
-        if self.design.type in RANDOM_DESIGNS:
-            values = ()
-        elif self.design.type == "grid" and len(set(values)) < len(values):
+        if self.design.type in ("grid", BOUNDARY) and len(set(values)) < len(values):
             key = "values" if listed else "stop"
             raise self._error(key, "a value appears twice: a grid would repeat its points")
         return Sweep(parameter, values, low, high, self.section.scale)
 
+    def _random(self, parameter: StudyParameter) -> Sweep:
+        """A sweep with its distribution; both tails are values that the parameter can take."""
+        section, name = self.section, self.section.distribution
+        start, stop = -math.inf, math.inf
+        if "start" in KEYS[name]:
+            ends = self._range(parameter)
+            start, stop = min(ends), max(ends)
+        mean, std = (getattr(section, k) for k in KEYS[name][:2])
+        scale: Scale = "log" if name == "lognormal" else section.scale
+        found = (
+            Distribution(name, start=start, stop=stop, scale=scale)
+            if name == UNIFORM
+            else Distribution(name, mean, std, start, stop, scale)
+        )
+        low, high = found.range
+        for end in (low, high):
+            try:
+                parameter.check(end)
+            except ParameterError as e:
+                raise self._error(
+                    "distribution", f"{parameter.name}: {beyond(found, e.message)}"
+                ) from None
+        return Sweep(parameter, (), low, high, scale, found)
+
     def _check_keys(self) -> None:
-        """The keys given are those of a list, of a divided range, or of a range to sample."""
-        random = self.design.type in RANDOM_DESIGNS
+        """The keys given are those of a list, of a divided range, or of a distribution."""
         given = self.section.model_fields_set
-        if "values" in given and random:
-            raise self._error(
-                "values", f"a {self.design.type} design samples a range: give start and stop"
-            )
-        if "num" in given and random:
-            raise self._error("num", "'samples' in [design] counts the points of a random design")
+        if self.design.type in RANDOM_DESIGNS:
+            self._check_random_keys(given)
+            return
+        for key in SCATTER:
+            if key in given:
+                designs = ", ".join(RANDOM_DESIGNS)
+                raise self._error(key, f"only {designs} designs have '{key}'")
+        if "values" in given and self.design.type == BOUNDARY:
+            raise self._error("values", "a boundary design halves a range: give start, stop, num")
         if "values" in given:
             for key in ("start", "stop", "num", "scale"):
                 if key in given:
                     raise self._error(key, f"give either values or start, stop and num; not {key}")
             return
-        wanted = ("start", "stop") if random else ("start", "stop", "num")
+        choice = "start, stop and num"
+        choice = choice if self.design.type == BOUNDARY else f"values, or {choice}"
+        self._check_present(("start", "stop", "num"), choice)
+        if self.design.type == BOUNDARY and self.section.num == 1:
+            raise self._error("num", "expected at least 2 in a boundary design, got 1")
+
+    def _check_random_keys(self, given: set[str]) -> None:
+        """The numbers of the distribution, all of them and no others."""
+        kind, name = self.design.type, self.section.distribution
+        if "values" in given:
+            raise self._error("values", f"a {kind} design samples a range: give start and stop")
+        if "num" in given:
+            raise self._error("num", "'samples' in [design] counts the points of a random design")
+        wanted = KEYS[name]
+        self._check_present(wanted, " and ".join(wanted))
+        allowed = {"parameter", "distribution", *wanted, *(["scale"] if name == UNIFORM else [])}
+        for key in SweepSection.model_fields:
+            if key in given and key not in allowed:
+                hint = "; truncated_normal has ends" if key in ("start", "stop") else ""
+                raise self._error(
+                    key, f"a {name} distribution has {' and '.join(wanted)}, not '{key}'{hint}"
+                )
+
+    def _check_present(self, wanted: tuple[str, ...], choice: str) -> None:
+        given = self.section.model_fields_set
         missing = [key for key in wanted if key not in given]
         if missing and not given & set(wanted):
-            choice = "start and stop" if random else "values, or start, stop and num"
             raise self._error("", f"the sweep is empty: give {choice}")
         if missing:
-            raise self._error(missing[0], f"the key '{missing[0]}' of a swept range is missing")
+            what = "a swept range" if self.section.distribution == UNIFORM else "the distribution"
+            raise self._error(missing[0], f"the key '{missing[0]}' of {what} is missing")
 
     def _listed(self, parameter: StudyParameter) -> tuple[float, ...]:
         values = self.section.values or ()
@@ -182,6 +203,13 @@ class _SweepReader:
 
     def _error(self, key: str, message: str) -> StudyFileError:
         return self.source.error((*self.keys, key) if key else self.keys, message)
+
+
+def beyond(distribution: Distribution, message: str) -> str:
+    """What to say where a distribution has values that the parameter cannot take."""
+    cure = "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
+    tails = "" if distribution.bounded else f" in its tails of probability {TAIL:g}"
+    return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
 
 
 def levels(start: float, stop: float, num: int, scale: Scale) -> tuple[float, ...]:

@@ -25,7 +25,7 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
 
 def known_gap(key: str, design: Design) -> np.ndarray | None:
     """Gaps (nc,) of the design's working point, where a study has solved it before."""
-    return _gaps(key).get(working_point_key(design))
+    return _gaps(key).get(working_point_key(design)) if design.has_working_point else None
 
 
 class NewGaps:
@@ -35,8 +35,9 @@ class NewGaps:
         self._found: dict[str, dict[str, np.ndarray]] = {}
 
     def add(self, key: str, design: Design, gap: np.ndarray) -> None:
-        """Remember the gaps of a design's working point."""
-        self._found.setdefault(key, {})[working_point_key(design)] = gap
+        """Remember the gaps of a design's working point, where it has one."""
+        if design.has_working_point:
+            self._found.setdefault(key, {})[working_point_key(design)] = gap
 
     def save(self, name: str) -> None:
         """Write them to the cache, under the name of the chunk."""

@@ -13,22 +13,29 @@ import pyarrow as pa
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.point import solve_point
 from squealstudy.errors import ConvergenceError
-from squealstudy.study.cache import load_prepared
 from squealstudy.study.complex_modes import rows
+from squealstudy.study.complex_modes.audit import audited
+from squealstudy.study.complex_modes.bases import make_basis
+from squealstudy.study.complex_modes.counts import read_roots
+from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.reference import (
     REFERENCES,
     ReferenceTask,
     check_reference,
     read_references,
 )
+from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.complex_modes.tables import build_tables
+from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
+from squealstudy.study.complex_modes.window_worker import WindowTask, solve_box
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
+from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Progress
-from squealstudy.study.names import MODES, POINTS
+from squealstudy.study.method import APPROXIMATE, FULL, OVER_A_BASIS
+from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
-from squealstudy.study.plan import Plan, reference_choice
+from squealstudy.study.plan import Plan, checked_points
 from squealstudy.study.tasks import ChunkReport, PointTask
 
 KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
@@ -38,7 +45,7 @@ class ComplexModes:
     """Working point and complex modes of every design point; full-order checks of some."""
 
     schema: pa.Schema = rows.SCHEMA
-    tables: tuple[str, ...] = (POINTS, MODES)
+    tables: tuple[str, ...] = (POINTS, MODES, ONSETS)
 
     def check(self, plan: Plan) -> None:
         """Component modes are checked for every kind; there is no more to check."""
@@ -47,22 +54,29 @@ class ComplexModes:
         """Complex modes give none."""
         return []
 
-    def prepare(self, plan: Plan, report: Progress) -> None:
-        """Structures are all that complex modes need."""
+    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+        """The sweep bases of methods that need them."""
+        if plan.method.name in OVER_A_BASIS:
+            with threadpool_limits(jobs):
+                for task in basis_tasks(plan):
+                    make_basis(task, lambda done, most: report("sweep basis", done, most))
 
     def tasks(
         self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
-    ) -> list[ChunkTask]:
-        """Chunks of consecutive points."""
+    ) -> list[ChunkTask] | list[WindowTask]:
+        """Chunks of consecutive points, or boxes of neighbouring ones."""
+        if plan.method.name in APPROXIMATE:
+            return window_tasks(plan, directory, points)
         keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
+        full = FullRung(plan.study.options, plan.settings) if plan.method.name == FULL else None
         return [
-            ChunkTask(directory, plan.band_hz, tuple(part), keep, os.getpid())
+            ChunkTask(directory, plan.band_hz, tuple(part), keep, os.getpid(), full)
             for part in split_chunks(points, jobs)
         ]
 
-    def solve(self, task: ChunkTask) -> ChunkReport:
+    def solve(self, task: ChunkTask | WindowTask) -> ChunkReport:
         """Solve one chunk in a worker."""
-        return solve_chunk(task)
+        return solve_box(task) if isinstance(task, WindowTask) else solve_chunk(task)
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
@@ -72,15 +86,22 @@ class ComplexModes:
         self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
     ) -> list[dict[str, Any]]:
         """Solve the chosen points at full order, those not checked before; all their errors."""
-        count = plan.study.definition.modes.reference_points
-        chosen = [plan.tasks[i] for i in reference_choice(plan, count)]
+        chosen = [plan.tasks[i] for i in checked_points(plan)]
         present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
+        wanted = [t for t in chosen if t.point_id not in present]
+        found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
         tasks = [
             ReferenceTask(
-                directory, t, plan.study.options, plan.settings, plan.band_hz, os.getpid()
+                directory,
+                t,
+                lam,
+                plan.study.options,
+                plan.settings,
+                plan.band_hz,
+                os.getpid(),
             )
-            for t in chosen
-            if t.point_id not in present and t.prepared_key not in failures
+            for t in wanted
+            if t.prepared_key not in failures and (lam := found.get(t.point_id)) is not None
         ]
         if tasks:
             report("full-order check", 0, len(tasks))
@@ -90,17 +111,25 @@ class ComplexModes:
         ids = {t.point_id for t in chosen}
         return [r for i, r in read_references(directory).items() if i in ids]
 
-    def build_tables(self, plan: Plan, directory: Path) -> pd.DataFrame:
-        """Write points and modes."""
-        return build_tables(plan, directory)[0]
+    def build_tables(
+        self, plan: Plan, directory: Path, jobs: int, report: Progress
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write points, modes and onsets."""
+        points, facts = build_tables(plan, directory, jobs, report)
+        served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
+        if plan.study.definition.modes.audit:
+            ids = [plan.tasks[i].point_id for i in checked_points(plan)]
+            facts["audit"] = audited(directory, ids, read_references(directory))
+        method = {"chosen": plan.method.name, "reason": plan.method.reason, "points": served}
+        return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point."""
-        prepared = load_prepared(task.prepared_key)
+        prepared = load_any(task.prepared_key)
         started = time.perf_counter()
         with threadpool_limits(1):
             try:
-                solve_point(prepared, task.design.state(), plan.band_hz)
+                solve_design(prepared, task.design, plan.band_hz)
             except ConvergenceError:
                 return None
         return time.perf_counter() - started

@@ -9,13 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order import full_order_modes, reference_error
-from squealstudy.analysis.point import solve_point
+from squealstudy.analysis.family_point import check_family_point
+from squealstudy.analysis.full_order import FullOrderModes, full_order_modes, reference_error
+from squealstudy.analysis.point import state_working_point
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings, component_modes
-from squealstudy.study.cache import load_prepared
+from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.study.family_cache import Prepared, load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.process import watch_parent
 from squealstudy.study.tasks import PointTask
@@ -23,12 +26,13 @@ from squealstudy.study.tasks import PointTask
 REFERENCES = "references"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceTask:
-    """A design point to solve by the full-order model as well."""
+    """A design point, solved with roots `lam` (m,), to solve by the full-order model as well."""
 
     directory: Path
     point: PointTask
+    lam: np.ndarray
     options: Mapping[str, str | int]
     settings: BasisSettings
     band_hz: tuple[float, float]
@@ -39,22 +43,12 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
     """Solve one point at full order, write its errors to the results, and return them."""
     watch_parent(task.parent)
     started = time.perf_counter()
-    design, state = task.point.design, task.point.design.state()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
         with threadpool_limits(1):
-            reduced = solve_point(load_prepared(task.point.prepared_key), state, task.band_hz)
-            assembly = design.model.build(task.options, design.plain_values())
-            modes = component_modes(assembly, task.settings.component_cutoff)
-            full = full_order_modes(
-                assembly,
-                modes,
-                reduced.working_point,
-                state,
-                task.band_hz,
-                task.settings.assembly_cutoff,
-            )
-        error = reference_error(reduced.lam, full.lam)
+            prepared = load_any(task.point.prepared_key)
+            full = _full_order(task, prepared)
+        error = reference_error(task.lam, full.lam)
         result |= {
             "status": "ok",
             "frequency_error": error.frequency,
@@ -62,12 +56,26 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
             "missed_modes": error.missed,
             "full_order_modes": len(full.lam),
             "full_order_residual": float(full.residual.max(initial=0.0)),
+            "roots": [[float(x.real), float(x.imag)] for x in full.lam],
         }
     except SquealstudyError as error:
         result |= {"status": "failed", "message": str(error)}
     result["wall_s"] = time.perf_counter() - started
     write_json(task.directory / REFERENCES / f"{task.point.point_id}.json", result)
     return result
+
+
+def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
+    """The unreduced model; of a family, which is never reduced, about another shift."""
+    design = task.point.design
+    if isinstance(prepared, PreparedFamily):
+        return check_family_point(prepared, design.plain_values(), task.band_hz)
+    state = design.state()
+    point = state_working_point(prepared, state)
+    assembly = design.model.build(task.options, design.plain_values())
+    modes = component_modes(assembly, task.settings.component_cutoff)
+    cutoff = task.settings.assembly_cutoff
+    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff)
 
 
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:

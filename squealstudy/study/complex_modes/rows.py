@@ -1,4 +1,4 @@
-"""Chunk rows of complex-mode studies."""
+"""Chunk rows of complex-mode studies: the modes of a point are lists, side by side."""
 
 from __future__ import annotations
 
@@ -9,55 +9,51 @@ import pyarrow as pa
 
 from squealstudy.analysis.point import PointModes
 
+DENSE = "dense"
 POINT_FIELDS = (
     ("point_id", pa.string()),
     ("status", pa.string()),
     ("message", pa.string()),
     ("wall_s", pa.float64()),
+    ("method", pa.string()),
     ("working_point_residual", pa.float64()),
     ("open_share", pa.float64()),
 )
 MODE_FIELDS = (
-    ("re", pa.float64()),
-    ("im", pa.float64()),
-    ("overdamped", pa.bool_()),
-    ("residual", pa.float64()),
-    ("energies", pa.list_(pa.float64())),
-    ("shape", pa.binary()),
+    ("re", pa.list_(pa.float64())),
+    ("im", pa.list_(pa.float64())),
+    ("overdamped", pa.list_(pa.bool_())),
+    ("residual", pa.list_(pa.float64())),
+    ("error_estimate", pa.list_(pa.float64())),  # 1/s; NaN where it is not estimated
+    ("energies", pa.list_(pa.float64())),  # (m, components + 1) by rows; may be empty
 )
+SHAPES = "shapes"  # (m, k) complex64 by rows
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=False) for n, t in POINT_FIELDS]
-    + [pa.field("modes", pa.list_(pa.struct([pa.field(n, t) for n, t in MODE_FIELDS])))]
+    [pa.field(n, t, nullable=False) for n, t in (*POINT_FIELDS, *MODE_FIELDS)]
+    + [pa.field(SHAPES, pa.binary(), nullable=False)]
 )
 
 
 def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any]:
-    """Chunk row of a solved point."""
+    """Chunk row of a solved point; models without a working point have none of its figures."""
+    point = modes.working_point
+    estimate = getattr(modes, "error_estimate", None)
+    unknown = np.full(len(modes.lam), np.nan)
     return {
         "point_id": point_id,
         "status": "ok",
         "message": "",
         "wall_s": wall_s,
-        "working_point_residual": modes.working_point.residual,
-        "open_share": modes.working_point.open_share,
-        "modes": [
-            {
-                "re": float(lam.real),
-                "im": float(lam.imag),
-                "overdamped": bool(overdamped),
-                "residual": float(residual),
-                "energies": energies.tolist(),
-                "shape": shape.tobytes(),
-            }
-            for lam, overdamped, residual, energies, shape in zip(
-                modes.lam,
-                modes.overdamped,
-                modes.residual,
-                modes.energies.T,
-                modes.shapes,
-                strict=True,
-            )
-        ],
+        "method": getattr(modes, "method", DENSE),
+        "working_point_residual": np.nan if point is None else point.residual,
+        "open_share": np.nan if point is None else point.open_share,
+        "re": modes.lam.real,
+        "im": modes.lam.imag,
+        "overdamped": modes.overdamped,
+        "residual": modes.residual,
+        "error_estimate": unknown if estimate is None else np.asarray(estimate, dtype=float),
+        "energies": modes.energies.T.ravel(),
+        SHAPES: np.ascontiguousarray(modes.shapes, dtype=np.complex64).tobytes(),
     }
 
 
@@ -68,7 +64,9 @@ def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[
         "status": status,
         "message": message,
         "wall_s": wall_s,
+        "method": "",
         "working_point_residual": np.nan,
         "open_share": np.nan,
-        "modes": [],
+        **{name: [] for name, _ in MODE_FIELDS},
+        SHAPES: b"",
     }

@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.point import solve_point
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.chunks import write_chunk
+from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.complex_modes.solve import solve_design
+from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.process import peak_memory_mb, watch_parent
 from squealstudy.study.tasks import ChunkReport, PointTask
-from squealstudy.study.working_points import NewGaps, known_gap, prepared_model
+from squealstudy.study.working_points import NewGaps, known_gap
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class ChunkTask:
     points: tuple[PointTask, ...]
     keep_gaps: bool
     parent: int
+    full: FullRung | None = None
 
 
 def solve_chunk(task: ChunkTask) -> ChunkReport:
@@ -42,7 +45,7 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
         for point in task.points:
             gap = known_gap(point.prepared_key, point.design)
             known += gap is not None
-            row, found = _solve(point, task.band_hz, gap)
+            row, found = _solve(point, task, gap)
             rows.append(row)
             if gap is None and found is not None and task.keep_gaps:
                 new_gaps.add(point.prepared_key, point.design, found)
@@ -54,12 +57,15 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
 
 
 def _solve(
-    point: PointTask, band_hz: tuple[float, float], known: np.ndarray | None
+    point: PointTask, task: ChunkTask, known: np.ndarray | None
 ) -> tuple[dict[str, Any], np.ndarray | None]:
     started = time.perf_counter()
     try:
-        prepared = prepared_model(point.prepared_key)
-        modes = solve_point(prepared, point.design.state(), band_hz, known)
+        if task.full is not None:
+            modes = task.full.solve(point, task.band_hz)
+        else:
+            prepared = prepared_any(point.prepared_key)
+            modes = solve_design(prepared, point.design, task.band_hz, known)
     except SquealstudyError as error:
         status = getattr(error, "status", "failed")
         wall = time.perf_counter() - started

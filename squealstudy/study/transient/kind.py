@@ -79,7 +79,7 @@ class Transient:
         """Growth above the band, and friction too stiff for the step."""
         return forecast.warnings(plan)
 
-    def prepare(self, plan: Plan, report: Progress) -> None:
+    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
         forecast.warm(plan.study.definition.transient)
         make_training_runs(plan, report)
@@ -113,9 +113,11 @@ class Transient:
         """Nothing is checked at full order in time."""
         return []
 
-    def build_tables(self, plan: Plan, directory: Path) -> pd.DataFrame:
+    def build_tables(
+        self, plan: Plan, directory: Path, jobs: int, report: Progress
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and growth."""
-        return build_tables(plan, directory)
+        return build_tables(plan, directory), {}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""

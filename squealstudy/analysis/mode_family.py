@@ -1,0 +1,90 @@
+"""One complex mode with its left vector, its nearest neighbours and its eigenvalue condition."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.linalg.nearest_roots import nearest_two_sided
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+
+NEIGHBOURS = 6
+OFFSET = 1e-6  # of the shift beside the root: Q(sigma) stays regular, the root the nearest
+
+
+@dataclass(frozen=True)
+class ModeFamily:
+    """A mode (first) and the roots nearest to it.
+
+    Attributes
+    ----------
+    lam : ndarray (k,) complex
+        rad/s.
+    X, Y : ndarray (n, k) complex
+        Right and left vectors, Q(lambda) x = 0 and y^H Q(lambda) = 0, of unit mass norm.
+    norm : ndarray (k,) complex
+        y^H Q'(lambda) x = y^H (2 lambda M + C) x of each.
+    residual : float
+        Larger of the right and left |Q x| / (|lambda|^2 |M x| + |lambda| |C x| + |K x|).
+    """
+
+    lam: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    norm: np.ndarray
+    residual: float
+
+    @property
+    def condition(self) -> float:
+        """Eigenvalue condition 2 |lambda| |x|_M |y|_M / |y^H (2 lambda M + C) x|.
+
+        1 for an undamped symmetric mode, 1/sqrt(1 - zeta^2) for a damped oscillator, infinite
+        where two modes coalesce. Norms are those of the mass, not of the matrices (Tisseur 2000
+        has these): it says how much more this mode moves than a real one under the same change.
+        """
+        size = float(np.abs(self.norm[0]))
+        return 2.0 * float(np.abs(self.lam[0])) / size if size > 0 else float("inf")
+
+
+def mode_family(pencil: QuadraticPencil, lam: complex, count: int = NEIGHBOURS) -> ModeFamily:
+    """The mode whose root is nearest `lam`, with its neighbours.
+
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    sigma = lam * (1.0 + OFFSET)
+    roots = nearest_two_sided(pencil, pencil.factor(sigma), sigma, count)
+    X, Y = (_unit_mass(pencil, V) for V in (roots.X, roots.Y))
+    slopes = [pencil.slope(r, x) for r, x in zip(roots.lam, X.T, strict=True)]
+    norm = np.array([np.vdot(y, s) for y, s in zip(Y.T, slopes, strict=True)])
+    first = roots.lam[0]
+    adjoint = pencil.adjoint()
+    residual = max(
+        relative_residual(pencil, first, X[:, 0]),
+        relative_residual(adjoint, np.conj(first), Y[:, 0]),
+    )
+    return ModeFamily(roots.lam, X, Y, norm, residual)
+
+
+def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> float:
+    """|Q(lambda) x| beside the sizes of its three parts."""
+    parts = [lam**2 * (pencil.M @ x), lam * (pencil.C @ x), pencil.K @ x]
+    size = sum(float(np.linalg.norm(part)) for part in parts)
+    return float(np.linalg.norm(parts[0] + parts[1] + parts[2])) / max(size, 1e-300)
+
+
+def biorthogonality(pencil: QuadraticPencil, first: ModeFamily, second: ModeFamily) -> float:
+    """|y_1^H ((lambda_1 + lambda_2) M + C) x_2| / sqrt(|norm_1 norm_2|): 0 for different modes."""
+    x, y = second.X[:, 0], first.Y[:, 0]
+    total = first.lam[0] + second.lam[0]
+    product = np.vdot(y, total * (pencil.M @ x) + pencil.C @ x)
+    return float(np.abs(product) / np.sqrt(np.abs(first.norm[0] * second.norm[0])))
+
+
+def _unit_mass(pencil: QuadraticPencil, V: np.ndarray) -> np.ndarray:
+    size = np.sqrt(np.einsum("ij,ij->j", V.conj(), pencil.M @ V).real)
+    unit: np.ndarray = V / size
+    return unit

@@ -1,0 +1,154 @@
+"""Quadratic eigenproblems whose dependence on the design point sits in weights alone.
+
+    Q(lambda; p) = lambda^2 M(p) + lambda C(p) + K(p) = sum_t lambda^order_t L_t^T diag(w_t(p)) R_t
+
+The brake at its contact points and a family of matrices are both of this form, and so is every
+projection of them: reductions multiply L_t and R_t once, a design point changes weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+
+STIFFNESS, DAMPING, MASS = 0, 1, 2
+Matrix = Any  # ndarray or scipy sparse matrix
+Weights = tuple[Any, ...]  # of float, ndarray (k,), or ndarray (n, n) for dense terms
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term L^T diag(w) R of the stiffness, damping or mass.
+
+    Attributes
+    ----------
+    order : int
+        Power of lambda: 0 stiffness, 1 damping, 2 mass.
+    left, right : matrix (k, n) or None
+        None is the identity.
+    dense : bool
+        The weight is a whole matrix (n, n) in its place; left and right are None.
+    """
+
+    order: int
+    left: Matrix | None = None
+    right: Matrix | None = None
+    dense: bool = False
+
+    def seen_right(self, X: np.ndarray) -> np.ndarray:
+        """R X."""
+        return X if self.right is None else np.asarray(self.right @ X)
+
+    def seen_left(self, Y: np.ndarray) -> np.ndarray:
+        """L Y."""
+        return Y if self.left is None else np.asarray(self.left @ Y)
+
+
+@dataclass(frozen=True)
+class ParametricSystem:
+    """The terms of a parametric quadratic eigenproblem of size n.
+
+    Raises
+    ------
+    ModelError
+        Terms that do not fit together.
+    """
+
+    n: int
+    terms: tuple[Term, ...]
+
+    def __post_init__(self) -> None:
+        for number, term in enumerate(self.terms):
+            for side in (term.left, term.right):
+                if side is not None and side.shape[1] != self.n:
+                    raise ModelError(
+                        f"term {number} has {side.shape[1]} columns, expected {self.n}"
+                    )
+
+    def matrices(self, weights: Weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Dense M, C, K (n, n) at a design point."""
+        parts = [np.zeros((self.n, self.n)) for _ in range(3)]
+        for term, w in zip(self.terms, weights, strict=True):
+            _add_dense(parts[term.order], term, w)
+        return parts[MASS], parts[DAMPING], parts[STIFFNESS]
+
+    def sparse_matrices(
+        self, weights: Weights
+    ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """Sparse M, C, K at a design point, of systems whose terms are sparse."""
+        parts = [sp.csr_matrix((self.n, self.n)) for _ in range(3)]
+        one = sp.identity(self.n, format="csr")
+        for term, w in zip(self.terms, weights, strict=True):
+            left = one if term.left is None else term.left
+            right = one if term.right is None else term.right
+            scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
+            parts[term.order] = parts[term.order] + left.T @ scaled
+        return parts[MASS].tocsr(), parts[DAMPING].tocsr(), parts[STIFFNESS].tocsr()
+
+    def projected(self, W: np.ndarray, V: np.ndarray) -> ParametricSystem:
+        """The system W^T Q V for real bases W, V (n, r).
+
+        Terms of scalar weight become one small matrix each; the others keep their rows.
+        """
+        return ParametricSystem(V.shape[1], tuple(_projected(t, W, V) for t in self.terms))
+
+    def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Q(lam_j) x_j for every column (n, m)."""
+        return self._apply(weights, lam, X, left=False)
+
+    def apply_adjoint(self, weights: Weights, lam: np.ndarray, Y: np.ndarray) -> np.ndarray:
+        """Q(lam_j)^H y_j for every column (n, m)."""
+        return self._apply(weights, lam.conj(), Y, left=True)
+
+    def _apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray, left: bool) -> np.ndarray:
+        total = np.zeros(X.shape, dtype=complex)
+        for term, w in zip(self.terms, weights, strict=True):
+            Z = X * lam**term.order if term.order else X
+            if term.dense:
+                total += (w.T if left else w) @ Z
+                continue
+            if np.ndim(w) == 0 and w == 0:
+                continue
+            seen = term.seen_left(Z) if left else term.seen_right(Z)
+            scaled = seen * (w if np.ndim(w) == 0 else np.asarray(w)[:, None])
+            back = term.right if left else term.left
+            total += scaled if back is None else back.T @ scaled
+        return total
+
+
+def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:
+    if term.dense:
+        A += w
+    elif term.left is None and term.right is None:
+        A[np.diag_indices_from(A)] += w
+    elif np.ndim(w) or w:
+        right = np.eye(len(A)) if term.right is None else _dense(term.right)
+        scaled = (np.asarray(w)[:, None] if np.ndim(w) else w) * right
+        A += scaled if term.left is None else term.left.T @ scaled
+
+
+def _dense(A: Matrix) -> np.ndarray:
+    return A.toarray() if sp.issparse(A) else np.asarray(A)
+
+
+def _projected(term: Term, W: np.ndarray, V: np.ndarray) -> Term:
+    if term.dense:
+        return term
+    return Term(term.order, term.seen_left(W), term.seen_right(V))
+
+
+def with_small_terms(system: ParametricSystem, scalar: Sequence[bool]) -> ParametricSystem:
+    """A projected system whose terms of scalar weight are multiplied out to (r, r) matrices."""
+    terms = []
+    for term, single in zip(system.terms, scalar, strict=True):
+        if single and not term.dense and term.left is not None and term.right is not None:
+            terms.append(Term(term.order, None, np.asarray(term.left.T @ term.right)))
+        else:
+            terms.append(term)
+    return ParametricSystem(system.n, tuple(terms))

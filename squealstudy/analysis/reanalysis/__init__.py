@@ -1,0 +1,1 @@
+"""The ladder of reanalysis: full, dense, two_step, sweep_basis, windows, perturbation."""

@@ -1,0 +1,65 @@
+"""What tables say of the brake's modes beside their roots: energies and comparable shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.analysis.parametric import Weights
+from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.reduction.prepared import PreparedModel
+
+
+class BrakeModes:
+    """Reads modes given in the coordinates of a basis.
+
+    Parameters
+    ----------
+    prepared : PreparedModel
+    V : ndarray (n, r) or None
+        The basis; None for component-mode coordinates themselves.
+    """
+
+    def __init__(self, prepared: PreparedModel, V: np.ndarray | None) -> None:
+        model = prepared.model
+        self._model, self._V = model, V
+        self._normal = np.asarray(model.N if V is None else model.N @ V)
+        self._springs = np.asarray(model.K_springs if V is None else V.T @ model.K_springs @ V)
+        basis = prepared.shape_basis.T
+        self._shapes = np.asarray(basis if V is None else basis @ V)
+
+    def energies(self, weights: Weights, X: np.ndarray) -> np.ndarray:
+        """Share of each component, then of the interfaces, in psi^H K_sym psi (c + 1, m)."""
+        psi = X if self._V is None else self._V @ X
+        by_coordinate = np.asarray(weights[1])[:, None] * np.abs(psi) ** 2
+        parts = np.add.reduceat(by_coordinate, self._model.offsets[:-1], axis=0)
+        springs = np.einsum("im,im->m", X.conj(), self._springs @ X).real
+        contact = np.asarray(weights[3]) @ np.abs(self._normal @ X) ** 2
+        interfaces = springs + contact
+        total = np.maximum(parts.sum(axis=0) + interfaces, 1e-300)
+        shares: np.ndarray = np.vstack([parts, interfaces]) / total
+        return shares
+
+    def shapes(self, X: np.ndarray) -> np.ndarray:
+        """Unit coordinates (m, k) complex64 on the prepared shape basis."""
+        seen = (self._shapes @ X).T
+        seen = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-300)
+        unit: np.ndarray = seen.astype(np.complex64)
+        return unit
+
+    def read(self, found: PointRoots) -> PointModes:
+        """The modes of a solved point, oscillating ones first."""
+        assert found.sample is not None
+        assert found.sample.working_point is not None
+        order = np.argsort(found.lam.imag == 0, kind="stable")
+        lam, X = found.lam[order], found.X[:, order]
+        return PointModes(
+            lam,
+            lam.imag == 0,
+            found.residual[order],
+            self.energies(found.sample.weights, X),
+            self.shapes(X),
+            found.sample.working_point,
+            found.error[order],
+            found.method,
+        )

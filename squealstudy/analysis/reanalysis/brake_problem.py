@@ -1,0 +1,187 @@
+"""The component-mode brake as the ladder's problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
+from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.analysis.linearise import component_frequencies
+from squealstudy.analysis.parametric import ParametricSystem, Weights
+from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
+from squealstudy.analysis.reanalysis.problem import Sample
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.errors import ConvergenceError
+from squealstudy.reduction.prepared import PreparedModel, shape_column
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point_field import (
+    Cardinals,
+    WorkingPointField,
+    anchor_at,
+)
+
+FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2
+
+
+class BrakeProblem:
+    """A prepared brake over a box of design points.
+
+    Parameters
+    ----------
+    prepared : PreparedModel
+    dimension : int
+        Number of parameters that vary.
+    state_at : callable
+        Design state at theta in [-1, 1]^d.
+    band_hz : (low, high)
+    """
+
+    exact = "dense"  # the rung of `pairs`
+
+    def __init__(
+        self,
+        prepared: PreparedModel,
+        dimension: int,
+        state_at: Callable[[np.ndarray], DesignState],
+        band_hz: tuple[float, float],
+    ) -> None:
+        self.prepared, self.state_at = prepared, state_at
+        self.dimension = dimension
+        self.band = (2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1])
+
+    @cached_property
+    def system(self) -> ParametricSystem:
+        """Terms of the component-mode model."""
+        return brake_system(self.prepared.model)
+
+    @cached_property
+    def field(self) -> WorkingPointField | None:
+        """Working points over the whole box, for starts; None where a node has none."""
+        if not self.dimension:
+            return None
+        grid = interpolation(FIELD_DEGREE.get(self.dimension, 2), self.dimension)
+        points = [_alone(self.prepared, self.state_at(theta)) for theta in grid.nodes]
+        return self._field(grid.nodes, points, grid.cardinals, range(len(points)))
+
+    def local_field(self, box: Box, grid: Interpolation) -> WorkingPointField | None:
+        """Working points over a part of the box, anchored at its middle; None where one fails."""
+        theta = np.vstack([box.place(grid.nodes), box.middle])
+        points = self.working_points(theta)
+
+        def cardinals(at: np.ndarray) -> np.ndarray:
+            return np.hstack([grid.cardinals(box.local(at)), np.zeros((len(at), 1))])
+
+        return self._field(theta, points, cardinals, [len(points) - 1])
+
+    def _field(
+        self,
+        theta: np.ndarray,
+        points: Sequence[WorkingPoint | ConvergenceError],
+        cardinals: Cardinals,
+        anchored: Sequence[int],
+    ) -> WorkingPointField | None:
+        solved = [p for p in points if isinstance(p, WorkingPoint)]
+        if len(solved) < len(points):
+            return None
+        anchors = []
+        for i in anchored:
+            state = self.state_at(theta[i])
+            space = self.prepared.space.changed(self._changes(state))
+            anchors.append(anchor_at(theta[i], space, state.operating, solved[i]))
+        gaps = np.array([p.gap for p in solved])
+        return WorkingPointField(self.prepared.space, gaps, cardinals, tuple(anchors))
+
+    def _changes(self, state: DesignState) -> dict[int, float]:
+        model = self.prepared.model
+        dk = state.stiffness_changes(self._omega)
+        return {shape_column(model, *key): value for key, value in dk.items()}
+
+    @cached_property
+    def _omega(self) -> dict[ModeKey, float]:
+        return component_frequencies(self.prepared.model)
+
+    def working_points(
+        self, theta: np.ndarray, field: WorkingPointField | None = None
+    ) -> list[WorkingPoint | ConvergenceError]:
+        """Working points at theta (b, d), checked; the reason where there is none.
+
+        `field` gives the starts; by default that of the whole box.
+        """
+        states = [self.state_at(row) for row in theta]
+        found: list[WorkingPoint | None] = [None] * len(states)
+        field = field or self.field
+        if field is not None:
+            changes = [self._changes(state) for state in states]
+            found = field.solve(theta, [s.operating for s in states], changes)
+        return [
+            _alone(self.prepared, state) if point is None else point
+            for state, point in zip(states, found, strict=True)
+        ]
+
+    def samples(
+        self, theta: np.ndarray, field: WorkingPointField | None = None
+    ) -> list[Sample | ConvergenceError]:
+        """Weights and working points at theta (b, d); the reason where there is none."""
+        found: list[Sample | ConvergenceError] = []
+        points = self.working_points(theta, field)
+        for row, point in zip(theta, points, strict=True):
+            if isinstance(point, ConvergenceError):
+                found.append(point)
+            else:
+                weights = brake_weights(self.prepared.model, point, self.state_at(row))
+                found.append(Sample(weights, point))
+        return found
+
+    def weights(self, theta: np.ndarray) -> Weights:
+        """Weights at theta, about its working point; ConvergenceError where it has none."""
+        sample = self.samples(np.atleast_2d(theta))[0]
+        if isinstance(sample, ConvergenceError):
+            raise sample
+        return sample.weights
+
+    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+        """Exact pairs by the dense companion form."""
+        weights = self.weights(theta)
+        _, C, K = self.system.matrices(weights)
+        found = all_pairs(C, K)
+        return weights, found.take(in_band(found.lam, self.band, reach))
+
+    @cached_property
+    def _factor(self) -> np.ndarray:
+        """Upper F of K0 = F^T F, at the middle of the box."""
+        weights = self.weights(np.zeros(self.dimension))
+        factor: np.ndarray = la.cholesky(symmetric_stiffness(self.prepared.model, weights))
+        return factor
+
+    def energy_root(self, X: np.ndarray) -> np.ndarray:
+        """F X."""
+        product: np.ndarray = self._factor @ X
+        return product
+
+    def from_energy(self, Z: np.ndarray) -> np.ndarray:
+        """F^-1 Z."""
+        solved: np.ndarray = la.solve_triangular(self._factor, Z)
+        return solved
+
+    def flexibility(self, r: np.ndarray) -> np.ndarray:
+        """K0^-1 r."""
+        solved: np.ndarray = la.cho_solve((self._factor, False), r)
+        return solved
+
+    def mass_product(self, X: np.ndarray) -> np.ndarray:
+        """The mass is the identity."""
+        return X
+
+
+def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | ConvergenceError:
+    try:
+        return state_working_point(prepared, state)
+    except ConvergenceError as error:
+        return error

@@ -1,0 +1,61 @@
+"""How far the roots of a smaller model are from those of the next larger one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.analysis.parametric import ParametricSystem, Weights
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.problem import Problem
+
+LEAST = 1e-13  # relative: round-off of a dense eigenvalue
+
+
+def two_sided_error(problem: Problem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
+    """Signed first-order error lam - lam_exact of each root (m,) complex, rad/s.
+
+        (y^H r_x  -  r_y^H K0^-1 r_x) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
+
+    in the full problem (theory.md section 5). The first part vanishes where the small model is an
+    exact projection, the second is what its basis lacks.
+    """
+    system, lam = problem.system, pairs.lam
+    rx = system.apply(weights, lam, pairs.X)
+    ry = system.apply_adjoint(weights, lam, pairs.Y)
+    slope = np.einsum("ij,ij->j", pairs.Y.conj(), derivative(system, weights, lam, pairs.X))
+    first = np.einsum("ij,ij->j", pairs.Y.conj(), rx)
+    second = np.einsum("ij,ij->j", ry.conj(), problem.flexibility(rx))
+    signed: np.ndarray = (first - second) / np.where(slope == 0, np.inf, slope)
+    return signed
+
+
+def derivative(
+    system: ParametricSystem, weights: Weights, lam: np.ndarray, X: np.ndarray
+) -> np.ndarray:
+    """Q'(lam_j) x_j (n, m) of the pairs: (2 lam M + C) x."""
+    step = np.abs(lam).max(initial=1.0)
+    # Q is quadratic in lam: the central difference is exact
+    ahead = system.apply(weights, lam + step, X)
+    behind = system.apply(weights, lam - step, X)
+    slope: np.ndarray = (ahead - behind) / (2.0 * step)
+    return slope
+
+
+def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """Estimates |error| (m,), rad/s, not below round-off."""
+    size: np.ndarray = np.maximum(np.abs(error), LEAST * np.abs(lam))
+    return size
+
+
+def residuals(
+    problem: Problem, weights: Weights, pairs: Eigenpairs
+) -> tuple[np.ndarray, np.ndarray]:
+    """Backward errors (m,) of pairs, and how far they may have moved the roots (m,), rad/s.
+
+    The first are |Q x| / (2 |lam|^2 |M x|), the second |y| |Q x| with y^H Q'(lam) x = 1: near a
+    coalescence round-off alone moves a root by far more than its share.
+    """
+    r = np.linalg.norm(problem.system.apply(weights, pairs.lam, pairs.X), axis=0)
+    inertia = np.abs(pairs.lam) ** 2 * np.linalg.norm(problem.mass_product(pairs.X), axis=0)
+    moved: np.ndarray = np.linalg.norm(pairs.Y, axis=0) * r
+    return r / np.maximum(2.0 * inertia, 1e-300), moved

@@ -1,0 +1,136 @@
+"""First- and second-order perturbation of an anchor's modes: for small changes, away from lock-in.
+
+In the state space of the companion form a change of weights acts on the last rows alone, so that
+only left vectors y and right vectors x of the quadratic problem enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.analysis.parametric import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    ParametricSystem,
+    Weights,
+)
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.point_pairs import alone
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
+
+PERTURBATION = "perturbation"
+MARGIN = 1.2  # of the band: modes of the anchor that may move into it
+REAL = 1e-12  # relative imaginary part of a root that is its own conjugate
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A design point whose modes are known.
+
+    Attributes
+    ----------
+    theta : ndarray (d,)
+    weights : Weights
+    pairs : Eigenpairs
+        Conjugates included.
+    """
+
+    theta: np.ndarray
+    weights: Weights
+    pairs: Eigenpairs
+
+
+def make_anchor(problem: Problem, theta: np.ndarray, reach: float) -> Anchor:
+    """Solve a design point exactly.
+
+    Second-order terms run through the modes with band[0] / reach <= |lam| <= reach band[1]: all
+    where the full problem is dense, as many as can be paid for where it is sparse.
+    """
+    weights, pairs = problem.pairs(np.asarray(theta), reach)
+    paired = pairs.lam.imag > REAL * np.abs(pairs.lam)
+    lam, X, Y = pairs
+    both = Eigenpairs(
+        np.concatenate([lam, lam[paired].conj()]),
+        np.hstack([X, X[:, paired].conj()]),
+        np.hstack([Y, Y[:, paired].conj()]),
+    )
+    return Anchor(np.asarray(theta), weights, both)
+
+
+def perturbed_roots(
+    problem: Problem, anchor: Anchor, theta: np.ndarray, order: int, index: int = 0
+) -> PointRoots:
+    """Roots of a design point by perturbation of order 1 or 2 from an anchor.
+
+    Vectors are of first order at both: with them the estimate holds the next term of the expansion.
+
+    Raises
+    ------
+    ValueError
+        Another order.
+    """
+    if order not in (1, 2):
+        raise ValueError(f"order must be 1 or 2, got {order}")
+
+    lam = anchor.pairs.lam
+    near = np.flatnonzero(in_band(lam, problem.band, MARGIN))
+
+    def solve(weights: Weights) -> Eigenpairs:
+        return perturbed_pairs(problem.system, anchor, weights, order, near)
+
+    return alone(problem, theta, index, PERTURBATION, solve)
+
+
+def perturbed_pairs(
+    system: ParametricSystem, anchor: Anchor, weights: Weights, order: int, own: np.ndarray
+) -> Eigenpairs:
+    """Pairs `own` (indices) of the anchor, moved to other weights through all of its pairs.
+
+    lam1_i = V_ii,    lam2_i = sum_(k != i) V_ik V_ki / (lam_i - lam_k) - V_ii lam_i y_i^H dM x_i
+    V_ki = -y_k^H (dK + lam_i dC + lam_i^2 dM) x_i,   in V_ik lam_k dC and lam_i lam_k dM
+    """
+    every = anchor.pairs
+    lam, X, Y = every.take(own)
+    change = tuple(np.subtract(new, old) for new, old in zip(weights, anchor.weights, strict=True))
+    masses = _of_order(system, change, MASS).apply(X)
+    into = -every.Y.conj().T @ system.apply(change, lam, X)
+    first = into[own, np.arange(len(own))]
+    fixed = _of_order(system, change, STIFFNESS).adjoint(Y).conj().T @ every.X
+    dampers = _of_order(system, change, DAMPING).adjoint(Y)
+    dampers = dampers + _of_order(system, change, MASS).adjoint(Y) * lam.conj()
+    back = -(fixed + (dampers.conj().T @ every.X) * every.lam)
+    gap = lam[None, :] - every.lam[:, None]  # of column i to row k
+    other = np.where(gap == 0, 0.0, 1.0 / np.where(gap == 0, 1.0, gap))
+    shift = first
+    if order == 2:
+        own_mass = np.einsum("ij,ij->j", Y.conj(), masses)
+        shift = first + np.einsum("ki,ik,ki->i", into, back, other) - first * lam * own_mass
+    left_turn = (back * other.T).conj().T  # column i: what left mode k adds to i
+    return Eigenpairs(lam + shift, X + every.X @ (into * other), Y + every.Y @ left_turn)
+
+
+class _Change(NamedTuple):
+    """The change of the stiffness, the damping or the mass."""
+
+    system: ParametricSystem
+    weights: Weights
+
+    def apply(self, X: np.ndarray) -> np.ndarray:
+        """Times X (n, m)."""
+        return self.system.apply(self.weights, np.ones(X.shape[1]), X)
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Its transpose times Y (n, m)."""
+        return self.system.apply_adjoint(self.weights, np.ones(Y.shape[1]), Y)
+
+
+def _of_order(system: ParametricSystem, change: Weights, order: int) -> _Change:
+    chosen = [i for i, t in enumerate(system.terms) if t.order == order]
+    part = ParametricSystem(system.n, tuple(system.terms[i] for i in chosen))
+    return _Change(part, tuple(change[i] for i in chosen))

@@ -1,0 +1,95 @@
+"""Two steps, as commercial codes take them: symmetric real modes, then a small quadratic problem.
+
+Real modes lack the static response to friction and damping forces, so that the error stalls near
+1e-3 (theory.md section 5): this rung is for comparison.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from squealstudy.analysis.parametric import (
+    DAMPING,
+    ParametricSystem,
+    Term,
+    Weights,
+)
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs, all_roots
+from squealstudy.analysis.reanalysis.point_pairs import alone
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.linalg.real_modes import real_modes
+
+TWO_STEP = "two_step"
+SYMMETRIC = 1e-12  # relative asymmetry of round-off
+
+
+def two_step_roots(
+    problem: Problem, theta: np.ndarray, factor: float, index: int = 0
+) -> PointRoots:
+    """Roots of a design point from real modes up to `factor` times the band.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta : ndarray (d,)
+    factor : float
+        Cut-off of the real modes over the top of the band.
+    index : int
+        Of the design point, for the result.
+    """
+
+    def solve(weights: Weights) -> Eigenpairs:
+        return two_step_pairs(problem.system, weights, factor * problem.band[1])
+
+    return alone(problem, theta, index, TWO_STEP, solve)
+
+
+def two_step_pairs(system: ParametricSystem, weights: Weights, top: float) -> Eigenpairs:
+    """All pairs of the projection on the real modes up to `top` rad/s, in full coordinates."""
+    phi = symmetric_modes(system, weights, top)
+    C, K, M = _projected(system, weights, phi)
+    found = all_pairs(C, K)
+    return Eigenpairs(found.lam, phi @ found.X, phi @ np.linalg.solve(M.T, found.Y))
+
+
+def two_step_values(system: ParametricSystem, weights: Weights, top: float) -> np.ndarray:
+    """The roots alone, rad/s."""
+    C, K, _ = _projected(system, weights, symmetric_modes(system, weights, top))
+    return all_roots(C, K)
+
+
+def symmetric_modes(system: ParametricSystem, weights: Weights, top: float) -> np.ndarray:
+    """Real modes (n, m) up to `top` rad/s of the symmetric mass and stiffness terms."""
+    chosen = [i for i, t in enumerate(system.terms) if t.order != DAMPING and is_symmetric(t)]
+    part = ParametricSystem(system.n, tuple(system.terms[i] for i in chosen))
+    own = tuple(weights[i] for i in chosen)
+    if any(sp.issparse(t.right) for t in part.terms):
+        M, _, K = part.sparse_matrices(own)
+        return real_modes(M, K, top / (2 * np.pi))[1]
+    dense_M, _, dense_K = part.matrices(own)
+    unit = np.array_equal(dense_M, np.eye(system.n))
+    limits = (-np.inf, top**2)
+    _, phi = la.eigh(dense_K, None if unit else dense_M, subset_by_value=limits)
+    modes: np.ndarray = phi
+    return modes
+
+
+def is_symmetric(term: Term) -> bool:
+    """Whether a term is symmetric whatever its weights are."""
+    if term.left is term.right and not term.dense:
+        return True
+    if term.left is not None or term.right is None:
+        return False
+    A = term.right
+    return bool(abs(A - A.T).max() <= SYMMETRIC * abs(A).max())
+
+
+def _projected(
+    system: ParametricSystem, weights: Weights, phi: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Small M^-1 C, M^-1 K, M."""
+    M, C, K = system.projected(phi, phi).matrices(weights)
+    return np.linalg.solve(M, C), np.linalg.solve(M, K), M

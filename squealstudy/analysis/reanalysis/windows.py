@@ -1,0 +1,254 @@
+"""Patches over the design points of a box: placed where the error estimate asks for them.
+
+A patch that cannot follow its modes, or whose estimate exceeds the tolerance, is halved along the
+direction in which modes mix most; where too few points are left to pay for one, they are solved in
+the sweep basis, and where that is not good enough, in the full problem.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.analysis.parametric import Weights
+from squealstudy.analysis.reanalysis.blocks import Solved
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
+from squealstudy.analysis.reanalysis.patch import (
+    Box,
+    Patch,
+    candidates,
+    make_patch,
+    mixing_by_direction,
+)
+from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
+from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
+from squealstudy.analysis.reanalysis.problem import Problem, Sample
+from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
+from squealstudy.errors import ConvergenceError
+
+DEGREE = {1: 5, 2: 3}  # of the interpolation; in more dimensions 2
+PAYS = 1.5  # design points a node for a patch to pay
+BATCH = 32
+MOST_EXCEEDING = 0.1  # share of points beyond the tolerance from which on a patch is halved
+DEEPEST = 14  # halvings
+SWEEP_BASIS, WINDOWS = "sweep_basis", "windows"
+
+
+@dataclass
+class Windows:
+    """Solves design points of a box by patches over a sweep basis.
+
+    Attributes
+    ----------
+    problem : Problem
+    basis : SweepBasis
+    tolerance : float
+        Largest error of light roots relative to their modulus.
+    counts : Counter
+        Patches, nodes and points by rung, as they were used.
+    """
+
+    problem: Problem
+    basis: SweepBasis
+    tolerance: float
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def solve(self, box: Box, theta: np.ndarray) -> Iterator[PointRoots]:
+        """Roots of all design points theta (n, d) in a box, in any order."""
+        yield from self._divide(box, theta, np.arange(len(theta)), 0)
+
+    def _divide(
+        self, box: Box, theta: np.ndarray, rows: np.ndarray, depth: int
+    ) -> Iterator[PointRoots]:
+        if not len(rows):
+            return
+        grid = interpolation(DEGREE.get(theta.shape[1], 2), theta.shape[1])
+        if len(rows) < PAYS * len(grid.nodes) or depth > DEEPEST:
+            for row in rows:
+                yield self.alone(theta[row], int(row))
+            return
+        tried = _tight(box, theta[rows])
+        patch = self._patch(tried, grid)
+        if isinstance(patch, FollowedPatch):
+            solved = list(self._points(patch, theta, rows))
+            exceeding = [p for p in solved if not self.good(p)]
+            if len(exceeding) <= max(MOST_EXCEEDING * len(rows), 1):
+                yield from (p if self.good(p) else self.alone(theta[p.row], p.row) for p in solved)
+                return
+            slope = patch.slope
+        else:
+            slope = patch
+        axis = int(np.argmax(np.where(tried.high > tried.low, slope, -np.inf)))
+        for half in _halves(tried, axis, theta[rows]):
+            yield from self._divide(half[0], theta, rows[half[1]], depth + 1)
+
+    def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
+        """A patch over a box, or how much its modes mix along each direction."""
+        spread = np.ones(len(box.low)) * (box.high > box.low)
+        local = self.problem.local_field(box, grid)
+        theta = np.vstack([box.middle, box.place(grid.nodes)])
+        samples = self.problem.samples(theta, local)
+        if not all(isinstance(s, Sample) for s in samples):
+            return spread
+        weights = [s.weights for s in samples if isinstance(s, Sample)]
+        self.counts["nodes"] += len(weights)
+        C = self.basis.small.matrices(weights)[0]
+        pairs = [self.basis.pairs(w) for w in weights]
+        middle, *nodes = (
+            candidates(Solved(p, c), self.problem.band) for p, c in zip(pairs, C, strict=True)
+        )
+        made = make_patch(box, grid, middle, nodes, self.problem.band)
+        if isinstance(made, np.ndarray):
+            return made
+        self.counts["patches"] += 1
+        floor = self._floor(made, weights[1:], nodes)
+        slope = mixing_by_direction(grid, made.mixings)
+        return FollowedPatch(made, local, floor, slope)
+
+    def _floor(self, patch: Patch, weights: list[Weights], nodes: list[Solved]) -> np.ndarray:
+        """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.
+
+        (2, m), each per condition of the root, |x| |y|: near coalescence, where single errors
+        diverge, they do so by the condition there.
+        """
+        worst = np.zeros((2, patch.m))
+        for number, (w, node) in enumerate(zip(weights, nodes, strict=True)):
+            chosen = np.concatenate([b.at_nodes[number] for b in patch.blocks])
+            pairs = node.pairs.take(chosen)
+            error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
+            error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
+            slight = np.where(light(pairs.lam), error, 0.0)
+            for start, k in patch.slices:
+                own = slice(start, start + k)
+                largest = [[slight[own].max()], [error[own].max()]]
+                worst[:, own] = np.maximum(worst[:, own], largest)
+        return worst
+
+    def _points(
+        self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
+    ) -> Iterator[PointRoots]:
+        for start in range(0, len(rows), BATCH):
+            part = rows[start : start + BATCH]
+            samples = self.problem.samples(theta[part], patch.starts)
+            there = [i for i, s in enumerate(samples) if isinstance(s, Sample)]
+            for i, s in enumerate(samples):
+                if isinstance(s, ConvergenceError):
+                    yield failed(int(part[i]), s)
+            if not there:
+                continue
+            known = [s for s in samples if isinstance(s, Sample)]
+            roots = ritz_roots(
+                patch.patch, self.basis, theta[part[there]], [s.weights for s in known]
+            )
+            for i, s, k in zip(there, known, range(len(there)), strict=True):
+                yield self._one(int(part[i]), s, roots, k, patch.floor)
+
+    def _one(
+        self, index: int, sample: Sample, roots: Roots, k: int, floor: np.ndarray
+    ) -> PointRoots:
+        lam, band = roots.lam[k], self.problem.band
+        real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~light(lam)
+        lam = np.where(real, lam.real, lam)
+        of_basis = np.where(light(lam), floor[0], floor[1]) * conditions(roots.X[k], roots.Y[k])
+        error = bounded(roots.error[k], lam) + of_basis
+        inside = in_band(lam, band, 1.0)
+        kept = np.flatnonzero(inside)
+        kept = kept[np.argsort(np.abs(lam[kept]))]
+        return PointRoots(
+            index,
+            sample,
+            None,
+            lam[kept],
+            roots.X[k][:, kept],
+            error[kept],
+            roots.residual[k][kept],
+            WINDOWS,
+            False,
+            not (~inside & _may_be_inside(lam, error, band, self.tolerance)).any()
+            and not (~light(lam) & _may_be_real(lam, error)).any(),
+        )
+
+    def good(self, point: PointRoots) -> bool:
+        """Whether the light roots of a point are within the tolerance; failed points are."""
+        if point.failure is not None:
+            return True
+        if not point.sure:
+            return False
+        slight = light(point.lam)
+        error = point.error[slight] / np.abs(point.lam[slight])
+        return bool((error <= self.tolerance).all())
+
+    def alone(self, theta: np.ndarray, index: int) -> PointRoots:
+        """One design point in the sweep basis, in the full problem where that is not enough."""
+        sample = self.problem.samples(theta[None])[0]
+        if isinstance(sample, ConvergenceError):
+            return failed(index, sample)
+        pairs = self.basis.pairs(sample.weights)
+        pairs = _ordered(pairs.take(in_band(pairs.lam, self.problem.band, 1.0)))
+        full = self.basis.expand(sample.weights, pairs)
+        error = bounded(two_sided_error(self.problem, sample.weights, full), pairs.lam)
+        residual, _ = residuals(self.problem, sample.weights, full)
+        found = PointRoots(
+            index, sample, None, pairs.lam, full.X, error, residual, SWEEP_BASIS, True
+        )
+        return found if self.good(found) else self.exact(theta, index, sample)
+
+    def exact(self, theta: np.ndarray, index: int, sample: Sample) -> PointRoots:
+        """One design point in the full problem."""
+        weights, pairs = self.problem.pairs(theta, 1.0)
+        pairs = _ordered(pairs)
+        residual, moved = residuals(self.problem, weights, pairs)
+        error = bounded(moved, pairs.lam)
+        name = self.problem.exact
+        return PointRoots(index, sample, None, pairs.lam, pairs.X, error, residual, name, True)
+
+
+class FollowedPatch(NamedTuple):
+    """A patch with the starts of its working points, the errors of its basis, its mixing."""
+
+    patch: Patch
+    starts: object
+    floor: np.ndarray
+    slope: np.ndarray
+
+
+def conditions(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """|x| |y| of each pair (m,) with y^H Q'(lam) x = 1: what its root makes of a perturbation."""
+    product: np.ndarray = np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
+    return product
+
+
+def _may_be_inside(
+    lam: np.ndarray, error: np.ndarray, band: tuple[float, float], tolerance: float
+) -> np.ndarray:
+    """Roots that are off by more than the tolerance and may then lie in the band; NaN may."""
+    size = np.abs(lam)
+    outside = (size + error < band[0]) | (size - error > band[1]) | (lam.imag + error < 0)
+    return ~(outside | (error <= tolerance * size))
+
+
+def _may_be_real(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Complex roots that may be one of two real ones: none may be taken for a conjugate."""
+    return (lam.imag != 0) & ~(np.abs(lam.imag) > error)
+
+
+def _ordered(pairs: Eigenpairs) -> Eigenpairs:
+    return pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
+
+
+def _tight(box: Box, theta: np.ndarray) -> Box:
+    """The box shrunk to its design points."""
+    return Box(np.maximum(box.low, theta.min(axis=0)), np.minimum(box.high, theta.max(axis=0)))
+
+
+def _halves(box: Box, axis: int, theta: np.ndarray) -> list[tuple[Box, np.ndarray]]:
+    """Both halves and which points each holds; points on the cut go to the lower half."""
+    lower, upper = box.halves(axis)
+    below = theta[:, axis] <= box.middle[axis]
+    return [(lower, below), (upper, ~below)]

@@ -1,0 +1,132 @@
+"""`squealstudy robust`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pandas as pd
+from rich.table import Table
+
+from squealstudy.cli.screen import console
+from squealstudy.study.results import SOBOL_INDICES, Results
+
+LISTED = 12  # tracks where the user does not say
+
+
+def robust_command(
+    path: Path, top: int | None, confidence: float, csv: bool, indices: bool
+) -> None:
+    """Print probabilities of instability, and Sobol indices where the design is made for them."""
+    results = Results.open(path)
+    sampled = results.design == SOBOL_INDICES
+    kept = top or LISTED
+    if csv:
+        table = results.sobol_indices(top, confidence) if indices else results.robust(confidence)
+        table.to_csv(sys.stdout, index=False)
+        return
+    if not indices:
+        show_probabilities(results.robust(confidence).iloc[: kept + 1], confidence)
+    if indices or sampled:
+        if not indices:
+            console.print()
+        show_indices(results.sobol_indices(kept, confidence), confidence)
+
+
+def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
+    """Print the table of analysis.robust, the first row of any mode."""
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for title in (
+        "mode",
+        "Hz",
+        "there %",
+        "unstable %",
+        "interval %",
+        "mean",
+        "mean +- std",
+        "worst 1/s",
+    ):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("worst at", overflow="fold")
+    for row in table.to_dict("records"):
+        hz = row["frequency_hz"]
+        grid.add_row(
+            "any" if row["quantity"] == "any" else str(row["track"]),
+            f"{hz:.0f}" if hz == hz else "",
+            f"{100 * row['present_points'] / row['points']:.0f}",
+            f"{100 * row['probability']:.1f}",
+            f"{100 * row['probability_low']:.1f} to {100 * row['probability_high']:.1f}",
+            f"{row['mean_growth_rate']:.2f}",
+            f"{row['growth_mean']:.1f} +- {row['growth_std']:.1f}",
+            f"{row['max_growth_rate']:.1f}",
+            ", ".join(part.rpartition("=")[2] for part in str(row["at"]).split(", ")),
+        )
+    console.print(grid)
+    first = table.iloc[0]
+    names = ", ".join(part.rpartition("=")[0] for part in str(first["at"]).split(", "))
+    failed = int(first["failed_points"])
+    console.print(
+        f"of {first['points']} solved points; {failed} failed and count neither way"
+        if failed
+        else f"of {first['points']} points, none failed",
+        style="dim",
+    )
+    console.print(
+        f"interval: {100 * confidence:g} % (Clopper-Pearson) for independent draws, wide for a "
+        "Sobol sequence or Latin hypercube",
+        style="dim",
+    )
+    console.print(
+        "mean: growth 1/s, zero where stable; mean +- std: of the growth rate where the mode is; "
+        "any: the fastest mode of each point",
+        style="dim",
+    )
+    console.print(
+        "there: points at which the mode was found; where tracking lost it, it is listed in pieces",
+        style="dim",
+    )
+    console.print(f"worst at: {names}", style="dim")
+
+
+def show_indices(table: pd.DataFrame, confidence: float) -> None:
+    """Print the table of analysis.sobol_table."""
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("growth of", "Hz"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("parameter", no_wrap=True)
+    for title in ("first", "interval", "total", "interval"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    before = None
+    known = table.dropna(subset=["first", "total"])
+    for row in known.to_dict("records"):
+        new, hz = row["track"] != before, row["frequency_hz"]
+        before = row["track"]
+        name = "fastest mode" if row["quantity"] == "largest" else f"mode {row['track']}"
+        grid.add_row(
+            name if new else "",
+            f"{hz:.0f}" if new and hz == hz else "",
+            str(row["parameter"]),
+            *_index(row["first"], row["first_low"], row["first_high"]),
+            *_index(row["total"], row["total_low"], row["total_high"]),
+        )
+    console.print(grid)
+    by_quantity = table.drop_duplicates("track").set_index("track")
+    dropped = by_quantity["dropped_groups"]
+    console.print(
+        f"Sobol indices of the growth rate, {100 * confidence:g} % bootstrap intervals, from "
+        f"{by_quantity['groups'].iloc[0]} groups of points",
+        style="dim",
+    )
+    shown = dropped[dropped.index.isin(known["track"]) & (dropped > 0).to_numpy()]
+    if len(shown):
+        listed = ", ".join(f"{n} of {t or 'the fastest'}" for t, n in shown.items())
+        text = f"groups dropped for a failed point or a mode that is not there: {listed}"
+        console.print(text, style="dim")
+    rare = sorted(set(table["track"]) - set(known["track"]))
+    if rare:
+        names = ", ".join(map(str, rare))
+        console.print(f"modes found at too few points for indices: {names}", style="dim")
+
+
+def _index(value: float, low: float, high: float) -> tuple[str, str]:
+    return f"{value:.3f}", f"{low:.3f} to {high:.3f}"

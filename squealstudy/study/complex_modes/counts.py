@@ -1,0 +1,70 @@
+"""Roots of finished design points, for what is decided while a study runs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from squealstudy.study.chunks import read_tables
+from squealstudy.study.complex_modes.rows import SCHEMA
+
+COLUMNS = ("point_id", "status", "re", "im", "overdamped")
+
+
+def read_roots(
+    directory: Path, wanted: Collection[str], overdamped: bool = False
+) -> dict[str, np.ndarray | None]:
+    """Roots of the finished points among those wanted; None where one failed.
+
+    Returns
+    -------
+    dict of id -> ndarray (m,) complex or None
+        rad/s; the oscillating roots, and those of static divergence (real and growing); with
+        `overdamped` all.
+    """
+    ids = set(wanted)
+    found: dict[str, np.ndarray | None] = {}
+    for table in read_tables(directory, SCHEMA, COLUMNS):
+        for batch in table.to_batches():
+            found.update(_batch_roots(batch, ids, overdamped))
+    return found
+
+
+def _batch_roots(batch: pa.RecordBatch, ids: set[str], every: bool) -> dict[str, np.ndarray | None]:
+    names = batch.column("point_id").to_pylist()
+    ok = [status == "ok" for status in batch.column("status").to_pylist()]
+    re, im, real = (batch.column(name) for name in COLUMNS[2:])
+    ends = np.append(0, np.cumsum(re.value_lengths().to_numpy()))
+    lam = re.flatten().to_numpy() + 1j * im.flatten().to_numpy()
+    kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
+    found: dict[str, np.ndarray | None] = {}
+    for i, name in enumerate(names):
+        if name in ids:
+            part = slice(ends[i], ends[i + 1])
+            found[name] = lam[part][kept[part]] if ok[i] else None
+    return found
+
+
+def damping_ratios(lam: np.ndarray) -> np.ndarray:
+    """-Re lambda / |lambda| of each root (m,)."""
+    zeta: np.ndarray = -lam.real / np.maximum(np.abs(lam), np.finfo(float).tiny)
+    return zeta
+
+
+def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
+    """The roots whose damping ratio is below minus the tolerance."""
+    return lam[damping_ratios(lam) < -tolerance]
+
+
+def read_unstable_counts(
+    directory: Path, wanted: Collection[str], tolerance: float
+) -> dict[str, int | None]:
+    """Number of unstable modes of the finished points; None where a point failed."""
+    roots = read_roots(directory, wanted)
+    return {
+        name: None if lam is None else len(unstable_roots(lam, tolerance))
+        for name, lam in roots.items()
+    }

@@ -1,0 +1,227 @@
+"""Tracking of a whole study: lines in parallel workers, doubtful steps refined."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+
+from squealstudy.analysis.track_labels import Tracks, TrackTree, expected_roots, pair_points
+from squealstudy.analysis.tracking import Pairing
+from squealstudy.analysis.tracking_refinement import DEPTH, DOUBTFUL, Modes, Refinement
+from squealstudy.analysis.tracking_tree import tracking_tree
+from squealstudy.study.complex_modes.alignment import ShapeAlignment
+from squealstudy.study.complex_modes.between import Between, Neighbourhoods
+from squealstudy.study.complex_modes.columns import ModeColumns, ShapeFile
+from squealstudy.study.kind import Progress
+from squealstudy.study.parallel import in_parallel
+from squealstudy.study.plan import Plan
+from squealstudy.study.process import watch_parent
+
+PARALLEL = 1000  # steps from which on workers pay
+PARTS_A_WORKER = 4
+ROUNDS = 4  # a refined step may put its followers in doubt
+LEAST_BUDGET, MOST_BUDGET = 30, 500  # extra points: as many as design points, within these
+BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
+KEPT = 8  # shapes of points kept at hand
+Pairings = dict[int, Pairing]
+
+
+@dataclass(frozen=True)
+class PairTask:
+    """Groups of points for a worker to pair with their parents."""
+
+    groups: list[list[int]]
+    parents: Mapping[int, int]
+    step: Mapping[int, float]
+    lams: Mapping[int, np.ndarray]
+    shapes: ShapeFile
+    known: Pairings
+    parent: int
+
+
+@dataclass(frozen=True)
+class RefineTask:
+    """A doubtful step for a worker to refine."""
+
+    point: int
+    between: Between
+    a: Modes
+    b: Modes
+    x_b: np.ndarray
+    expected: np.ndarray | None
+    parent: int
+
+
+def pair_task(task: PairTask) -> Pairings:
+    """Pair the groups of a task."""
+    watch_parent(task.parent)
+    shapes = lru_cache(maxsize=KEPT)(task.shapes.read)
+    found: Pairings = {}
+    for group in task.groups:
+        found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)
+    return found
+
+
+def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
+    """Point, pairing with its parent, and number of intermediate points solved."""
+    watch_parent(task.parent)
+    refinement = Refinement(task.between.solve)
+    pairing = refinement.pair(task.a, task.b, task.between.x, task.x_b, task.expected)
+    return task.point, pairing, refinement.points
+
+
+class Follower:
+    """Tracks the oscillating modes of a study.
+
+    Parameters
+    ----------
+    plan : Plan
+    columns : ModeColumns
+        With shapes.
+    jobs : int
+    """
+
+    def __init__(self, plan: Plan, columns: ModeColumns, jobs: int) -> None:
+        if columns.shapes is None:
+            raise ValueError("columns were read without shapes")
+        self._plan, self._jobs, self._file = plan, jobs, columns.shapes
+        self.lams = columns.oscillating()
+        parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
+        self._tree = TrackTree(parents, self.lams, plan.coordinates)
+        self._alignment = ShapeAlignment(plan)
+        self.near = Neighbourhoods(plan)
+
+    def shapes(self, point: int) -> np.ndarray:
+        """Shapes (m, k) of the oscillating modes of a point, in those of the first structure."""
+        return self._alignment.apply(self._plan.tasks[point].prepared_key, self.raw(point))
+
+    def raw(self, point: int) -> np.ndarray:
+        """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
+        return self._file.read(point)[: len(self.lams[point])]
+
+    def follow(self, refine: bool, report: Progress) -> tuple[Tracks, dict[str, Any]]:
+        """Labels of all modes, and how they came about.
+
+        Returns
+        -------
+        Tracks
+        dict
+            ``ambiguous_pairs`` before refinement, steps ``refined``, ``extra_points`` solved for
+            it, pairs ``still_ambiguous``.
+        """
+        pairings = self._pair(self._tree.groups, {})
+        before = _ambiguous(pairings.values())
+        known: Pairings = {}
+        points = 0
+        budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
+        for _ in range(ROUNDS if refine else 0):
+            refined, spent = self._refine(pairings, known, budget - points, report)
+            known |= refined
+            points += spent
+            groups = [g for g in self._tree.groups if not refined.keys().isdisjoint(g)]
+            if not groups:
+                break
+            pairings |= self._pair(groups, known)
+        summary = {
+            "ambiguous_pairs": before,
+            "refined": len(known),
+            "extra_points": points,
+            "still_ambiguous": _ambiguous(pairings.values()),
+        }
+        return self._tree.label(pairings), summary
+
+    def _pair(self, groups: Sequence[list[int]], known: Pairings) -> Pairings:
+        """Pairings of groups of points with their parents."""
+        tree = self._tree
+        steps = sum(map(len, groups))
+        if self._jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
+            shapes = lru_cache(maxsize=KEPT)(self.shapes)
+            found: Pairings = {}
+            for group in groups:
+                found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)
+            return found
+        parts = _split(groups, steps // (PARTS_A_WORKER * self._jobs) + 1)
+        tasks = [delayed(pair_task)(self._pair_task(part, known)) for part in parts]
+        found = {}
+        for result in in_parallel(self._jobs, tasks):
+            found |= result
+        return found
+
+    def _pair_task(self, groups: list[list[int]], known: Pairings) -> PairTask:
+        tree = self._tree
+        points = {i for group in groups for i in group}
+        parents = {i: tree.parents[i] for i in points}
+        parents |= {p: tree.parents[p] for p in set(parents.values()) - points}
+        seen = parents.keys() | {p for p in parents.values() if p >= 0}
+        return PairTask(
+            groups,
+            parents,
+            {i: float(tree.step[i]) for i in points},
+            {i: self.lams[i] for i in seen},
+            self._file,
+            {i: known[i] for i in points if i in known},
+            os.getpid(),
+        )
+
+    def _refine(
+        self, pairings: Pairings, known: Pairings, budget: int, report: Progress
+    ) -> tuple[Pairings, int]:
+        """Refine the steps that are in doubt, the least trusted first; extra points solved."""
+        trust = {i: float(p.trust.min(initial=np.inf)) for i, p in pairings.items()}
+        doubtful = [i for i in trust if trust[i] <= DOUBTFUL and i not in known]
+        doubtful = [i for i in doubtful if self.near.joined(self._tree.parents[i], i)]
+        doubtful.sort(key=lambda i: (trust[i], i))
+        refined: Pairings = {}
+        points = done = 0
+        while done < len(doubtful):
+            count = min(BATCH, (budget - points) // (2**DEPTH - 1))
+            if count < 1:
+                break
+            report("tracking", done, len(doubtful))
+            batch = [self._refine_task(i, pairings) for i in doubtful[done : done + count]]
+            results = in_parallel(self._jobs, [delayed(refine_task)(task) for task in batch])
+            for i, pairing, spent in results:
+                refined[i] = pairing
+                points += spent
+            done += len(batch)
+        if done:
+            report("tracking", done, done)
+        return refined, points
+
+    def _refine_task(self, i: int, pairings: Pairings) -> RefineTask:
+        tree = self._tree
+        p = tree.parents[i]
+        before = pairings.get(p) if tree.step[i] else None
+        earlier = self.lams[tree.parents[p]] if before is not None else None
+        return RefineTask(
+            i,
+            self.near.of(p),
+            Modes(self.lams[p], self.raw(p)),
+            Modes(self.lams[i], self.raw(i)),
+            self._plan.coordinates[i],
+            expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
+            os.getpid(),
+        )
+
+
+def _ambiguous(pairings: Iterable[Pairing]) -> int:
+    return int(sum(p.ambiguous.sum() for p in pairings))
+
+
+def _split(groups: Sequence[list[int]], size: int) -> list[list[list[int]]]:
+    """Consecutive groups in parts of about `size` points."""
+    parts: list[list[list[int]]] = []
+    count = size
+    for group in groups:
+        if count >= size:
+            parts.append([])
+            count = 0
+        parts[-1].append(group)
+        count += len(group)
+    return parts

@@ -1,0 +1,289 @@
+"""The table of onsets: where each track turns unstable along a parameter, and stable again."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from joblib import delayed
+
+from squealstudy.analysis.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
+from squealstudy.analysis.onsets import Onset, Samples, refine_onset
+from squealstudy.analysis.ranking import REFINED, line_codes, parameter_columns
+from squealstudy.analysis.track_labels import Tracks
+from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.complex_modes.between import Between
+from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
+from squealstudy.study.kind import Progress
+from squealstudy.study.names import ONSET_PARAMETER
+from squealstudy.study.parallel import in_parallel
+from squealstudy.study.plan import Plan
+from squealstudy.study.process import watch_parent
+
+PRECISION = 1e-4
+FAILED, INTERPOLATED = "failed", "interpolated"
+UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}
+EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
+EXPECTED = 8  # evaluations an onset
+REAL = pa.float64()
+BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
+
+
+@dataclass(frozen=True)
+class OnsetTask:
+    """Onsets of some modes between two design points, for a worker to refine.
+
+    Attributes
+    ----------
+    rows : list of int
+        Of the table.
+    places : list of (int, int)
+        Place of each mode among those of both ends.
+    between : Between
+        Around the first point.
+    column : int
+        Coordinate of the parameter.
+    low, high : Modes
+        At the first and at the second point, whose coordinate is `end`.
+    """
+
+    rows: list[int]
+    places: list[tuple[int, int]]
+    between: Between
+    column: int
+    end: float
+    low: Modes
+    high: Modes
+    tolerance: float
+    precision: float
+    parent: int
+
+
+def refine_task(task: OnsetTask) -> list[tuple[int, Onset | None]]:
+    """Refined onsets by row of the table, None where a mode could not be followed."""
+    watch_parent(task.parent)
+    start = task.between.x
+
+    def solve(value: float) -> Modes:
+        x = start.copy()
+        x[task.column] = value
+        return task.between.solve(x)
+
+    samples = Samples(float(start[task.column]), task.low, task.end, task.high, solve)
+    found: list[tuple[int, Onset | None]] = []
+    for row, places in zip(task.rows, task.places, strict=True):
+        try:
+            onset = refine_onset(samples, *places, task.tolerance, task.precision)
+        except SquealstudyError:
+            found.append((row, None))
+        else:
+            found.append((row, onset))
+    return found
+
+
+class OnsetSearch:
+    """Finds the onsets of a study.
+
+    Parameters
+    ----------
+    plan : Plan
+    follower : Follower
+    tracks : Tracks
+    points : DataFrame
+        The points' table.
+    along : str
+        The parameter, one of the swept ones.
+    """
+
+    def __init__(
+        self, plan: Plan, follower: Follower, tracks: Tracks, points: pd.DataFrame, along: str
+    ) -> None:
+        self._plan, self._follower, self._points, self._along = plan, follower, points, along
+        self._tolerance = plan.study.definition.modes.stability_tolerance
+        self._column = [s.name for s in plan.study.sweeps].index(along)
+        counts = [len(lam) for lam in follower.lams]
+        self._point = np.repeat(np.arange(len(counts)), counts)
+        self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
+        self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
+        self._lam = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
+
+    def table(
+        self, refine: bool, jobs: int, report: Progress
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """The table of onsets, and how they came about.
+
+        Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
+        ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
+        ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
+        ("refined" by root finding, "interpolated", "failed" refinement of an interpolated value,
+        "below_range" for a mode that is unstable at the beginning of a line: NaN, "first_seen" for
+        a track that begins unstable: an upper bound), ``evaluations``, ``point_before``,
+        ``point_after``. Lines of one point have none.
+        """
+        events = self._events()
+        table = self._unrefined(events)
+        if refine and len(table):
+            self._refine(events, table, jobs, report)
+        status = table["status"].value_counts()
+        summary = {
+            "along": self._along,
+            "evaluations": int(table["evaluations"].sum()),
+            **{str(name): int(count) for name, count in status.items()},
+        }
+        return table, summary
+
+    def _events(self) -> pd.DataFrame:
+        """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
+        size = np.maximum(np.abs(self._lam), 1e-300)
+        zeta = -self._lam.real / size
+        unstable = zeta < -self._tolerance
+        x = self._points[self._along].where(self._points["status"] == "ok")
+        line = line_codes(self._points, self._along)
+        by_line = x.groupby(line)
+        several = (by_line.transform("nunique") > 1).to_numpy()
+        start = by_line.transform("min").to_numpy()
+        rows = np.isin(self._track, self._track[unstable]) & several[self._point]
+        kept = np.flatnonzero(rows)
+        point = self._point[kept]
+        events = line_crossings(
+            self._track[kept],
+            line[point],
+            x.to_numpy()[point],
+            start[point],
+            zeta[kept],
+            unstable[kept],
+        )
+        events["after"] = kept[events["after"]]
+        found = events["before"] >= 0
+        events.loc[found, "before"] = kept[events.loc[found, "before"]]
+        return events
+
+    def _unrefined(self, events: pd.DataFrame) -> pd.DataFrame:
+        points, x = self._points, self._points[self._along].to_numpy()
+        before, after = events["before"].to_numpy(), events["after"].to_numpy()
+        crossing = before >= 0
+        p0, p1 = self._point[np.where(crossing, before, after)], self._point[after]
+        part = _part(x[p0], x[p1], events["value"].to_numpy())
+        low, high = self._lam[np.where(crossing, before, after)], self._lam[after]
+        ids = points["point_id"].to_numpy()
+        table = pd.DataFrame({"track": events["track"].to_numpy(dtype=np.int32)})
+        for name in parameter_columns(points, varied=True):
+            if name != self._along:
+                table[name] = points[name].to_numpy()[p1]
+        below = (events["kind"] == BELOW_RANGE).to_numpy()
+        table["onset"] = np.where(below, np.nan, events["value"])
+        table["bracket_low"] = np.where(crossing, x[p0], np.nan)
+        table["bracket_high"] = x[p1]
+        table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)
+        table["direction"] = events["direction"].to_numpy()
+        table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy()
+        table["evaluations"] = np.zeros(len(events), dtype=np.int32)
+        table["point_before"] = np.where(crossing, ids[p0], "")
+        table["point_after"] = ids[p1]
+        return table
+
+    def _refine(
+        self, events: pd.DataFrame, table: pd.DataFrame, jobs: int, report: Progress
+    ) -> None:
+        """Refine the crossings in place, the first of each track first, within the budget."""
+        brackets = self._brackets(events)
+        budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
+        spent = done = 0
+        while done < len(brackets) and spent < budget:
+            report("onsets", done, len(brackets))
+            batch: list[list[int]] = []
+            for rows in brackets[done : done + BATCH]:
+                if spent + EXPECTED * sum(map(len, [*batch, rows])) > budget and batch:
+                    break
+                batch.append(rows)
+            tasks = [delayed(refine_task)(self._task(events, rows)) for rows in batch]
+            for results in in_parallel(jobs, tasks):
+                for row, onset in results:
+                    spent += self._enter(table, row, onset)
+            done += len(batch)
+        report("onsets", done, done)
+
+    def _brackets(self, events: pd.DataFrame) -> list[list[int]]:
+        """Rows of crossings in lists of the same two points; what matters most first."""
+        crossing = events[events["before"] >= 0]
+        near = self._follower.near
+        ends = [
+            (int(self._point[a]), int(self._point[b]))
+            for a, b in zip(crossing["before"], crossing["after"], strict=True)
+        ]
+        into = (crossing["direction"] == INTO).to_numpy()
+        order = crossing["value"].groupby([crossing["track"], into]).rank(method="first")
+        urgent = np.where(into, order, order + 0.5)
+        found: dict[tuple[int, int], list[int]] = {}
+        for n in np.lexsort((crossing["track"], urgent)):
+            if near.joined(*ends[n]):
+                found.setdefault(ends[n], []).append(int(crossing.index[n]))
+        return list(found.values())
+
+    def _task(self, events: pd.DataFrame, rows: list[int]) -> OnsetTask:
+        before = events.loc[rows, "before"].to_numpy()
+        after = events.loc[rows, "after"].to_numpy()
+        a, b = int(self._point[before[0]]), int(self._point[after[0]])
+        x, follower = self._plan.coordinates[:, self._column], self._follower
+        return OnsetTask(
+            rows,
+            list(zip(self._place[before].tolist(), self._place[after].tolist(), strict=True)),
+            follower.near.of(a),
+            self._column,
+            float(x[b]),
+            Modes(follower.lams[a], follower.raw(a)),
+            Modes(follower.lams[b], follower.raw(b)),
+            self._tolerance,
+            self._precision(),
+            os.getpid(),
+        )
+
+    def _precision(self) -> float:
+        """Of the coordinate; half of what is promised, which Brent's method may use up twice."""
+        if self._follower.near.logarithmic(self._column) or self._along == ONSET_PARAMETER:
+            return PRECISION / 2
+        return PRECISION / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
+
+    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | None) -> int:
+        """Write a refined onset to its row; the number of evaluations."""
+        if onset is None:
+            table.loc[row, "status"] = FAILED
+            return 0
+        log = self._follower.near.logarithmic(self._column)
+        table.loc[row, "onset"] = np.exp(onset.value) if log else onset.value
+        table.loc[row, "frequency_hz"] = onset.frequency_hz
+        table.loc[row, "status"] = REFINED
+        table.loc[row, "evaluations"] = onset.evaluations
+        return onset.evaluations
+
+
+def _part(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Where values lie between both ends, 0 to 1; 1 where these agree."""
+    apart = end != start
+    part: np.ndarray = np.where(apart, (value - start) / np.where(apart, end - start, 1.0), 1.0)
+    return part
+
+
+def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:
+    """The table of onsets with its explicit schema; an empty one where there is none."""
+    types = {
+        "track": pa.int32(),
+        "onset": REAL,
+        "bracket_low": REAL,
+        "bracket_high": REAL,
+        "frequency_hz": REAL,
+        "direction": pa.string(),
+        "status": pa.string(),
+        "evaluations": pa.int32(),
+        "point_before": pa.string(),
+        "point_after": pa.string(),
+    }
+    if table is None:
+        return pa.schema(types).empty_table()
+    schema = pa.schema([(name, types.get(name, REAL)) for name in table.columns])
+    return pa.Table.from_pandas(table, schema=schema, preserve_index=False)

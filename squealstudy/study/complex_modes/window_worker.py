@@ -1,0 +1,119 @@
+"""What a worker process does with a box of design points: patches, roots, rows, one chunk file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.two_step import two_step_roots
+from squealstudy.analysis.reanalysis.windows import Windows
+from squealstudy.study.chunks import write_chunk
+from squealstudy.study.complex_modes.bases import BasisTask, Reader, Served, served
+from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.design import Design
+from squealstudy.study.keys import chunk_id
+from squealstudy.study.method import OVER_A_BASIS, TWO_STEP, WINDOWS
+from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.tasks import ChunkReport, PointTask
+
+TWO_STEP_FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
+PERTURBATION_ORDER = 2
+ANCHOR_REACH = 4.0  # second-order terms run through the modes of the band widened by this
+
+
+@dataclass(frozen=True, eq=False)
+class WindowTask:
+    """A box of design points of one structure.
+
+    Attributes
+    ----------
+    directory : Path
+    basis : BasisTask
+    method : str
+        An approximate rung (study.method.APPROXIMATE).
+    points : tuple of PointTask
+    theta : ndarray (n, d)
+        Their coordinates in the chart.
+    low, high : ndarray (d,)
+        The box.
+    parent : int
+    """
+
+    directory: Path
+    basis: BasisTask
+    method: str
+    points: tuple[PointTask, ...]
+    theta: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    parent: int
+
+
+def solve_box(task: WindowTask) -> ChunkReport:
+    """Solve the points of a box, one BLAS thread, and write their chunk file."""
+    watch_parent(task.parent)
+    started = last = time.perf_counter()
+    rows: list[dict[str, Any]] = []
+    with threadpool_limits(1):
+        ready = served(task.basis, task.method in OVER_A_BASIS)
+        for point in _solved(task, ready):
+            point_id = task.points[point.row].point_id
+            reader = ready.full if point.full else ready.reduced
+            rows.append(_row(point_id, point, reader, last))
+            last = time.perf_counter()
+    name = chunk_id(p.point_id for p in task.points)
+    write_chunk(task.directory, name, rows, SCHEMA)
+    failed = sum(row["status"] != "ok" for row in rows)
+    return ChunkReport(len(rows), failed, 0, time.perf_counter() - started, peak_memory_mb())
+
+
+def _solved(task: WindowTask, ready: Served) -> Iterator[PointRoots]:
+    """Roots of the points of a box by the task's method, in any order."""
+    if ready.basis is not None:
+        windows = Windows(ready.problem, ready.basis, task.basis.tolerance)
+        if task.method == WINDOWS:
+            yield from windows.solve(Box(task.low, task.high), task.theta)
+        else:
+            yield from (windows.alone(theta, i) for i, theta in enumerate(task.theta))
+    elif task.method == TWO_STEP:
+        for i, theta in enumerate(task.theta):
+            yield two_step_roots(ready.problem, theta, TWO_STEP_FACTOR, i)
+    else:
+        anchor = make_anchor(ready.problem, (task.low + task.high) / 2, ANCHOR_REACH)
+        for i, theta in enumerate(task.theta):
+            yield perturbed_roots(ready.problem, anchor, theta, PERTURBATION_ORDER, i)
+
+
+def solve_in_basis(task: BasisTask, design: Design) -> PointModes:
+    """One design point between those of a study, in its sweep basis.
+
+    Raises
+    ------
+    ConvergenceError
+        Where it has no working point.
+    """
+    ready = served(task, True)
+    assert ready.basis is not None
+    theta = task.chart.theta([design.values])[0]
+    found = Windows(ready.problem, ready.basis, task.tolerance).alone(theta, 0)
+    if found.failure is not None:
+        raise found.failure
+    return ready.full.read(found)
+
+
+def _row(point_id: str, found: PointRoots, reader: Reader, since: float) -> dict[str, Any]:
+    if found.failure is not None:
+        wall = time.perf_counter() - since
+        return failed_row(point_id, wall, found.failure.status, str(found.failure))
+    modes = reader.read(found)
+    return solved_row(point_id, time.perf_counter() - since, modes)

@@ -1,0 +1,96 @@
+"""How the values of a swept parameter scatter in a random design."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from squealstudy.study.sections import DistributionName, Scale
+
+if TYPE_CHECKING:  # numpy and scipy only where something is sampled: files are read without
+    import numpy as np
+
+UNIFORM: DistributionName = "uniform"
+KEYS: dict[str, tuple[str, ...]] = {  # of a [[sweep]], all of them needed
+    "uniform": ("start", "stop"),
+    "normal": ("mean", "std"),
+    "truncated_normal": ("mean", "std", "start", "stop"),
+    "lognormal": ("median", "sigma"),
+}
+TAIL = 1e-4  # probability beyond what is shown as the range of an unbounded distribution
+EDGE = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution by its quantile function.
+
+    Attributes
+    ----------
+    name : str
+        A key of KEYS.
+    mean, std : float
+        Of the normal distributions, before truncation. Of the lognormal the median, and the
+        standard deviation of the natural logarithm: ln x is normal about ln(median).
+    start, stop : float
+        Ends of the uniform and the truncated distribution, start < stop.
+    scale : str
+        ``log``: the logarithm is uniform.
+    """
+
+    name: DistributionName
+    mean: float = math.nan
+    std: float = math.nan
+    start: float = -math.inf
+    stop: float = math.inf
+    scale: Scale = "linear"
+
+    @property
+    def bounded(self) -> bool:
+        """Whether all values lie from start to stop."""
+        return "start" in KEYS[self.name]
+
+    def quantiles(self, u: np.ndarray) -> np.ndarray:
+        """Values (n,) below which a share u (n,), from 0 to 1, of the distribution lies."""
+        import numpy as np
+
+        inside = u if self.bounded else np.clip(u, EDGE, 1.0 - EDGE)
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = np.asarray(self._scipy.ppf(inside), dtype=float)
+        return np.clip(values, self.start, self.stop)
+
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Start and stop, or the quantiles of TAIL and 1 - TAIL where there are no ends."""
+        if self.bounded:
+            return self.start, self.stop
+        import numpy as np
+
+        low, high = self.quantiles(np.array([TAIL, 1.0 - TAIL])).tolist()
+        return low, high
+
+    @property
+    def text(self) -> str:
+        """For people: the name and its numbers."""
+        if self.name == UNIFORM:
+            return "uniform in the logarithm" if self.scale == "log" else UNIFORM
+        first, second = KEYS[self.name][:2]
+        return f"{self.name}, {first} {self.mean:g}, {second} {self.std:g}"
+
+    @cached_property
+    def _scipy(self) -> Any:
+        """The frozen distribution of scipy.stats."""
+        from scipy import stats
+
+        if self.name == "normal":
+            return stats.norm(self.mean, self.std)
+        if self.name == "lognormal":
+            return stats.lognorm(self.std, scale=self.mean)
+        if self.name == "truncated_normal":
+            a, b = ((end - self.mean) / self.std for end in (self.start, self.stop))
+            return stats.truncnorm(a, b, self.mean, self.std)
+        if self.scale == "log":
+            return stats.loguniform(self.start, self.stop)
+        return stats.uniform(self.start, self.stop - self.start)

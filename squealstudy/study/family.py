@@ -1,0 +1,163 @@
+"""The model of a study of matrices: its terms, parameters and files."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.models.expression import RESERVED, Expression, ExpressionError, parse_expression
+from squealstudy.models.matrix_family import (
+    NAME,
+    NEEDED,
+    ORDERS,
+    FamilyDefinition,
+    FamilyTerm,
+    MatrixFamily,
+    TermSource,
+    family_definition,
+)
+from squealstudy.models.matrix_files import read_matrix
+from squealstudy.study.matrix_section import TermSection
+from squealstudy.study.parameters import did_you_mean
+from squealstudy.study.sections import ModelSection, StudyDefinition
+from squealstudy.study.source import SourceText
+from squealstudy.study.toml_lines import KeyPath
+
+DATA = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
+KIND = "complex_modes"
+# columns of the tables beside the parameters
+TAKEN = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
+TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
+TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
+TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
+TAKEN |= {"reference_frequency_error", "reference_damping_error"}
+
+
+def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefinition:
+    """The family of matrices that a study describes; no file is opened.
+
+    Raises
+    ------
+    StudyFileError
+        No terms, or none of M or K; a coefficient that is no expression; a parameter without a
+        value under [parameters], or one that no coefficient uses; an option of another model.
+    """
+    section = definition.model
+    if definition.study.kind != KIND:
+        raise source.error(
+            ("study", "kind"),
+            f"a model '{NAME}' has neither contact nor components: expected '{KIND}', "
+            f"got '{definition.study.kind}'",
+        )
+    for name in section.options:
+        known = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"
+        raise source.error(("model", name), f"unknown key of model '{NAME}'{known}")
+    _check_letters(section, source)
+    expressions = [_expression(term, i, source) for i, term in enumerate(section.term)]
+    folder = data_folder(section, source.path)
+    sources = tuple(
+        TermSource(t.matrix, folder / t.file, t.variable, e.text)
+        for t, e in zip(section.term, expressions, strict=True)
+    )
+    return family_definition(sources, _nominal(expressions, definition.parameters, source))
+
+
+def data_folder(section: ModelSection, study: Path) -> Path:
+    """Where files are sought: beside the study, or the folder that it names.
+
+    A folder named in the study gives way to $SQUEALSTUDY_DATA, where that is set.
+    """
+    if section.folder is None:
+        return study.parent
+    return Path(os.environ.get(DATA) or study.parent / section.folder)
+
+
+def file_digests(model: FamilyDefinition, source: SourceText) -> list[str]:
+    """Hash of each term's file; StudyFileError where one is absent."""
+    digests: dict[Path, str] = {}
+    for i, term in enumerate(model.sources):
+        if not term.path.is_file():
+            raise _absent(term, i, source)
+        if term.path not in digests:
+            with term.path.open("rb") as handle:
+                digests[term.path] = hashlib.file_digest(handle, "sha256").hexdigest()
+    return [digests[term.path] for term in model.sources]
+
+
+def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
+    """Read all matrices.
+
+    Raises
+    ------
+    StudyFileError
+        With the line of the term whose file cannot be used, or whose size differs from the first.
+    """
+    terms: list[FamilyTerm] = []
+    for i, term in enumerate(model.sources):
+        keys: KeyPath = ("model", "term", i, "file" if term.variable is None else "variable")
+        if not term.path.is_file():
+            raise _absent(term, i, source)
+        try:
+            matrix = read_matrix(term.path, term.variable)
+        except ModelError as error:
+            raise source.error(keys, str(error)) from error
+        if terms and matrix.shape != terms[0].matrix.shape:
+            n, first = matrix.shape[0], terms[0].matrix.shape[0]
+            message = f"{term.path} is {n} x {n}, the first term's matrix {first} x {first}"
+            raise source.error(("model", "term", i, "file"), message)
+        terms.append(FamilyTerm(ORDERS[term.matrix], matrix, parse_expression(term.coefficient)))
+    return MatrixFamily(tuple(terms))
+
+
+def _check_letters(section: ModelSection, source: SourceText) -> None:
+    for letter in NEEDED:
+        if all(term.matrix != letter for term in section.term):
+            raise source.error(
+                ("model",), f"model '{NAME}' needs a [[model.term]] with matrix = \"{letter}\""
+            )
+
+
+def _expression(term: TermSection, index: int, source: SourceText) -> Expression:
+    keys: KeyPath = ("model", "term", index, "coefficient")
+    try:
+        expression = parse_expression(term.coefficient)
+    except ExpressionError as error:
+        raise source.error(keys, str(error)) from None
+    for name in expression.names:
+        if name in TAKEN:
+            raise source.error(keys, f"'{name}' is a column of the tables: choose another name")
+    return expression
+
+
+def _nominal(
+    expressions: list[Expression], given: Mapping[str, float], source: SourceText
+) -> dict[str, float]:
+    """Value of every name in the coefficients, and nothing else."""
+    names = {name: i for i, e in reversed(list(enumerate(expressions))) for name in e.names}
+    unused = [name for name in given if name not in names]
+    for name, index in sorted(names.items(), key=lambda item: item[1]):
+        if name not in given:
+            hint = did_you_mean(name, unused) or f"; give {name} = ... there"
+            raise source.error(
+                ("model", "term", index, "coefficient"),
+                f"'{name}' has no value under [parameters]{hint}",
+            )
+    for name in unused:
+        what = "a constant or function" if name in RESERVED else "in none of the coefficients"
+        listed = f"; they use {', '.join(names)}" if names else "; they use no parameter"
+        message = f"'{name}' is {what}{did_you_mean(name, names) or listed}"
+        raise source.error(("parameters", name), message)
+    return {name: float(given[name]) for name in sorted(names)}
+
+
+def _absent(term: TermSource, index: int, source: SourceText) -> StudyFileError:
+    folder = term.path.parent
+    what = f"no file {term.path.name} in {folder}" if folder.is_dir() else f"no folder {folder}"
+    return source.error(
+        ("model", "term", index, "file"),
+        f'there is {what}; [model] folder = "..." names another folder, and the environment '
+        f"variable {DATA} replaces the one named there",
+    )

@@ -1,0 +1,114 @@
+"""Which rung of reanalysis serves a study: as its file says, or the one of least total cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from squealstudy.study.definition import Study
+from squealstudy.study.parameters import DAMPING_RATIO
+from squealstudy.study.source import SourceText
+
+AUTO, FULL, DENSE = "auto", "full", "dense"
+SWEEP_BASIS, WINDOWS = "sweep_basis", "windows"
+TWO_STEP, PERTURBATION = "two_step", "perturbation"
+OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
+APPROXIMATE = (*OVER_A_BASIS, TWO_STEP, PERTURBATION)
+# design points of one structure from which on windows cost less than dense points, by the number
+# of parameters that vary: a basis costs some thirty dense points, patches a dozen nodes each
+PAYS_FROM = {1: 80, 2: 400, 3: 1500}
+BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
+
+
+class Method(NamedTuple):
+    """A rung, the tolerance it keeps, and why it was chosen."""
+
+    name: str
+    tolerance: float
+    reason: str
+
+    @property
+    def identity(self) -> list[object]:
+        """What results depend on beside the model: nothing where the method is exact."""
+        if self.name in APPROXIMATE:
+            return [self.name, self.tolerance]
+        return [FULL] if self.name == FULL else []
+
+
+def choose_method(
+    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], exact: str
+) -> Method:
+    """The method of a study.
+
+    Parameters
+    ----------
+    study : Study
+    swept : sequence of mapping
+        Swept values of each design point.
+    structural : sequence of str
+        Swept parameters whose every value is another structure.
+    exact : str
+        The rung that is exact for the model: dense, or full for matrices.
+
+    Raises
+    ------
+    StudyFileError
+        A method that cannot serve this study.
+    """
+    section = study.definition.modes
+    damped = _modally_damped(study, swept)
+    if section.method != AUTO:
+        if section.method in APPROXIMATE and damped:
+            raise SourceText(study.path, study.text).error(
+                ("modes", "method"),
+                f"{section.method} has no modal damping of the assembly ({damped} is not zero): "
+                "expected dense, or stiffness_damping in its place",
+            )
+        if section.method == DENSE and exact == FULL:
+            raise SourceText(study.path, study.text).error(
+                ("modes", "method"),
+                "a family of matrices has no component-mode coordinates for dense: expected full, "
+                "sweep_basis or windows",
+            )
+        return Method(section.method, section.tolerance, "as the study says")
+    return _cheapest(study, swept, structural, exact, damped)
+
+
+def _cheapest(
+    study: Study,
+    swept: Sequence[Mapping[str, float]],
+    structural: Sequence[str],
+    exact: str,
+    damped: str,
+) -> Method:
+    tolerance = study.definition.modes.tolerance
+    if study.definition.study.kind != "complex_modes":
+        return Method(exact, tolerance, "the only one of this kind of study")
+    if damped:
+        return Method(exact, tolerance, f"{damped}: modal damping needs all real modes of a point")
+    if study.definition.design.type == "boundary":
+        return Method(exact, tolerance, "a boundary design has few points")
+    if exact == DENSE and "mesh" not in study.options:
+        return Method(exact, tolerance, "a model of few degrees of freedom")
+    free = [s.name for s in study.sweeps if s.name not in structural]
+    varied = sum(len({point[name] for point in swept}) > 1 for name in free)
+    values = {tuple(point[name] for name in structural) for point in swept}
+    each = len(swept) // max(len(values), 1)
+    if not varied:
+        return Method(exact, tolerance, "nothing varies that a basis could serve")
+    if varied in PAYS_FROM and each >= PAYS_FROM[varied]:
+        return Method(WINDOWS, tolerance, f"{each} points a structure pay for a basis and patches")
+    if varied not in PAYS_FROM and each >= BASIS_PAYS_FROM:
+        return Method(SWEEP_BASIS, tolerance, f"{each} points a structure pay for a basis")
+    return Method(exact, tolerance, f"{each} points a structure do not pay for a basis")
+
+
+def _modally_damped(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
+    """Name of a parameter of the assembly's modal damping that is not zero somewhere, or ''."""
+    values = dict(study.values)
+    names = [n for n in values if n == DAMPING_RATIO or n.startswith("modes[")]
+    names += [s.name for s in study.sweeps if s.name == DAMPING_RATIO or s.name[:6] == "modes["]
+    for name in dict.fromkeys(names):
+        if any(point.get(name, values.get(name, 0.0)) for point in swept):
+            return name
+    return ""

@@ -1,0 +1,128 @@
+"""Sensitivity studies as a kind."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.linearise import component_frequencies
+from squealstudy.analysis.structural_sensitivity import check_structural
+from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.kind import Progress
+from squealstudy.study.names import POINTS, SENSITIVITIES
+from squealstudy.study.parallel import split_chunks
+from squealstudy.study.plan import Plan, Structure
+from squealstudy.study.sensitivity import rows
+from squealstudy.study.sensitivity.forecast import point_seconds
+from squealstudy.study.sensitivity.parameters import (
+    Asked,
+    asked_parameters,
+    error_at_name,
+    mode_choice,
+    state_parameters,
+    structural_names,
+)
+from squealstudy.study.sensitivity.tables import build_tables
+from squealstudy.study.sensitivity.worker import (
+    Request,
+    SensitivityTask,
+    design_structure,
+    solve_sensitivities,
+)
+from squealstudy.study.tasks import ChunkReport, PointTask
+
+
+class Sensitivities:
+    """Derivatives of complex modes by parameters, each beside a finite change."""
+
+    schema: pa.Schema = rows.SCHEMA
+    tables: tuple[str, ...] = (POINTS, SENSITIVITIES)
+
+    def check(self, plan: Plan) -> None:
+        """Parameters must be held by every basis, modes of one name equal, geometry left out."""
+        asked = request(plan).asked
+        try:
+            for structure in plan.structures:
+                if is_prepared(structure.key):
+                    _check_state(structure, asked)
+            names = structural_names(asked)
+            if names:
+                design = plan.structures[0].design
+                check_structural(design_structure(design, plan.study.options, plan.settings), names)
+        except ParameterError as error:
+            raise error_at_name(plan.study, error) from None
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """Sensitivities give none."""
+        return []
+
+    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+        """Structures are all that sensitivities need."""
+
+    def tasks(
+        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
+    ) -> list[SensitivityTask]:
+        """Chunks of consecutive points."""
+        asked = request(plan)
+        return [
+            SensitivityTask(directory, asked, tuple(part), os.getpid())
+            for part in split_chunks(points, jobs)
+        ]
+
+    def solve(self, task: SensitivityTask) -> ChunkReport:
+        """Solve one chunk in a worker."""
+        return solve_sensitivities(task)
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """Chunk row of a point that could not be solved."""
+        return rows.failed_row(point_id, 0.0, status, message)
+
+    def verify(
+        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
+    ) -> list[dict[str, Any]]:
+        """Every derivative has its finite change beside it; nothing is solved at full order."""
+        return []
+
+    def build_tables(
+        self, plan: Plan, directory: Path, jobs: int, report: Progress
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write points and sensitivities."""
+        section = plan.study.definition.sensitivity
+        return build_tables(plan, directory), {"sensitivity": section.model_dump(mode="json")}
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point, from a few of its parameters."""
+        with threadpool_limits(1):
+            try:
+                return point_seconds(task, request(plan))
+            except ConvergenceError:
+                return None
+
+
+def _check_state(structure: Structure, asked: Sequence[Asked]) -> None:
+    """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
+    model = load_prepared(structure.key).model
+    for parameter in state_parameters(asked, component_frequencies(model)):
+        parameter.value(structure.design.state())
+        if not parameter.component and max(parameter.modes, default=1) > model.n:
+            raise ParameterError(parameter.name, f"the assembly has modes 1 to {model.n} here")
+
+
+def request(plan: Plan) -> Request:
+    """What the study asks of every design point."""
+    definition = plan.study.definition
+    return Request(
+        asked_parameters(plan.study, plan.law_kind),
+        mode_choice(definition.sensitivity, definition.modes.stability_tolerance),
+        definition.sensitivity.change,
+        plan.band_hz,
+        plan.study.options,
+        plan.settings,
+    )

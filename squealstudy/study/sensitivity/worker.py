@@ -1,0 +1,117 @@
+"""What a worker process does: sensitivities of a chunk of design points, and its file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.linearise import component_frequencies
+from squealstudy.analysis.mode_choice import ModeChoice
+from squealstudy.analysis.mode_sensitivities import ModeSensitivities, with_more
+from squealstudy.analysis.sensitivity import point_sensitivities, solve_families
+from squealstudy.analysis.structural_sensitivity import Structure, structural_sensitivities
+from squealstudy.errors import SquealstudyError
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.study.chunks import write_chunk
+from squealstudy.study.design import Design
+from squealstudy.study.keys import chunk_id
+from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.sensitivity.parameters import Asked, state_parameters, structural_names
+from squealstudy.study.sensitivity.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.working_points import known_gap, prepared_model
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of every design point.
+
+    Attributes
+    ----------
+    asked : tuple of Asked
+    choice : ModeChoice
+    change : float
+        Relative finite change.
+    band_hz : (low, high)
+    options : mapping
+        Of the model, to build assemblies.
+    settings : BasisSettings
+    """
+
+    asked: tuple[Asked, ...]
+    choice: ModeChoice
+    change: float
+    band_hz: tuple[float, float]
+    options: Mapping[str, str | int]
+    settings: BasisSettings
+
+
+@dataclass(frozen=True)
+class SensitivityTask:
+    """Design points that one worker solves and writes together."""
+
+    directory: Path
+    request: Request
+    points: tuple[PointTask, ...]
+    parent: int
+
+
+def solve_sensitivities(task: SensitivityTask) -> ChunkReport:
+    """Solve the points of a chunk, one BLAS thread, and write the chunk file."""
+    watch_parent(task.parent)
+    started = time.perf_counter()
+    with threadpool_limits(1):
+        rows = [_row(point, task.request) for point in task.points]
+    known = sum(known_gap(p.prepared_key, p.design) is not None for p in task.points)
+    write_chunk(task.directory, chunk_id(p.point_id for p in task.points), rows, SCHEMA)
+    failed = sum(row["status"] != "ok" for row in rows)
+    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
+
+
+def _row(point: PointTask, request: Request) -> dict[str, Any]:
+    started = time.perf_counter()
+    try:
+        found, modes = design_sensitivities(point, request)
+    except SquealstudyError as error:
+        wall, status = time.perf_counter() - started, getattr(error, "status", "failed")
+        return failed_row(point.point_id, wall, status, str(error))
+    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+        wall, message = time.perf_counter() - started, f"{type(error).__name__}: {error}"
+        return failed_row(point.point_id, wall, "failed", message)
+    return solved_row(point.point_id, time.perf_counter() - started, found, modes)
+
+
+def design_sensitivities(
+    point: PointTask, request: Request
+) -> tuple[WorkingPoint, list[ModeSensitivities]]:
+    """Working point and sensitivities of one design point; SquealstudyError."""
+    prepared = prepared_model(point.prepared_key)
+    gap = known_gap(point.prepared_key, point.design)
+    state = point.design.state()
+    solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
+    parameters = state_parameters(request.asked, component_frequencies(prepared.model))
+    modes = point_sensitivities(solved, parameters, request.change, request.band_hz[1])
+    structure = design_structure(point.design, request.options, request.settings)
+    names = structural_names(request.asked)
+    more = structural_sensitivities(solved, structure, names, request.change)
+    return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
+
+
+def design_structure(
+    design: Design, options: Mapping[str, str | int], settings: BasisSettings
+) -> Structure:
+    """How the assembly of a design is built."""
+    return Structure(
+        partial(design.model.build, options),
+        design.plain_values(),
+        settings.component_cutoff,
+        settings.assembly_cutoff,
+    )

@@ -1,0 +1,93 @@
+"""Errors of roots against exact ones, times, and the table of both."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from squealstudy.analysis.reanalysis.sweep_basis import light
+
+ROUND_OFF = 1e-11  # relative: true errors below say nothing about an estimate
+LOST = 1e-2  # relative error from which on a root counts as missed
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """What a call returns, and milliseconds."""
+    started = time.perf_counter()
+    result = call()
+    return result, 1e3 * (time.perf_counter() - started)
+
+
+@dataclass
+class Measured:
+    """One rung: errors gathered point by point, medians of milliseconds a point."""
+
+    name: str
+    setup_s: float = 0.0
+    size: str = ""
+    values: list[float] = field(default_factory=list)
+    vectors: list[float] = field(default_factory=list)
+    estimate: list[float] = field(default_factory=list)
+    light_f: list[float] = field(default_factory=list)
+    light_zeta: list[float] = field(default_factory=list)
+    heavy: list[float] = field(default_factory=list)
+    missed: int = 0
+    ratios: list[float] = field(default_factory=list)
+
+    def compare(self, exact: np.ndarray, lam: np.ndarray, error: np.ndarray | None = None) -> None:
+        """Add a point: each exact root against the nearest one found."""
+        if not len(lam):
+            self.missed += int(light(exact).sum())
+            return
+        nearest = np.abs(exact[:, None] - lam[None, :]).argmin(axis=1)
+        true = np.abs(exact - lam[nearest])
+        relative, slight = true / np.abs(exact), light(exact)
+        self.missed += int((relative[slight] > LOST).sum())
+        zeta = -exact.real / np.abs(exact) + lam[nearest].real / np.abs(lam[nearest])
+        df = np.abs(np.abs(lam[nearest]) / np.abs(exact) - 1.0)
+        self.light_f.append(df[slight].max(initial=0.0))
+        self.light_zeta.append(np.abs(zeta[slight]).max(initial=0.0))
+        self.heavy.append(relative[~slight].max(initial=0.0))
+        if error is not None:
+            told = slight & (relative > ROUND_OFF) & (relative < LOST)
+            self.ratios += list(true[told] / error[nearest][told])
+
+    @property
+    def ms(self) -> float:
+        """Median milliseconds a point of the cheapest answer that was timed."""
+        for times in (self.values, self.vectors, self.estimate):
+            if times:
+                return float(np.median(times))
+        return np.nan
+
+    @property
+    def error(self) -> float:
+        """Largest error of light modes, of frequency or of damping ratio."""
+        return max([*self.light_f, *self.light_zeta], default=np.nan)
+
+
+HEAD = (
+    f"{'rung':<28}{'size':>16}{'set-up s':>10}{'ms: values':>12}{'vectors':>9}{'estimate':>9}"
+    f"{'x dense':>9}{'light df/f':>12}{'dzeta':>9}{'heavy':>9}{'missed':>7}{'<=2x':>7}{'<=5x':>7}"
+)
+
+
+def line(row: Measured, dense_ms: float) -> str:
+    """A rung as a line of the table; `x dense` is by the cheapest answer."""
+    ratios = np.array(row.ratios)
+    shares = [f"{(ratios <= k).mean():>7.1%}" if len(ratios) else f"{'-':>7}" for k in (2, 5)]
+    times = [_median(t) for t in (row.values, row.vectors, row.estimate)]
+    worst = [max(e, default=np.nan) for e in (row.light_f, row.light_zeta, row.heavy)]
+    return (
+        f"{row.name:<28}{row.size:>16}{row.setup_s:>10.1f}{times[0]:>12}{times[1]:>9}{times[2]:>9}"
+        f"{dense_ms / row.ms:>9.1f}{worst[0]:>12.1e}{worst[1]:>9.1e}{worst[2]:>9.1e}"
+        f"{row.missed:>7}{shares[0]}{shares[1]}"
+    )
+
+
+def _median(times: Sequence[float]) -> str:
+    return f"{np.median(times):.3f}" if len(times) else "-"

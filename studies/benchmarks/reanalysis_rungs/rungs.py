@@ -1,0 +1,176 @@
+"""Every rung on the same points: what it costs and how wrong it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.analysis.parametric import Weights
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
+from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
+from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.perturbation import MARGIN, make_anchor, perturbed_pairs
+from squealstudy.analysis.reanalysis.polynomials import interpolation
+from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
+from squealstudy.analysis.reanalysis.two_step import two_step_pairs, two_step_values
+from squealstudy.analysis.reanalysis.windows import DEGREE, FollowedPatch, Windows
+
+from .measure import Measured, timed
+
+EDGE = 1.02  # roots found a little beyond the band are no spurious ones
+
+
+@dataclass(frozen=True)
+class Points:
+    """Design points of the measurement: theta (n, d), weights, exact roots in the band."""
+
+    theta: np.ndarray
+    weights: Sequence[Weights]
+    exact: Sequence[np.ndarray]
+
+
+def dense(
+    problem: BrakeProblem, theta: np.ndarray, weights: Sequence[Weights]
+) -> tuple[Points, Measured]:
+    """The exact rung: roots alone, and with right vectors, which are the reference."""
+    row, exact = Measured("dense", size=f"{problem.system.n}"), []
+    for w in weights:
+        (_, C, K), assembled = timed(lambda w=w: problem.system.matrices(w))
+        _, values = timed(lambda C=C, K=K: all_roots(C, K))
+        (lam, _), vectors = timed(lambda C=C, K=K: dense_roots(C, K, problem.band))
+        row.values.append(assembled + values)
+        row.vectors.append(assembled + vectors)
+        exact.append(lam)
+        row.compare(lam, lam)
+    return Points(theta, weights, exact), row
+
+
+def two_step(problem: Problem, points: Points, factor: float) -> Measured:
+    """Real modes, then a small problem."""
+    row, top = Measured(f"two_step {factor:g}x band"), factor * problem.band[1]
+    for w, exact in zip(points.weights, points.exact, strict=True):
+        _, values = timed(lambda w=w: two_step_values(problem.system, w, top))
+        pairs, vectors = timed(lambda w=w: two_step_pairs(problem.system, w, top))
+        row.size = f"{len(pairs.lam) // 2}"
+        _estimated(row, problem, w, exact, pairs, (values, vectors))
+    return row
+
+
+def perturbation(problem: Problem, points: Points, order: int) -> Measured:
+    """From the middle of the box."""
+    anchor, setup = timed(lambda: make_anchor(problem, np.zeros(problem.dimension), 1e6))
+    near = np.flatnonzero(in_band(anchor.pairs.lam, problem.band, MARGIN))
+    row = Measured(f"perturbation {order}", setup / 1e3, f"{len(anchor.pairs.lam)} modes")
+    for w, exact in zip(points.weights, points.exact, strict=True):
+        pairs, ms = timed(lambda w=w: perturbed_pairs(problem.system, anchor, w, order, near))
+        _estimated(row, problem, w, exact, pairs, (None, ms))
+    return row
+
+
+def sweep_basis(
+    problem: Problem, points: Points, tolerance: float, most: int
+) -> tuple[SweepBasis, Measured]:
+    """One basis for the box."""
+    basis = build_sweep_basis(problem, tolerance, most)
+    size = f"{basis.V.shape[1]}, {len(basis.trained)} points"
+    row = Measured(f"sweep_basis {tolerance:.0e}", basis.seconds, size)
+    for w, exact in zip(points.weights, points.exact, strict=True):
+        (C, K), assembled = timed(lambda w=w: basis.small.matrices([w]))
+        _, values = timed(lambda C=C, K=K: all_roots(C[0], K[0]))
+        pairs, vectors = timed(lambda C=C, K=K: all_pairs(C[0], K[0]))
+        pairs = pairs.take(in_band(pairs.lam, problem.band, EDGE))
+        full, expanded = timed(lambda w=w, p=pairs: basis.expand(w, p))
+        times = (assembled + values, assembled + vectors + expanded)
+        _estimated(row, problem, w, exact, full, times)
+    return basis, row
+
+
+def _estimated(row, problem, weights, exact, pairs, times) -> None:
+    values, vectors = times
+    pairs = pairs.take(in_band(pairs.lam, problem.band, EDGE))
+    error, ms = timed(lambda: two_sided_error(problem, weights, pairs))
+    if values is not None:
+        row.values.append(values)
+    row.vectors.append(vectors)
+    row.estimate.append(vectors + ms)
+    row.compare(exact, pairs.lam, bounded(error, pairs.lam))
+
+
+def windows(
+    problem: Problem, basis: SweepBasis, points: Points, tolerance: float
+) -> list[Measured]:
+    """Patches that cover the box: interpolated roots, and Ritz values with vectors."""
+    started = time.perf_counter()
+    solver = Windows(problem, basis, tolerance)
+    patches = cover(solver, points.theta)
+    setup = time.perf_counter() - started
+    served = sum(len(rows) for _, rows in patches)
+    size = f"{len(patches)} patches"
+    fast = Measured(f"windows values {tolerance:.0e}", setup, size)
+    ritz = Measured(f"windows Ritz {tolerance:.0e}", setup, size)
+    for followed, rows in patches:
+        patch, theta = followed.patch, points.theta[rows]
+        batch = [points.weights[i] for i in rows]
+        interpolated_roots(patch, theta[:1])  # the first call sets nothing up that it should pay
+        lam, ms = timed(lambda p=patch, t=theta: interpolated_roots(p, t))
+        fast.values += [ms / len(rows)] * len(rows)
+        _, ms = timed(lambda p=patch, t=theta, b=batch: ritz_roots(p, basis, t, b))
+        ritz.estimate += [ms / len(rows)] * len(rows)
+        found = {p.row: p for p in solver._points(followed, points.theta, np.array(rows))}
+        for i, k in zip(rows, range(len(rows)), strict=True):
+            fast.compare(points.exact[i], lam[k][lam[k].imag >= 0])
+            ritz.compare(points.exact[i], found[i].lam, found[i].error)
+    missing = len(points.theta) - served
+    if missing:
+        fast.name, ritz.name = (f"{r.name}, {missing} left" for r in (fast, ritz))
+    return [fast, ritz]
+
+
+def cover(
+    solver: Windows, theta: np.ndarray, deepest: int = 10
+) -> list[tuple[FollowedPatch, list[int]]]:
+    """Patches of the box with the points each serves, halved until their estimates hold.
+
+    Windows makes a patch only where enough points pay for it; a measurement wants the box covered.
+    """
+    d = theta.shape[1]
+    grid = interpolation(DEGREE.get(d, 2), d)
+    found, pending = [], [(Box(-np.ones(d), np.ones(d)), list(range(len(theta))), 0)]
+    while pending:
+        box, rows, depth = pending.pop()
+        if not rows:
+            continue
+        patch = solver._patch(box, grid)
+        if isinstance(patch, FollowedPatch):
+            solved = list(solver._points(patch, theta, np.array(rows)))
+            if all(solver.good(p) for p in solved) or depth == deepest:
+                found.append((patch, rows))
+                continue
+            patch = patch.slope
+        if depth == deepest:
+            continue
+        axis = int(np.argmax(patch))
+        lower, upper = box.halves(axis)
+        below = [i for i in rows if theta[i, axis] <= box.middle[axis]]
+        above = [i for i in rows if theta[i, axis] > box.middle[axis]]
+        pending += [(lower, below, depth + 1), (upper, above, depth + 1)]
+    return found
+
+
+def whole_study(
+    problem: Problem, basis: SweepBasis, theta: np.ndarray, tolerance: float
+) -> tuple[float, dict[str, int]]:
+    """Milliseconds a point of a study of these points, patches and working points counted."""
+    solver, d = Windows(problem, basis, tolerance), theta.shape[1]
+    points, ms = timed(lambda: list(solver.solve(Box(-np.ones(d), np.ones(d)), theta)))
+    served: dict[str, int] = dict(solver.counts)
+    for p in points:
+        served[p.method] = served.get(p.method, 0) + 1
+    return ms / len(theta), served

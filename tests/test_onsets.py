@@ -1,0 +1,265 @@
+"""Onsets: crossings on a grid, root finding on a followed mode, the table of a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import squealstudy
+from squealstudy.analysis.crossings import line_crossings
+from squealstudy.analysis.onsets import FollowedMode, Samples, refine_onset
+from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+
+HZ = 2 * np.pi
+W1, W2 = 100 * HZ, 75 * HZ
+MU_C = (W1**2 - W2**2) / (2 * W1 * W2)
+STUDY = """
+[study]
+name = "onset"
+kind = "complex_modes"
+[model]
+name = "{model}"
+[[sweep]]
+parameter = "friction"
+start = {start}
+stop = {stop}
+num = {num}
+[modes]
+band = [1.0, 5000.0]
+reference_points = 0
+"""
+
+
+def study(model: str = "hulten", stop: float = 0.6, num: int = 4, start: float = 0.0) -> str:
+    return STUDY.format(model=model, start=start, stop=stop, num=num)
+
+
+def run(text: str, directory: Path, jobs: int = 1) -> squealstudy.Results:
+    run_study(Plan(parse_study(text, Path("study.toml"))), directory, jobs=jobs)
+    return squealstudy.open_results(directory)
+
+
+def modes_of(C: np.ndarray, K: np.ndarray) -> Modes:
+    """Oscillating modes of lam^2 + lam C + K, ascending in |lambda|."""
+    n = len(K)
+    lam, z = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
+    kept = np.flatnonzero(lam.imag > 0)
+    kept = kept[np.argsort(np.abs(lam[kept]))]
+    shapes = z[:n, kept].T
+    return Modes(lam[kept], shapes / np.linalg.norm(shapes, axis=1, keepdims=True))
+
+
+def hulten(mu: float, zeta: tuple[float, float] = (0.0, 0.0)) -> Modes:
+    K = np.array([[W1**2, -mu * W2**2], [mu * W1**2, W2**2]])
+    return modes_of(np.diag([2 * zeta[0] * W1, 2 * zeta[1] * W2]), K)
+
+
+def damped_threshold(c1: float, c2: float) -> float:
+    """Friction at which two degrees of freedom with dampers c turn unstable (Routh-Hurwitz).
+
+    s^4 + a s^3 + b s^2 + c s + d with a = c1 + c2, c = c1 w2^2 + c2 w1^2 and
+    d = w1^2 w2^2 (1 + mu^2): unstable where a b c < c^2 + a^2 d.
+    """
+    a, c = c1 + c2, c1 * W2**2 + c2 * W1**2
+    b = W1**2 + W2**2 + c1 * c2
+    return float(np.sqrt((a * b * c - c**2) / (a**2 * W1**2 * W2**2) - 1.0))
+
+
+# -- crossings
+
+
+def crossings(x, zeta, track=None, line=None, start=None):
+    x, zeta = np.asarray(x, float), np.asarray(zeta, float)
+    track = np.ones(len(x), int) if track is None else np.asarray(track)
+    line = np.zeros(len(x), int) if line is None else np.asarray(line)
+    start = np.full(len(x), x.min()) if start is None else start
+    return line_crossings(track, line, x, start, zeta, zeta < 0)
+
+
+@given(st.floats(0.01, 0.99), st.booleans(), st.randoms())
+def test_linear_damping_crosses_where_it_is_zero(zero, falling, random):
+    x = sorted([0.0, 1.0, *(random.random() for _ in range(5))])
+    zeta = [(zero - v) if falling else (v - zero) for v in x]
+    found = crossings(x, zeta)
+    crossing = found[found["kind"] == "crossing"]
+    assert crossing["value"].to_numpy() == pytest.approx([zero], abs=1e-12)
+    assert list(crossing["direction"]) == ["in" if falling else "out"]
+    assert (found["kind"] == "below range").sum() == (not falling)
+
+
+def test_every_change_along_a_line_is_listed_with_both_ends():
+    found = crossings([3, 1, 0, 2, 4], [-0.1, -0.1, 0.1, 0.3, 0.1]).sort_values("value")
+    assert list(found["direction"]) == ["in", "out", "in", "out"]
+    assert found["value"].to_numpy() == pytest.approx([0.5, 1.25, 2.75, 3.5])
+    assert list(zip(found["before"], found["after"], strict=True)) == [
+        (2, 1), (1, 3), (3, 0), (0, 4),
+    ]  # fmt: skip
+
+
+def test_tracks_and_lines_are_kept_apart():
+    found = crossings(
+        [0, 1, 0, 1, 1], [0.1, -0.1, -0.1, 0.3, -0.2], [1, 1, 1, 1, 2], [0, 0, 1, 1, 1]
+    )
+    kinds = {(t, n): k for t, n, k in found[["track", "line", "kind"]].to_numpy() if k}
+    assert kinds[2, 1] == "first seen"
+    assert list(found["kind"]) == ["crossing", "below range", "crossing", "first seen"]
+
+
+# -- root finding
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.6), (0.25, 0.3), (0.29, 0.2917)])
+def test_the_undamped_lock_in_of_hulten(low, high):
+    """The growth rate rises with the square root of the distance to the lock-in."""
+    samples = Samples(low, hulten(low), high, hulten(high), hulten)
+    unstable = int(np.argmax(samples.at(high).lam.real))
+    onset = refine_onset(samples, 0, unstable, 1e-7, 0.5e-4)
+    assert onset.value == pytest.approx(MU_C, abs=1e-4)
+    assert onset.frequency_hz == pytest.approx(np.sqrt((W1**2 + W2**2) / 2) / HZ, rel=5e-3)
+
+
+@pytest.mark.parametrize("zeta", [(0.01, 0.01), (0.002, 0.03), (0.05, 0.01)])
+def test_damped_onsets_are_those_of_routh_and_hurwitz(zeta):
+    expected = damped_threshold(2 * zeta[0] * W1, 2 * zeta[1] * W2)
+    evaluations = []
+
+    def solve(mu):
+        evaluations.append(mu)
+        return hulten(mu, zeta)
+
+    high = expected + 0.07
+    samples = Samples(0.1, hulten(0.1, zeta), high, hulten(high, zeta), solve)
+    unstable = int(np.argmax(samples.at(high).lam.real))
+    found = [refine_onset(samples, i, unstable, 0.0, 0.5e-4) for i in range(2)]
+    for onset in found:  # the label at the other end may be wrong: the crossing is the same
+        assert onset.value == pytest.approx(expected, abs=1e-4)
+    assert found[0].evaluations + found[1].evaluations == len(evaluations) == len(set(evaluations))
+    assert found[1].evaluations < found[0].evaluations  # what is solved serves the next mode
+
+
+def test_a_mode_is_followed_from_its_sure_side():
+    """Before a lock-in the mode is known from below, behind it from above, wherever one looks."""
+    zeta = (0.01, 0.01)
+    samples = Samples(0.2, hulten(0.2, zeta), 0.4, hulten(0.4, zeta), lambda mu: hulten(mu, zeta))
+    unstable = int(np.argmax(samples.at(0.4).lam.real))
+    mode = FollowedMode(samples, 0, unstable)
+    for mu in (0.3, 0.39, 0.33, 0.21, 0.25):
+        lam = hulten(mu, zeta).lam
+        assert mode.root(mu) == lam[np.argmax(lam.real) if mu > 0.295 else 0]
+
+
+def test_a_mode_that_vanishes_is_said_so():
+    nothing = Modes(np.zeros(0, complex), np.zeros((0, 2), complex))
+    samples = Samples(0.0, hulten(0.0), 0.6, hulten(0.6), lambda mu: nothing)
+    with pytest.raises(ConvergenceError, match=r"cannot be followed at 0\.3"):
+        FollowedMode(samples, 0, 0).root(0.3)
+    stable = Samples(0.0, hulten(0.0, (0.1, 0.1)), 0.1, hulten(0.1, (0.1, 0.1)), hulten)
+    with pytest.raises(ConvergenceError, match="does not cross"):
+        refine_onset(stable, 0, 0, 0.0, 1e-4)
+
+
+# -- studies
+
+
+@pytest.mark.parametrize("num", [3, 4, 13])
+def test_onset_of_hulten_from_its_study(tmp_path, num):
+    results = run(study(num=num), tmp_path / "r")
+    (row,) = results.onsets.to_dict("records")
+    assert row["status"] == "refined"
+    assert row["direction"] == "in"
+    assert row["onset"] == pytest.approx(MU_C, abs=1e-4)
+    assert row["bracket_low"] < MU_C < row["bracket_high"]
+    assert row["frequency_hz"] == pytest.approx(88.388, rel=1e-2)
+    ends = results.points.set_index("point_id")["friction"]
+    assert ends[row["point_before"]] == row["bracket_low"]
+    assert ends[row["point_after"]] == row["bracket_high"]
+    ranking = results.rank(by="threshold")
+    assert ranking["threshold"].tolist() == pytest.approx([MU_C], abs=1e-4)
+    assert ranking["threshold_kind"].tolist() == ["refined"]
+    facts = results.manifest["onsets"]
+    assert facts == {"along": "friction", "evaluations": row["evaluations"], "refined": 1}
+
+
+def test_onset_of_hoffmann_from_its_study(tmp_path):
+    results = run(study("hoffmann", 1.5, 6), tmp_path / "r")
+    assert results.onsets["onset"].tolist() == pytest.approx([0.75], abs=1e-4)
+    assert results.onsets["status"].tolist() == ["refined"]
+
+
+def test_lines_have_their_own_onsets_and_friction_need_not_come_first(tmp_path):
+    sweep = '[[sweep]]\nparameter = "stiffness_damping"\nstart = 1e-6\nstop = 1e-4\nnum = 3\n'
+    text = study(num=5).replace("[[sweep]]", sweep + 'scale = "log"\n[[sweep]]', 1)
+    onsets = run(text, tmp_path / "r").onsets
+    assert list(onsets["stiffness_damping"]) == pytest.approx([1e-6, 1e-5, 1e-4])
+    expected = [damped_threshold(b * W1**2, b * W2**2) for b in onsets["stiffness_damping"]]
+    assert onsets["onset"].to_numpy() == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_parameter_swept_in_log_is_refined_relative_to_its_value(tmp_path):
+    """More stiffness damping stabilises: the onset is left as it rises."""
+    text = study(num=3).replace('"friction"', '"stiffness_damping"').replace("start = 0.0", "start")
+    text = text.replace("start\n", 'start = 1e-6\nscale = "log"\n').replace("0.6", "1e-3")
+    results = run(text + "[parameters]\nfriction = 0.31\n", tmp_path / "r")
+    (first, row) = results.onsets.sort_values("bracket_high").to_dict("records")
+    assert (first["status"], row["status"], row["direction"]) == ("below_range", "refined", "out")
+    assert np.isnan(first["onset"])
+    assert damped_threshold(row["onset"] * W1**2, row["onset"] * W2**2) == pytest.approx(
+        0.31, abs=2e-5
+    )
+
+
+def test_without_refinement_the_onset_is_read_off_the_grid(tmp_path):
+    results = run(study(num=4) + "refine_onsets = false\n", tmp_path / "r")
+    assert results.onsets["status"].tolist() == ["interpolated"]
+    assert results.onsets["evaluations"].tolist() == [0]
+    assert results.rank()["threshold_kind"].tolist() == ["crossing"]
+
+
+def test_structural_sweeps_are_interpolated(tmp_path):
+    text = study(stop=99.0, start=60.0, num=14).replace('"friction"', '"frequency_2"')
+    results = run(text + "[parameters]\nfriction = 0.2\n", tmp_path / "r")
+    assert set(results.onsets["status"]) == {"interpolated"}
+    assert results.manifest["tracking"]["extra_points"] == 0
+
+
+def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, monkeypatch):
+    def fail(prepared, design, band):
+        raise ConvergenceError("not_converged", "no working point")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.between.solve_design", fail)
+    (row,) = run(study(num=4), tmp_path / "r").onsets.to_dict("records")
+    assert row["status"] == "failed"
+    assert row["bracket_low"] <= row["onset"] < row["bracket_high"]
+
+
+def test_tables_do_not_depend_on_the_workers(tmp_path):
+    sweep = '[[sweep]]\nparameter = "damping_ratio"\nstart = 0.0\nstop = 0.02\nnum = 9\n'
+    one, two = (run(study(num=6) + sweep, tmp_path / str(jobs), jobs) for jobs in (1, 2))
+    pd.testing.assert_frame_equal(one.onsets, two.onsets)
+    assert (one.onsets["status"] == "refined").sum() == 9
+
+
+def test_no_line_no_onset(tmp_path):
+    sweep = '[[sweep]]\nparameter = "damping_ratio"\nstart = 0.0\nstop = 0.02\n'
+    random = study().replace("num = 4\n", "") + sweep + '[design]\ntype = "sobol"\nsamples = 8\n'
+    assert len(run(random, tmp_path / "a").onsets) == 0  # a line of one point has no onset
+    alone = study().split("[[sweep]]")[0] + "[modes]\nband = [1.0, 5000.0]\n"
+    assert len(run(alone, tmp_path / "b").onsets) == 0
+
+
+def test_results_of_an_older_version_are_run_again(tmp_path):
+    results = run(study(), tmp_path / "r")
+    (tmp_path / "r" / "onsets.parquet").unlink()
+    with pytest.raises(ResultsError, match="not finished; run the study again"):
+        squealstudy.open_results(tmp_path / "r")
+    again = run(study(), tmp_path / "r")
+    pd.testing.assert_frame_equal(again.onsets, results.onsets)

@@ -1,0 +1,246 @@
+"""Parametric systems against dense algebra, and the brake's terms against its linearisation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from conftest import NOMINAL, build_model
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.parametric import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    ParametricSystem,
+    Term,
+    with_small_terms,
+)
+from squealstudy.analysis.reanalysis.collocated import collocate
+from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
+from squealstudy.analysis.reanalysis.estimate import derivative
+from squealstudy.errors import ModelError
+from squealstudy.models.law import ContactLaw
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.prepared import prepare
+from squealstudy.reduction.working_point import working_point
+
+
+# -- any system --------------------------------------------------------------------------------
+@st.composite
+def systems(draw):
+    """A system with all kinds of terms, its weights and the dense terms it stands for."""
+    n = draw(st.integers(1, 6))
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    terms, weights, dense = [], [], []
+    for _ in range(draw(st.integers(1, 6))):
+        order = draw(st.sampled_from([STIFFNESS, DAMPING, MASS]))
+        k = draw(st.integers(1, 5))
+        sides = draw(st.sampled_from(["none", "left", "right", "both"]))
+        k = k if sides == "both" else n
+        scalar = draw(st.booleans())
+        w = draw(st.sampled_from([0.0, 1.0, -2.5])) if scalar else rng.standard_normal(k)
+        left, right = rng.standard_normal((2, k, n))
+        as_stored = sp.csr_matrix if draw(st.booleans()) else np.asarray
+        L = left if sides in ("left", "both") else np.eye(n)
+        R = right if sides in ("right", "both") else np.eye(n)
+        terms.append(
+            Term(
+                order,
+                as_stored(L) if sides in ("left", "both") else None,
+                as_stored(R) if sides in ("right", "both") else None,
+            )
+        )
+        weights.append(w)
+        dense.append((order, L.T @ np.diag(np.broadcast_to(w, (k,))) @ R))
+    return ParametricSystem(n, tuple(terms)), tuple(weights), dense, rng
+
+
+def summed(dense, n, order):
+    return sum((A for o, A in dense if o == order), start=np.zeros((n, n)))
+
+
+@given(systems())
+@settings(max_examples=80)
+def test_matrices_are_the_sums_of_their_terms(case):
+    system, weights, dense, _ = case
+    stored = [replace(t, left=_sparse(t.left), right=_sparse(t.right)) for t in system.terms]
+    sparse = ParametricSystem(system.n, tuple(stored)).sparse_matrices(weights)
+    for A, S, order in zip(
+        system.matrices(weights), sparse, (MASS, DAMPING, STIFFNESS), strict=True
+    ):
+        expected = summed(dense, system.n, order)
+        np.testing.assert_allclose(A, expected, atol=1e-12)
+        np.testing.assert_allclose(S.toarray(), expected, atol=1e-12)
+
+
+def _sparse(side):
+    return None if side is None else sp.csr_matrix(side)
+
+
+@given(systems())
+@settings(max_examples=80)
+def test_products_with_vectors(case):
+    """Q(lam_j) x_j, its adjoint, its derivative, and y^H Q x by either."""
+    system, weights, dense, rng = case
+    n, m = system.n, 3
+    X, Y = rng.standard_normal((2, n, m)) + 1j * rng.standard_normal((2, n, m))
+    lam = rng.standard_normal(m) + 1j * rng.standard_normal(m)
+    M, C, K = (summed(dense, n, order) for order in (MASS, DAMPING, STIFFNESS))
+    Q = [s**2 * M + s * C + K for s in lam]
+    ahead = system.apply(weights, lam, X)
+    behind = system.apply_adjoint(weights, lam, Y)
+    slope = derivative(system, weights, lam, X)
+    for j in range(m):
+        np.testing.assert_allclose(ahead[:, j], Q[j] @ X[:, j], atol=1e-11)
+        np.testing.assert_allclose(behind[:, j], Q[j].conj().T @ Y[:, j], atol=1e-11)
+        expected = (2 * lam[j] * M + C) @ X[:, j]
+        np.testing.assert_allclose(slope[:, j], expected, atol=1e-10)
+        either = Y[:, j].conj() @ ahead[:, j], behind[:, j].conj() @ X[:, j]
+        np.testing.assert_allclose(*either, atol=1e-11)
+
+
+@given(systems(), st.integers(1, 4))
+@settings(max_examples=80)
+def test_projections(case, r):
+    """Projected terms, small terms multiplied out, and expanded weights give the same W^T Q V."""
+    system, weights, dense, rng = case
+    n = system.n
+    W, V = rng.standard_normal((2, n, r))
+    small = system.projected(W, V)
+    scalar = [np.ndim(w) == 0 for w in weights]
+    out = with_small_terms(small, scalar)
+    several = [tuple(w * s for w in weights) for s in (1.0, -0.3, 2.0)]
+    expanded = collocate(system, several, W, V, 1e-13)
+    kept = range(len(weights))  # all terms, and no division by the mass
+    C, K = expanded.matrices([weights], kept=kept)
+    for order, A, B in zip(
+        (MASS, DAMPING, STIFFNESS), small.matrices(weights), out.matrices(weights), strict=True
+    ):
+        expected = W.T @ summed(dense, n, order) @ V
+        np.testing.assert_allclose(A, expected, atol=1e-10)
+        np.testing.assert_allclose(B, expected, atol=1e-10)
+    np.testing.assert_allclose(C[0], W.T @ summed(dense, n, DAMPING) @ V, atol=1e-10)
+    np.testing.assert_allclose(K[0], W.T @ summed(dense, n, STIFFNESS) @ V, atol=1e-10)
+
+
+def test_a_mass_that_varies_is_divided_by():
+    rng = np.random.default_rng(0)
+    n = 5
+    A = rng.standard_normal((4, n, n))
+    M0, M1 = A[0] @ A[0].T + n * np.eye(n), A[1] @ A[1].T
+    terms = (Term(MASS, None, M0), Term(MASS, None, M1), Term(DAMPING, None, A[2]))
+    system = ParametricSystem(n, (*terms, Term(STIFFNESS, None, A[3])))
+    weights = [(1.0, a, 0.1, 2.0) for a in (0.0, 0.5, 1.0)]
+    expanded = collocate(system, weights, np.eye(n), np.eye(n), 1e-12)
+    C, K = expanded.matrices(weights)
+    for i, w in enumerate(weights):
+        M = M0 + w[1] * M1
+        np.testing.assert_allclose(C[i], np.linalg.solve(M, 0.1 * A[2]), atol=1e-12)
+        np.testing.assert_allclose(K[i], np.linalg.solve(M, 2.0 * A[3]), atol=1e-12)
+        np.testing.assert_allclose(expanded.mass(w), M, atol=1e-12)
+
+
+def test_weights_that_vanish_at_some_points():
+    """A zero may be a number at one design point and an array at the next."""
+    rng = np.random.default_rng(1)
+    N = rng.standard_normal((4, 3))
+    system = ParametricSystem(3, (Term(MASS), Term(STIFFNESS), Term(DAMPING, N, N)))
+    some = (1.0, np.ones(3), np.array([1.0, 2.0, 3.0, 4.0]))
+    none = (1.0, 2.0, 0.0)
+    expanded = collocate(system, [some, none], np.eye(3), np.eye(3), 1e-12)
+    for batch in ([some, none], [none], [some], [none, none]):
+        C, K = expanded.matrices(batch)
+        for w, c, k in zip(batch, C, K, strict=True):
+            _, expected_C, expected_K = system.matrices(w)
+            np.testing.assert_allclose(c, expected_C, atol=1e-12)
+            np.testing.assert_allclose(k, expected_K, atol=1e-12)
+
+
+def test_terms_that_do_not_fit():
+    with pytest.raises(ModelError, match=r"term 1 has 4 columns, expected 3"):
+        ParametricSystem(3, (Term(MASS), Term(STIFFNESS, None, np.ones((2, 4)))))
+    system = ParametricSystem(2, (Term(MASS), Term(STIFFNESS)))
+    with pytest.raises(ValueError, match="zip"):
+        system.matrices((1.0,))
+
+
+# -- all roots with both vectors ---------------------------------------------------------------
+@given(st.integers(1, 8), st.integers(0, 10_000))
+@settings(max_examples=60)
+def test_pairs_solve_their_problem_from_both_sides(n, seed):
+    rng = np.random.default_rng(seed)
+    C, K = rng.standard_normal((2, n, n))
+    K = 1e6 * (K + 3 * np.sqrt(n) * np.eye(n))
+    lam, X, Y = all_pairs(C, K)
+    assert len(lam) == 2 * n
+    size = 1e-9 * np.linalg.norm(K)
+    assert np.abs(X * lam**2 + C @ X * lam + K @ X).max() < size
+    Yh = Y.conj().T
+    residual = Yh * lam[:, None] ** 2 + (Yh @ C) * lam[:, None] + Yh @ K
+    assert np.abs(residual / np.linalg.norm(Yh, axis=1, keepdims=True)).max() < size
+    np.testing.assert_allclose(np.einsum("mi,im->m", Yh, 2 * lam * X + C @ X), 1.0, rtol=1e-6)
+    plain = all_roots(C, K)
+    assert np.abs(np.sort_complex(plain) - np.sort_complex(lam)).max() < 1e-6 * np.abs(lam).max()
+
+
+# -- the brake's terms -------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def hulten():
+    settings_ = BasisSettings(1e3, 1e3, 1e3)
+    return prepare(build_model("hulten"), replace(NOMINAL, law=ContactLaw("bilateral")), settings_)
+
+
+STATES = {
+    "plain": {},
+    "component frequencies": {"frequency_scale": {("caliper", 7): 1.4, ("disc", 8): 0.5}},
+    "component dampers": {
+        "mode_damping": {("caliper", 7): 0.1, ("disc", 9): 0.02},
+        "frequency_scale": {("caliper", 7): 0.7},
+    },
+    "stiffness damping": {"stiffness_damping": 1e-7},
+    "both on changed components": {
+        "stiffness_damping": 2e-7,
+        "frequency_scale": {("caliper", 8): 1.25},
+        "mode_damping": {("caliper", 8): 0.05},
+    },
+}
+
+
+@pytest.mark.parametrize("falling", [False, True])
+@pytest.mark.parametrize("name", STATES)
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_the_brakes_terms_are_its_linearisation(brake, reduced, name, falling, friction):
+    model, _ = reduced
+    operating = replace(NOMINAL, friction=friction, pressure=5e5, sliding_speed=0.2)
+    if falling:
+        operating = replace(operating, static_ratio=1.5, decay_speed=0.3)
+    point = working_point(brake.space, operating)
+    state = DesignState(operating, **STATES[name])
+    system, weights = brake_system(model), brake_weights(model, point, state)
+    M, C, K = system.matrices(weights)
+    expected = linearise(model, point, state)
+    np.testing.assert_array_equal(M, np.eye(model.n))
+    np.testing.assert_allclose(K, expected.K, atol=1e-12 * np.abs(expected.K).max())
+    np.testing.assert_allclose(C, expected.C, atol=1e-12 * max(np.abs(expected.C).max(), 1e-9))
+    symmetric = symmetric_stiffness(model, weights)
+    np.testing.assert_allclose(symmetric, expected.K_sym, atol=1e-12 * np.abs(K).max())
+    assert bool(np.any(weights[-1])) == (falling and friction > 0)
+
+
+def test_hulten_in_closed_form(hulten):
+    """K = [[w1^2, -mu w2^2], [mu w1^2, w2^2]] up to signs of the coordinates."""
+    operating = replace(NOMINAL, friction=0.4, law=ContactLaw("bilateral"))
+    point = working_point(hulten.space, operating)
+    weights = brake_weights(hulten.model, point, DesignState(operating))
+    _, C, K = brake_system(hulten.model).matrices(weights)
+    a, b = (2 * np.pi * np.array([100.0, 75.0])) ** 2
+    assert np.trace(K) == pytest.approx(a + b, rel=1e-9)
+    assert np.linalg.det(K) == pytest.approx(a * b * (1 + 0.4**2), rel=1e-9)
+    assert not C.any()

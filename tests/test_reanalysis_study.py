@@ -1,0 +1,201 @@
+"""Methods of reanalysis in studies: choice, charts, boxes, tables, audit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from squealstudy import open_results
+from squealstudy.errors import StudyFileError
+from squealstudy.study.complex_modes.bases import split_boxes
+from squealstudy.study.complex_modes.chart import chart_of
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+
+HULTEN = """
+[study]
+name = "flutter"
+kind = "complex_modes"
+
+[model]
+name = "hulten"
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = 41
+
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+"""
+BRAKE = """
+[study]
+name = "map"
+kind = "complex_modes"
+
+[model]
+name = "disc_brake"
+mesh = "coarse"
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.7
+num = {friction}
+
+[[sweep]]
+parameter = "pressure"
+start = 2e5
+stop = 30e5
+num = {pressure}
+scale = "log"
+
+[modes]
+"""
+W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+
+
+def plan_of(text, tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return Plan(parse_study(text, path))
+
+
+def run(text, tmp_path, name="results"):
+    plan = plan_of(text, tmp_path)
+    run_study(plan, tmp_path / name, jobs=1)
+    return open_results(tmp_path / name)
+
+
+def closed_form(mu):
+    """Both roots of Hulten's model of imaginary part >= 0, or of either sign of a pair."""
+    K = np.array([[W1**2, -mu * W2**2], [mu * W1**2, W2**2]])
+    lam = np.sqrt(-np.linalg.eigvals(K).astype(complex))
+    return np.concatenate([lam, -lam, lam.conj(), -lam.conj()])
+
+
+def largest_error(results):
+    modes = results.modes.merge(results.points[["point_id", "friction"]], on="point_id")
+    size = 2 * np.pi * modes["frequency_hz"].to_numpy()
+    real = modes["growth_rate"].to_numpy()
+    lam = real + 1j * np.sqrt(np.maximum(size**2 - real**2, 0.0))
+    exact = [
+        np.abs(closed_form(mu) - x).min() for mu, x in zip(modes["friction"], lam, strict=True)
+    ]
+    return float((np.array(exact) / size).max())
+
+
+@pytest.mark.parametrize("method", ["dense", "full", "sweep_basis", "windows", "two_step"])
+def test_every_rung_finds_hultens_roots_through_flutter(tmp_path, method):
+    results = run(HULTEN + f'method = "{method}"\n', tmp_path)
+    assert set(results.points["method"]) == {method}
+    assert (results.points["n_modes"] == 2).all()
+    assert largest_error(results) < 1e-7  # the flutter point itself is no design point
+    assert results.manifest["method"]["points"] == {method: 41}
+    assert (results.modes["error_estimate"] < 1e-3).all()
+
+
+def test_perturbation_fails_beyond_flutter_and_says_so(tmp_path):
+    results = run(HULTEN + 'method = "perturbation"\n', tmp_path)
+    assert largest_error(results) > 1e-3
+    size = 2 * np.pi * results.modes["frequency_hz"]
+    assert (results.modes["error_estimate"] / size).max() > 1e-3
+
+
+def test_windows_resume_to_the_same_tables(tmp_path):
+    text = HULTEN + 'method = "windows"\n'
+    whole = run(text, tmp_path, "whole")
+    again = run(text, tmp_path, "again")
+    chunks = sorted((tmp_path / "again" / "chunks").glob("*.parquet"))
+    chunks[0].unlink()
+    for name in ("points.parquet", "modes.parquet", "onsets.parquet"):
+        (tmp_path / "again" / name).unlink()
+    again = run(text, tmp_path, "again")
+    assert again.modes.equals(whole.modes)
+
+
+def test_an_audit_compares_estimates_with_full_order(tmp_path):
+    results = run(HULTEN + 'method = "sweep_basis"\naudit = 0.25\n', tmp_path)
+    audit = results.manifest["audit"]
+    assert audit["points"] == 11
+    assert 6 <= audit["modes"] < 22  # those beyond flutter are not light
+    assert audit["missed_modes"] == 0
+    assert audit["largest_true_error"] < 1e-9
+
+
+def test_another_tolerance_is_another_point(tmp_path):
+    one = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-4\n', tmp_path)
+    two = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-5\n', tmp_path)
+    exact = plan_of(HULTEN + 'method = "dense"\ntolerance = 1e-5\n', tmp_path)
+    auto = plan_of(HULTEN, tmp_path)
+    assert one.tasks[0].point_id != two.tasks[0].point_id
+    assert exact.tasks[0].point_id == auto.tasks[0].point_id  # exact results serve any tolerance
+
+
+@pytest.mark.parametrize(
+    ("friction", "pressure", "method"),
+    [(41, 20, "windows"), (15, 10, "dense"), (201, 1, "windows")],
+)
+def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pressure, method):
+    text = BRAKE.format(friction=friction, pressure=pressure)
+    if pressure == 1:
+        ends = 'start = 2e5\nstop = 30e5\nnum = 1\nscale = "log"'
+        text = text.replace(ends, "values = [2e5]")
+    plan = plan_of(text, tmp_path)
+    assert plan.method.name == method
+    assert "points" in plan.method.reason
+
+
+def test_auto_keeps_to_dense_with_modal_damping(tmp_path):
+    text = BRAKE.format(friction=41, pressure=20) + "\n[parameters]\ndamping_ratio = 0.005\n"
+    plan = plan_of(text, tmp_path)
+    assert plan.method.name == "dense"
+    assert "damping_ratio" in plan.method.reason
+
+
+def test_windows_with_modal_damping_are_refused(tmp_path):
+    text = BRAKE.format(friction=4, pressure=2)
+    text += 'method = "windows"\n\n[parameters]\ndamping_ratio = 0.005\n'
+    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*modal"):
+        plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
+
+
+@given(mu=st.floats(0.0, 0.7), pressure=st.floats(2e5, 30e5), speed=st.floats(0.1, 3.0))
+def test_a_chart_gives_back_the_design(mu, pressure, speed):
+    text = BRAKE.format(friction=3, pressure=3).replace(
+        "[modes]", '[[sweep]]\nparameter = "sliding_speed"\nvalues = [0.1, 0.5, 3.0]\n[modes]'
+    )
+    plan = Plan(parse_study(text, Path("study.toml")))
+    chart = chart_of(plan.designs, ["friction", "pressure", "sliding_speed"])
+    assert chart.scalings == ("linear", "log", "reciprocal")
+    values = {**plan.designs[0].values, "friction": mu, "pressure": pressure}
+    values["sliding_speed"] = speed
+    theta = chart.theta([values])[0]
+    assert (np.abs(theta) <= 1).all()
+    back = chart.design_at(theta).values
+    for name in chart.names:
+        assert back[name] == pytest.approx(values[name], rel=1e-12, abs=1e-12)
+
+
+@given(
+    n=st.integers(1, 300),
+    d=st.integers(0, 3),
+    most=st.integers(5, 60),
+    seed=st.integers(0, 20),
+)
+def test_boxes_part_the_points(n, d, most, seed):
+    theta = np.random.default_rng(seed).integers(-4, 5, (n, d)) / 4.0
+    boxes = split_boxes(theta, most)
+    rows = np.concatenate([rows for rows, _, _ in boxes])
+    assert sorted(rows) == list(range(n))
+    for rows, low, high in boxes:
+        assert (theta[rows] >= low).all()
+        assert (theta[rows] <= high).all()
+        assert len(rows) <= most or not (high > low).any()

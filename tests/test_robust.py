@@ -1,0 +1,349 @@
+"""Sobol indices and probabilities of instability, from tables to the screen."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from scipy.stats import qmc
+
+import squealstudy
+from squealstudy.analysis.ranking import rank_modes
+from squealstudy.analysis.robust import probability_interval, robust_table
+from squealstudy.analysis.saltelli import saltelli_rows
+from squealstudy.analysis.sobol_table import saltelli_estimate, sobol_table
+from squealstudy.cli.app import main
+from squealstudy.cli.robust import show_indices
+from squealstudy.errors import ResultsError
+from squealstudy.plots.files import save_figure
+from squealstudy.plots.robust_bars import robust_bars
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+
+NAMES = ("x1", "x2", "x3")
+
+
+# -- tables made of functions ----------------------------------------------------------------------
+def tables(x: np.ndarray, growth: np.ndarray, failed: np.ndarray | None = None):
+    """Points at x (m, 3); a stable mode and mode 1, whose growth is given; NaN: not there."""
+    m = len(x)
+    failed = np.zeros(m, dtype=bool) if failed is None else failed
+    ids = [f"p{i}" for i in range(m)]
+    points = pd.DataFrame({"point_id": ids, "status": np.where(failed, "failed", "ok")})
+    points = points.assign(**dict(zip(NAMES, x.T, strict=True)))
+    here = np.flatnonzero(~failed & np.isfinite(growth))
+    base = {"overdamped": False, "track_ambiguous": False, "energy_disc": 1.0}
+    one = pd.DataFrame({"point_id": np.array(ids)[here], "track": 1, "growth_rate": growth[here]})
+    one = one.assign(frequency_hz=1000.0)
+    solved = np.flatnonzero(~failed)
+    two = pd.DataFrame({"point_id": np.array(ids)[solved], "track": 2, "growth_rate": -1e4})
+    modes = pd.concat([one, two.assign(frequency_hz=2000.0)], ignore_index=True).assign(**base)
+    modes["damping_ratio"] = -modes["growth_rate"] / (2 * np.pi * modes["frequency_hz"])
+    modes["unstable"] = modes["growth_rate"] > 0
+    return points, modes
+
+
+def ishigami(x: np.ndarray) -> np.ndarray:
+    return np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+
+
+def ishigami_indices() -> tuple[np.ndarray, np.ndarray]:
+    """First and total indices in closed form (Ishigami and Homma 1990), a = 7, b = 0.1."""
+    a, b, p = 7.0, 0.1, np.pi
+    v1 = 0.5 * (1 + b * p**4 / 5) ** 2
+    v2 = a**2 / 8
+    v13 = b**2 * p**8 * (1 / 18 - 1 / 50)
+    v = v1 + v2 + v13
+    return np.array([v1, v2, 0.0]) / v, np.array([v1 + v13, v2, v13]) / v
+
+
+def saltelli_sample(n: int, seed: int = 0) -> np.ndarray:
+    both = qmc.Sobol(6, seed=np.random.default_rng(seed)).random(n)
+    return np.pi * (2 * saltelli_rows(both[:, :3], both[:, 3:]) - 1)
+
+
+def test_ishigami_indices_come_out_of_a_table():
+    x = saltelli_sample(2**12)
+    table = sobol_table(*tables(x, ishigami(x)), NAMES)
+    first, total = ishigami_indices()
+    largest = table[table["quantity"] == "largest"]
+    assert largest["parameter"].tolist() == list(NAMES)
+    np.testing.assert_allclose(largest["first"], first, atol=0.02)
+    np.testing.assert_allclose(largest["total"], total, atol=0.02)
+    for name, exact in (("first", first), ("total", total)):
+        assert (largest[f"{name}_low"] <= exact).all()
+        assert (exact <= largest[f"{name}_high"]).all()
+        assert (largest[f"{name}_high"] - largest[f"{name}_low"] < 0.2).all()
+    # the other mode never leads: mode 1 alone has the same indices
+    track = table[table["quantity"] == "track"]
+    assert track["track"].unique().tolist() == [1]
+    np.testing.assert_array_equal(track["first"], largest["first"])
+
+
+def test_indices_are_those_of_scipy_and_the_same_every_time():
+    x = saltelli_sample(256)
+    f = ishigami(x).reshape(256, 5)
+    func = {"f_A": f[:, 0][None], "f_B": f[:, 1][None], "f_AB": f[:, 2:].T[:, None]}
+    found = stats.sobol_indices(func=func, n=256)
+    mine = saltelli_estimate(f[:, 0], f[:, 1], f[:, 2:].T)
+    np.testing.assert_allclose(mine, [found.first_order, found.total_order], rtol=1e-12)
+    table = sobol_table(*tables(x, f.ravel()), NAMES)
+    np.testing.assert_allclose(table["first"][:3], found.first_order, rtol=1e-12)
+    np.testing.assert_allclose(table["total"][:3], found.total_order, rtol=1e-12)
+    pd.testing.assert_frame_equal(table, sobol_table(*tables(x, f.ravel()), NAMES))
+
+
+def test_intervals_narrow_as_the_sample_grows():
+    width = []
+    for n in (64, 1024):
+        x = saltelli_sample(n)
+        table = sobol_table(*tables(x, ishigami(x)), NAMES, top=0)
+        width.append((table["total_high"] - table["total_low"]).to_numpy())
+    assert (width[1] < 0.5 * width[0]).all()
+
+
+def test_failed_points_take_their_groups_along():
+    x = saltelli_sample(2**11)
+    failed = np.zeros(len(x), dtype=bool)
+    failed[7::97] = True
+    groups = len(np.unique(np.flatnonzero(failed) // 5))
+    table = sobol_table(*tables(x, ishigami(x), failed), NAMES, top=0)
+    assert (table["dropped_groups"] == groups).all()
+    assert (table["groups"] == 2**11 - groups).all()
+    first, total = ishigami_indices()
+    np.testing.assert_allclose(table["first"], first, atol=0.06)
+    np.testing.assert_allclose(table["total"], total, atol=0.06)
+
+
+def test_too_many_failed_points_are_an_error_not_an_index():
+    x = saltelli_sample(64)
+    failed = np.arange(len(x)) % 7 == 0
+    with pytest.raises(ResultsError, match=r"\d+ of 64 groups have one that failed"):
+        sobol_table(*tables(x, ishigami(x), failed), NAMES)
+
+
+def test_a_track_that_is_rarely_there_has_no_indices():
+    x = saltelli_sample(64)
+    growth = np.where(x[:, 0] > 0, ishigami(x), np.nan)
+    table = sobol_table(*tables(x, growth), NAMES)
+    track = table[table["track"] == 1]
+    assert track["first"].isna().all()
+    assert (track["groups"] + track["dropped_groups"] == 64).all()
+    assert table[table["quantity"] == "largest"]["first"].notna().all()
+
+
+def test_growth_that_does_not_vary_has_no_influence():
+    x = saltelli_sample(64)
+    table = sobol_table(*tables(x, np.full(len(x), 3.0)), NAMES)
+    assert (table[["first", "total", "first_low", "total_high", "variance"]] == 0).all(axis=None)
+
+
+def test_other_designs_are_refused():
+    x = saltelli_sample(64)
+    with pytest.raises(ResultsError, match="sobol_indices"):
+        sobol_table(*tables(x[::-1], ishigami(x)), NAMES)
+
+
+# -- probabilities ---------------------------------------------------------------------------------
+def test_interval_bounds_are_those_of_clopper_and_pearson():
+    alpha, n = 0.05, 100
+    low, high = probability_interval(0, n, 0.95)
+    assert (low, high) == (0.0, pytest.approx(1 - (alpha / 2) ** (1 / n)))
+    low, high = probability_interval(30, n, 0.95)
+    assert stats.binom.sf(29, n, low) == pytest.approx(alpha / 2)
+    assert stats.binom.cdf(30, n, high) == pytest.approx(alpha / 2)
+
+
+def test_interval_covers_at_least_as_often_as_it_says():
+    p, n = 0.13, 60
+    bounds = np.array([probability_interval(k, n, 0.9) for k in range(n + 1)])
+    covering = (bounds[:, 0] <= p) & (p <= bounds[:, 1])
+    assert stats.binom.pmf(np.arange(n + 1), n, p)[covering].sum() >= 0.9
+
+
+def test_rows_of_the_robust_table():
+    x = np.arange(12.0).reshape(4, 3)
+    failed = np.array([False, False, True, False])
+    table = robust_table(*tables(x, np.array([2.0, -4.0, 9.0, 6.0]), failed))
+    assert table["quantity"].tolist() == ["any", "track"]
+    row = table.iloc[1]
+    assert (row["points"], row["failed_points"], row["unstable_points"]) == (3, 1, 2)
+    assert row["probability"] == pytest.approx(2 / 3)
+    assert row["mean_growth_rate"] == pytest.approx(8 / 3)
+    assert row["growth_mean"] == pytest.approx(4 / 3)
+    assert row["growth_std"] == pytest.approx(np.std([2, -4, 6], ddof=1))
+    assert (row["max_growth_rate"], row["at"]) == (6.0, "x1=9, x2=10, x3=11")
+    ranked = rank_modes(*tables(x, np.array([2.0, -4.0, 9.0, 6.0]), failed), by="mean_growth")
+    assert ranked["mean_growth_rate"].iloc[0] == pytest.approx(8 / 3)
+
+
+def test_a_mode_that_is_not_there_is_not_unstable():
+    x = np.arange(12.0).reshape(4, 3)
+    table = robust_table(*tables(x, np.array([2.0, np.nan, np.nan, -1.0])))
+    row = table.iloc[1]
+    assert (row["points"], row["present_points"], row["probability"]) == (4, 2, 0.25)
+    assert table.iloc[0]["present_points"] == 4  # the other mode is
+
+
+def test_only_failed_points_have_no_probability():
+    x = np.arange(12.0).reshape(4, 3)
+    with pytest.raises(ResultsError, match="every design point failed"):
+        robust_table(*tables(x, np.ones(4), np.ones(4, dtype=bool)))
+
+
+def two_unstable_modes():
+    """Mode 1: rarely, strongly unstable; mode 2: always, weakly."""
+    points, modes = tables(np.arange(30.0).reshape(10, 3), np.append(40.0, np.full(9, -1.0)))
+    second = modes["track"] == 2
+    modes.loc[second, "growth_rate"] = 5.0
+    return points, modes.assign(unstable=modes["growth_rate"] > 0)
+
+
+def test_ranking_by_probability_worst_case_and_mean():
+    points, modes = two_unstable_modes()
+    by = {name: rank_modes(points, modes, by=name)["track"].tolist() for name in RANKINGS}
+    assert by == {"probability": [2, 1], "worst": [1, 2], "mean_growth": [2, 1]}
+
+
+RANKINGS = ("probability", "worst", "mean_growth")
+
+
+# -- a study: flutter in closed form ---------------------------------------------------------------
+MEAN, STD, CRITICAL = 0.31, 0.03, (100.0**2 - 75.0**2) / (2 * 100.0 * 75.0)
+STUDY = f"""
+[study]
+name = "scatter"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+distribution = "normal"
+mean = {MEAN}
+std = {STD}
+[[sweep]]
+parameter = "sliding_speed"
+distribution = "lognormal"
+median = 1.0
+sigma = 0.5
+[design]
+type = "TYPE"
+samples = SAMPLES
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+"""
+
+
+def run(directory: Path, kind: str, samples: int) -> squealstudy.study.results.Results:
+    text = STUDY.replace("TYPE", kind).replace("SAMPLES", str(samples))
+    run_study(Plan(parse_study(text, Path("s.toml"))), directory, jobs=1)
+    return squealstudy.open_results(directory)
+
+
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("robust") / "r", "sobol_indices", 64)
+
+
+def test_probability_of_flutter_is_that_of_friction_above_its_threshold(sampled):
+    exact = stats.norm.sf((CRITICAL - MEAN) / STD)
+    table = sampled.robust()
+    row = table.iloc[0]
+    assert (row["quantity"], row["points"]) == ("any", 2 * 64)  # the independent part of the sample
+    assert row["probability"] == pytest.approx(exact, abs=0.02)
+    assert row["probability_low"] < exact < row["probability_high"]
+    # one mode of the two is unstable at a time, whichever track it is on
+    assert table["probability"].iloc[1:].sum() == pytest.approx(row["probability"])
+
+
+def test_growth_scatters_with_friction_alone(sampled):
+    table = sampled.sobol_indices().set_index(["quantity", "parameter"])
+    assert table.loc[("largest", "sliding_speed"), "total"] == 0.0
+    friction = table.loc[("largest", "friction")]
+    assert friction["first_low"] < 1.0 < friction["first_high"]
+    assert friction["total_low"] < 1.0 < friction["total_high"]
+
+
+def test_mean_growth_is_the_integral_over_the_distribution(sampled):
+    mu = stats.norm.ppf((np.arange(20_000) + 0.5) / 20_000, MEAN, STD)
+    w1, w2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+    root = np.sqrt(((w1**2 - w2**2) / 2) ** 2 - (mu * w1 * w2) ** 2 + 0j)
+    growth = np.sqrt(-(w1**2 + w2**2) / 2 + root).real
+    found = sampled.robust().iloc[0]
+    assert found["mean_growth_rate"] == pytest.approx(growth.mean(), rel=0.03)
+    assert found["growth_std"] == pytest.approx(growth.std(), rel=0.05)
+
+
+def test_a_sobol_design_has_probabilities_and_no_indices(tmp_path):
+    results = run(tmp_path / "r", "sobol", 32)
+    assert (results.robust()["points"] == 32).all()
+    with pytest.raises(ResultsError, match="need a design of type 'sobol_indices', this is sobol"):
+        results.sobol_indices()
+
+
+def test_a_grid_has_no_probability(tmp_path):
+    text = STUDY.replace("TYPE", "grid").replace("samples = SAMPLES", "")
+    start, stop = text.index("[[sweep]]"), text.index("[design]")
+    sweep = '[[sweep]]\nparameter = "friction"\nvalues = [0.2, 0.4]\n'
+    text = text[:start] + sweep + text[stop:]
+    run_study(Plan(parse_study(text, Path("s.toml"))), tmp_path / "r", jobs=1)
+    with pytest.raises(ResultsError, match=r"probability of instability needs .* random design"):
+        squealstudy.open_results(tmp_path / "r").robust()
+
+
+def command(monkeypatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    return int(caught.value.code or 0)
+
+
+def test_modes_without_indices_are_named_on_the_screen(capsys):
+    x = saltelli_sample(64)
+    made = tables(x, np.where(x[:, 0] > 0, ishigami(x), np.nan))
+    show_indices(sobol_table(*made, NAMES), 0.95)
+    screen = capsys.readouterr().out
+    assert "modes found at too few points for indices: 1" in screen
+    assert screen.count("x1") == 1
+
+
+def test_robust_on_the_screen_and_as_csv(sampled, monkeypatch, capsys, tmp_path):
+    directory = str(sampled.directory)
+    assert command(monkeypatch, "robust", directory) == 0
+    screen = capsys.readouterr().out
+    assert "of 128 points, none failed" in screen
+    assert "Clopper-Pearson" in screen
+    assert "from 64 groups" in screen
+    assert command(monkeypatch, "robust", directory, "--csv") == 0
+    assert capsys.readouterr().out.startswith("quantity,track,frequency_hz,points")
+    assert command(monkeypatch, "robust", directory, "--csv", "--indices") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + len(sampled.sobol_indices())
+    assert lines[1].startswith("largest,0,")
+    assert command(monkeypatch, "rank", directory, "--by", "probability") == 0
+    capsys.readouterr()
+    assert command(monkeypatch, "plot", directory, "-o", str(tmp_path)) == 0
+    assert (tmp_path / "robust.png").stat().st_size > 10_000
+
+
+def test_bars_show_what_the_tables_say(tmp_path):
+    x = saltelli_sample(64)
+    growth = np.where(x[:, 0] > 0, ishigami(x), np.nan)
+    made = tables(x, growth)
+    probabilities, indices = robust_table(*made), sobol_table(*made, NAMES)
+    figure = robust_bars(probabilities, indices)
+    left, *others = figure.axes
+    widths = [bar.get_width() for bar in left.patches]
+    np.testing.assert_allclose(widths, 100 * probabilities["probability"])
+    assert [t.get_text() for t in left.get_yticklabels()] == ["any mode", "T1   1000 Hz"]
+    shown = [bar.get_width() for bar in others[0].patches]
+    largest = indices[indices["quantity"] == "largest"]
+    np.testing.assert_allclose(shown, [*largest["first"], *largest["total"]])
+    assert len(others) == 1  # mode 1 is found too rarely for indices
+    save_figure(figure, tmp_path / "r.png")

@@ -1,0 +1,149 @@
+"""The rungs for comparison: two-step projection, perturbation, single vectors, and their limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance, hulten, machine
+
+from squealstudy.analysis.brake_system import brake_system
+from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
+from squealstudy.analysis.reanalysis.two_step import (
+    is_symmetric,
+    symmetric_modes,
+    two_step_roots,
+)
+
+REACH = 30.0  # of anchors: all modes
+
+
+def test_two_step_converges_with_the_factor():
+    problem, theta = machine(), np.array([0.3])
+    exact = dense_roots(problem, theta)
+    worst = []
+    for factor in (1.0, 1.5, 2.0, 3.0):
+        found = two_step_roots(problem, theta, factor)
+        assert found.method == "two_step"
+        assert found.X.shape == (60, len(found.lam))
+        worst.append(distance(found.lam, exact).max())
+    assert worst[0] > worst[1] > worst[2]
+    assert worst[3] < 1e-9  # 900 Hz at most: all real modes
+    found = two_step_roots(problem, theta, 1.5)
+    true = np.abs(found.lam[:, None] - exact[None, :]).min(axis=1)
+    assert (true <= 5 * found.error).mean() > 0.9
+
+
+def test_symmetric_modes_leave_friction_out(reduced):
+    model, _ = reduced
+    system = brake_system(model)
+    kinds = [is_symmetric(t) for t in system.terms]
+    assert kinds == [True, True, True, True, False, True, True, True, True, True]
+    weights = tuple(
+        model.k_el if i == 1 else 1.0 if i in (0, 2) else 1e3 * np.ones(len(model.N))
+        if i in (3, 4) else 0.0 for i in range(10)
+    )  # fmt: skip
+    phi = symmetric_modes(system, weights, 2 * np.pi * 4e3)
+    K = model.K_springs + np.diag(model.k_el) + 1e3 * model.N.T @ model.N
+    w2 = np.diag(phi.T @ K @ phi)
+    count = (la.eigvalsh(K) <= (2 * np.pi * 4e3) ** 2).sum()
+    assert phi.shape[1] == count > 5
+    assert np.allclose(phi.T @ phi, np.eye(count), atol=1e-10)
+    assert (w2 <= (2 * np.pi * 4e3) ** 2).all()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_perturbation_converges_at_its_order(order):
+    """Of a family whose mass, damping and stiffness vary."""
+    problem = machine()
+    anchor = make_anchor(problem, np.array([0.2]), REACH)  # all modes
+    errors, steps = [], np.array([0.2, 0.1, 0.05, 0.025])
+    for step in steps:
+        theta = np.array([0.2 + step])
+        exact = dense_roots(problem, theta)
+        errors.append(distance(perturbed_roots(problem, anchor, theta, order).lam, exact).max())
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order + 1, abs=0.25)
+
+
+def test_second_order_beats_first_away_from_coalescence_and_estimates_tell():
+    problem = hulten(0.0, 0.2)
+    anchor = make_anchor(problem, np.zeros(1), REACH)
+    theta = np.array([0.3])
+    exact = closed_form(0.13)
+    first, second = (perturbed_roots(problem, anchor, theta, k) for k in (1, 2))
+    assert distance(second.lam, exact).max() < 0.2 * distance(first.lam, exact).max()
+    assert distance(second.lam, exact).max() < 1e-3
+    for found in (first, second):
+        true = np.abs(found.lam[:, None] - exact[None, :]).min(axis=1)
+        assert (true <= 2 * found.error).all()
+        assert (found.error <= 5 * true).all()
+    assert len(first.lam) == 2
+
+
+def test_other_orders_are_refused():
+    problem = hulten(0.0, 0.2)
+    with pytest.raises(ValueError, match="order must be 1 or 2, got 3"):
+        perturbed_roots(problem, make_anchor(problem, np.zeros(1), REACH), np.zeros(1), 3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_perturbation_fails_near_an_exceptional_point(order):
+    """From a distance d to the point itself: the error falls as the root of d, not as d^2, d^3."""
+    distances = np.array([1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+    errors = []
+    for d in distances:
+        problem = hulten(MU_C * (1 - 2 * d), MU_C)
+        anchor = make_anchor(problem, np.zeros(1), REACH)
+        found = perturbed_roots(problem, anchor, np.ones(1), order)
+        errors.append(np.abs(found.lam - closed_form(MU_C)[0]).max() / W1)
+    slope = np.polyfit(np.log(distances), np.log(errors), 1)[0]
+    assert slope == pytest.approx(0.5, abs=0.03)
+    assert errors[-1] > 50 * distances[-1]
+
+
+def test_perturbation_cannot_cross_an_exceptional_point():
+    """Beyond it the pair is unstable; the expansion of an undamped pair stays undamped."""
+    problem = hulten(MU_C * 0.98, MU_C * 1.02)
+    anchor = make_anchor(problem, np.array([-0.5]), REACH)
+    exact = closed_form(MU_C * 1.01)
+    assert np.abs(exact.real).min() > 10.0
+    for order in (1, 2):
+        found = perturbed_roots(problem, anchor, np.array([0.5]), order)
+        assert np.abs(found.lam.real).max() < 1e-6
+        assert distance(found.lam, exact).min() > 1e-2
+
+
+def test_single_vectors_cannot_cross_an_exceptional_point():
+    """Two-sided Rayleigh iteration: sharp before it, without a limit beyond."""
+    before, beyond = hulten(0.0, 2 * MU_C * 0.9), hulten(0.0, 2 * MU_C * 1.01)
+    start = hulten(0.0, 2 * MU_C * 0.8).pairs(np.zeros(1), 1.0)[1]
+    for problem, mu, reached in ((before, MU_C * 0.9, True), (beyond, MU_C * 1.01, False)):
+        M, C, K = (A.toarray() for A in problem.family.combined(problem.weights(np.zeros(1))))
+        exact = closed_form(mu)
+        for j in range(2):
+            lam = rayleigh_iteration(M, C, K, start.lam[j], start.X[:, j], start.Y[:, j])
+            error = np.abs(lam - exact).min() / np.abs(exact[0])
+            assert (error < 1e-9) == reached, (mu, j, lam)
+
+
+def rayleigh_iteration(M, C, K, lam, x, y, most=40):
+    """Two-sided: inverse iteration on both sides, the functional's root next to the last."""
+    for _ in range(most):
+        Q = lam**2 * M + lam * C + K
+        slope = 2 * lam * M + C
+        try:
+            x, y = la.solve(Q, slope @ x), la.solve(Q.conj().T, slope.conj().T @ y)
+        except (la.LinAlgError, la.LinAlgWarning):
+            break
+        x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
+        a, b, c = (y.conj() @ A @ x for A in (M, C, K))
+        near = np.roots([a, b, c])
+        lam = near[np.abs(near - lam).argmin()]
+    return lam
+
+
+def test_anchor_holds_conjugates_once():
+    problem = machine()
+    anchor = make_anchor(problem, np.array([0.2]), REACH)
+    assert len(anchor.pairs.lam) == 2 * problem.system.n

@@ -1,0 +1,370 @@
+"""Derivatives of complex modes: closed forms, central differences of the reanalysis, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from conftest import CUTOFF, NOMINAL, build_model
+from reference import hulten_flutter
+
+from squealstudy.analysis.assembly_change import check_same_mesh
+from squealstudy.analysis.damping_gradient import DampingGradient
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.finite_change import followed_root, reduced_pencil
+from squealstudy.analysis.full_order_point import FullOrderPoint, solved_full_order_point
+from squealstudy.analysis.law_sensitivity import (
+    FRICTION_PARAMETERS,
+    LAW_PARAMETERS,
+    friction_change,
+    law_change,
+    tangent_slope,
+)
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.mode_choice import ModeChoice, chosen_roots
+from squealstudy.analysis.mode_family import biorthogonality, mode_family
+from squealstudy.analysis.mode_sensitivities import CONDITION_LIMIT
+from squealstudy.analysis.root_figures import figure_slopes, figures
+from squealstudy.analysis.sensitivity import (
+    DesignPoint,
+    point_sensitivities,
+    solve_families,
+)
+from squealstudy.analysis.state_parameter import StateParameter
+from squealstudy.analysis.structural_sensitivity import Structure, structural_sensitivities
+from squealstudy.errors import ParameterError
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint, law_from_values
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.prepared import PreparedModel, prepare
+
+W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+FLUTTER = hulten_flutter(W1, W2)[0]
+LARGE = 1e9  # Hz, above every mode of a minimal model
+FRICTION = StateParameter("friction")
+
+
+def minimal(name: str, friction: float, **state) -> tuple[PreparedModel, DesignState, Structure]:
+    """A minimal model, ready for sensitivities."""
+    model = MODELS[name]
+    values = model.defaults()
+    operating = OperatingPoint(friction, 1.0, 0.5, law_from_values("bilateral", {}))
+    prepared = prepare(model.build({}, values), operating, BasisSettings(LARGE, LARGE, 0.0))
+    structure = Structure(partial(model.build, {}), values, LARGE, LARGE)
+    return prepared, DesignState(operating, **state), structure
+
+
+def hulten_root(friction, sign, w1=W1, w2=W2):
+    """lambda = i sqrt(s), s = (a + b)/2 + sign sqrt((a - b)^2/4 - mu^2 a b), a = w1^2, b = w2^2."""
+    a, b = w1**2, w2**2
+    D = np.sqrt(complex((a - b) ** 2 / 4 - friction**2 * a * b))
+    return 1j * np.sqrt((a + b) / 2 + sign * D)
+
+
+def hulten_slope(friction, sign):
+    a, b = W1**2, W2**2
+    D = np.sqrt(complex((a - b) ** 2 / 4 - friction**2 * a * b))
+    return 1j * (-sign * friction * a * b / D) / (2 * np.sqrt((a + b) / 2 + sign * D))
+
+
+# -- closed forms --------------------------------------------------------------------------------
+@pytest.mark.parametrize("friction", [0.1, 0.25, 0.4, 0.6])
+def test_hulten_by_friction_in_closed_form(friction):
+    prepared, state, _ = minimal("hulten", friction)
+    design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=2))
+    for mode in point_sensitivities(design, [FRICTION], 0.01, 1000.0):
+        sign = min((1, -1), key=lambda s: abs(hulten_root(friction, s) - mode.lam))
+        assert mode.lam == pytest.approx(hulten_root(friction, sign), rel=1e-12)
+        found = mode.sensitivities[0]
+        assert found.derivative == pytest.approx(hulten_slope(friction, sign), rel=1e-9)
+        assert found.finite is not None
+        exact = hulten_root(1.01 * friction, sign) - hulten_root(friction, sign)
+        assert found.finite.change == pytest.approx(exact, rel=1e-9)
+        assert mode.family.residual < 1e-13
+        assert mode.biorthogonality < 1e-12
+
+
+def test_hulten_by_frequency_in_closed_form():
+    prepared, state, structure = minimal("hulten", 0.4)
+    design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice())
+    (mode,) = structural_sensitivities(design, structure, ["frequency_1", "frequency_2"], 0.01)
+    lam = design.families[0].lam[0]
+    sign = min((1, -1), key=lambda s: abs(hulten_root(0.4, s) - lam))
+    h = 1e-5
+    for found, key in zip(mode, ("w1", "w2"), strict=True):
+        w = {"w1": W1, "w2": W2}[key]
+        ends = [hulten_root(0.4, sign, **{key: w * (1 + e)}) for e in (h, -h)]
+        slope = (ends[0] - ends[1]) / (2 * h * w) * 2 * np.pi
+        assert found.derivative == pytest.approx(slope, rel=1e-7)
+
+
+def test_derivative_diverges_at_flutter_and_is_flagged():
+    slopes = {}
+    for distance in (1e-2, 1e-4, 1e-6):
+        prepared, state, _ = minimal("hulten", FLUTTER * (1 + distance))
+        design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice())
+        (mode,) = point_sensitivities(design, [FRICTION], 0.01, 1000.0)
+        slopes[distance] = mode.sensitivities[0].derivative.real
+        if distance < 1e-2:
+            assert mode.near_coalescence(mode.sensitivities[0])
+    assert mode.family.condition > CONDITION_LIMIT
+    # growth goes as the square root of the distance, its slope as one over that
+    assert slopes[1e-6] / slopes[1e-4] == pytest.approx(10.0, rel=1e-2)
+    far, state, _ = minimal("hulten", 0.1)
+    (mode, _) = point_sensitivities(
+        solve_families(far, state, (1.0, 1000.0), ModeChoice(count=2)), [FRICTION], 0.01, 1000.0
+    )
+    assert not mode.near_coalescence(mode.sensitivities[0])
+
+
+@pytest.mark.parametrize("friction", [0.28, 0.285, 0.3, 0.31])
+def test_validity_range_is_the_distance_to_the_coalescence(friction):
+    prepared, state, _ = minimal("hulten", friction)
+    design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=1))
+    (mode,) = point_sensitivities(design, [FRICTION], 0.01, 1000.0)
+    assert mode.sensitivities[0].validity == pytest.approx(abs(friction - FLUTTER), rel=0.15)
+
+
+def test_condition_of_simple_oscillators():
+    """1 undamped, 1/sqrt(1 - zeta^2) damped."""
+    for zeta in (0.0, 0.3):
+        M, K = np.eye(2), np.diag([1.0, 9.0]) * 1e4
+        pencil = QuadraticPencil(M, 2 * zeta * np.sqrt(K), K)
+        family = mode_family(pencil, 100.0 * complex(-zeta, np.sqrt(1 - zeta**2)))
+        assert family.condition == pytest.approx(1 / np.sqrt(1 - zeta**2), rel=1e-12)
+
+
+# -- minimal models against central differences -------------------------------------------------
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        *(("hulten", n) for n in ("mass", "frequency_1", "normal_force")),
+        *(("hoffmann", n) for n in ("k1", "alpha1", "contact_stiffness", "mass")),
+    ],
+)
+def test_structural_derivatives_of_minimal_models(model, name):
+    damped = {"damping_ratio": 0.02, "stiffness_damping": 2e-6}
+    damped["assembly_damping"] = {1: 0.05}
+    prepared, state, structure = minimal(model, 0.6, **damped)
+    state = replace(state, operating=replace(state.operating, static_ratio=1.4))
+    design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=2))
+    found = structural_sensitivities(design, structure, [name], 0.01)
+    full = FullOrderPoint.at(structure.build(structure.values), state, design.point, LARGE, LARGE)
+    h = 1e-5 * structure.values[name]
+    for family, (own,) in zip(design.families, found, strict=True):
+        base = mode_family(full.pencil, complex(family.lam[0]))
+        ends = []
+        for sign in (1, -1):
+            values = {**structure.values, name: structure.values[name] + sign * h}
+            moved = solved_full_order_point(
+                structure.build(values), state, prepared.space.k_c, design.point.gap, LARGE, LARGE
+            )
+            ends.append(followed_root(full.pencil, base, moved.pencil).change)
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert own.derivative == pytest.approx(slope, rel=1e-5, abs=1e-8 / structure.values[name])
+
+
+# -- the coarse brake ----------------------------------------------------------------------------
+BRAKE_STATE = DesignState(
+    replace(NOMINAL, static_ratio=1.2),
+    {("caliper", 8): 1.05, ("inner_pad", 7): 0.97},
+    {("caliper", 9): 0.01, ("caliper", 8): 0.02},
+    0.002,
+    {20: 0.01},
+    1e-8,
+)
+FAMILIES = [
+    FRICTION,
+    *(StateParameter(n) for n in ("pressure", "sliding_speed", "contact.lambda", "contact.p0")),
+    *(StateParameter(f"friction_law.{n}") for n in ("static_ratio", "decay_speed")),
+    *(StateParameter(n) for n in ("damping_ratio", "stiffness_damping")),
+    *(
+        StateParameter(f"{c}.modes[{m}]", c, m, "frequency_scale")
+        for c, m in (("caliper", (8,)), ("caliper", (9,)), ("disc", (15, 16)))
+    ),
+    *(StateParameter(f"caliper.{m}", "caliper", (m,), "damping_ratio") for m in (8, 10)),
+    *(StateParameter(f"modes[{m}]", "", (m,), "damping_ratio") for m in (20, 22)),
+]
+
+
+@pytest.fixture(scope="module")
+def brake_design(brake, reduced) -> DesignPoint:
+    model = reduced[0]
+    shapes, sensors = np.eye(model.n, 1), np.zeros((1, 1))
+    prepared = PreparedModel(brake.space, model, shapes, sensors, brake.point.gap)
+    return solve_families(prepared, BRAKE_STATE, (1000.0, 4000.0), ModeChoice(count=2))
+
+
+@pytest.fixture(scope="module")
+def brake_modes(brake_design):
+    return point_sensitivities(brake_design, FAMILIES, 1e-3, 8e3)
+
+
+def test_left_vectors_of_the_brake(brake_design):
+    first, second = brake_design.families
+    for family in (first, second):
+        assert family.residual < 1e-9
+        y, lam = family.Y[:, 0], family.lam[0]
+        adjoint = brake_design.pencil.adjoint().apply(np.conj(lam), y)
+        size = abs(lam) ** 2 * np.linalg.norm(y)
+        assert np.linalg.norm(adjoint) < 1e-9 * size
+    assert biorthogonality(brake_design.pencil, first, second) < 1e-9
+    assert biorthogonality(brake_design.pencil, first, first) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("number", range(len(FAMILIES)), ids=[p.name for p in FAMILIES])
+def test_brake_against_central_differences(brake_design, brake_modes, number):
+    parameter, design = FAMILIES[number], brake_design
+    value = parameter.value(design.state)
+    reference = parameter.reference(value, 8e3)
+    h = 1e-4 * (1e-5 if parameter.name == "stiffness_damping" else reference)
+    lowest = 0.0 if parameter.name == "stiffness_damping" or value == 0 else -np.inf
+    at = [value + h, value - h] if value - h >= lowest else [value + h, value + 2 * h]
+    moved = [reduced_pencil(design.prepared, parameter.moved(design.state, v), None) for v in at]
+    for mode in brake_modes:
+        ends = [followed_root(design.pencil, mode.family, pencil).change for pencil in moved]
+        two_sided = at[1] < value
+        slope = (ends[0] - ends[1]) / (2 * h) if two_sided else (4 * ends[0] - ends[1]) / (2 * h)
+        assert mode.sensitivities[number].derivative == pytest.approx(slope, rel=2e-5)
+
+
+def test_friction_derivative_is_total(brake_design, brake_modes):
+    """With the working point held it would be another one."""
+    design, mode, h = brake_design, brake_modes[0], 1e-5
+    ends = []
+    for sign in (1, -1):
+        moved = FRICTION.moved(design.state, 0.5 + sign * h)
+        held = linearise(design.prepared.model, design.point, moved)
+        pencil = QuadraticPencil(design.pencil.M, held.C, held.K)
+        ends.append(followed_root(design.pencil, mode.family, pencil).change)
+    held_slope = (ends[0] - ends[1]) / (2 * h)
+    total = mode.sensitivities[0].derivative
+    assert abs(held_slope - total) > 0.02 * abs(total)
+
+
+def test_finite_changes_agree_where_the_derivative_is_said_to_hold(brake_modes):
+    for mode in brake_modes:
+        for found in mode.sensitivities:
+            assert found.finite is not None
+            assert not mode.near_coalescence(found)
+            assert found.finite.match == pytest.approx(1.0, abs=0.05)
+            gap = abs(found.finite.change - found.predicted)
+            ratio = abs(found.step.size) / found.validity
+            assert gap <= max(2 * 0.25 * ratio, 0.02) * abs(found.finite.change)
+
+
+def test_caliper_modulus_against_the_brake_built_anew(brake, brake_design):
+    model = MODELS["disc_brake"]
+    options = {o.name: o.choices[0] for o in model.options} | {"mesh": "coarse"}
+    values = model.defaults()
+    structure = Structure(partial(model.build, options), values, CUTOFF, CUTOFF)
+    state = replace(BRAKE_STATE, damping_ratio=0.0, assembly_damping={})
+    plain = solve_families(brake_design.prepared, state, (1000.0, 4000.0), ModeChoice(count=1))
+    name = "caliper.young_modulus"
+    ((found,),) = structural_sensitivities(plain, structure, [name], 1e-4)
+    assert found.finite is not None
+    assert found.finite.match == pytest.approx(1.0, abs=1e-3)
+    assert found.predicted == pytest.approx(found.finite.change, rel=1e-3)
+    assert abs(found.finite.change) > 1e-3
+
+
+def test_geometry_is_refused(brake):
+    thicker = build_model("disc_brake", {"mesh": "coarse"}, **{"disc.thickness": 0.01200001})
+    with pytest.raises(ParameterError, match=r"disc\.thickness.*geometry"):
+        check_same_mesh("disc.thickness", brake.assembly, thicker)
+    check_same_mesh("nothing", brake.assembly, brake.assembly)
+
+
+# -- parts ---------------------------------------------------------------------------------------
+LAWS = [
+    ContactLaw(),
+    ContactLaw("unilateral"),
+    ContactLaw("power", stiffness=1e14, exponent=1.7),
+    ContactLaw("bilateral"),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.kind)
+def test_law_derivatives_against_central_differences(law):
+    g = np.array([-9e-6, -3e-6, -1e-7, 2e-6])
+    for name, field in LAW_PARAMETERS[law.kind].items():
+        h = 1e-6 * getattr(law, field)
+        up, down = (
+            replace(law, **{field: getattr(law, field) + s * h}).evaluate(g) for s in (1, -1)
+        )
+        for found, a, b in zip(law_change(law, name, g), up, down, strict=True):
+            np.testing.assert_allclose(found, (a - b) / (2 * h), rtol=1e-7, atol=1e-30)
+    dg = 1e-13
+    slope = (law.evaluate(g + dg)[1] - law.evaluate(g - dg)[1]) / (2 * dg)
+    np.testing.assert_allclose(tangent_slope(law, g), slope, rtol=1e-5, atol=1e-3 * law.lam)
+
+
+@pytest.mark.parametrize("name", list(FRICTION_PARAMETERS))
+def test_friction_law_derivatives_against_central_differences(name):
+    point = OperatingPoint(0.4, 1e6, 0.7, ContactLaw(), 1.3, 0.5)
+    field = FRICTION_PARAMETERS[name]
+    h = 1e-6
+    up, down = (replace(point, **{field: getattr(point, field) + s * h}) for s in (1, -1))
+    found = friction_change(point, name)
+    assert found.mu == pytest.approx((up.mu_steady - down.mu_steady) / (2 * h), rel=1e-8)
+    slope = (up.friction_slope - down.friction_slope) / (2 * h)
+    assert found.slope == pytest.approx(slope, rel=1e-8)
+    assert found.speed == (1.0 if name == "sliding_speed" else 0.0)
+
+
+@pytest.mark.parametrize("zeta", [np.full(6, 0.03), np.array([0.01, 0.0, 0.2, 0.0, 0.05, 0.1])])
+def test_modal_damping_derivative_by_stiffness_and_mass(zeta):
+    rng = np.random.default_rng(1)
+    n, lam = 6, complex(-0.1, 1.7)
+
+    def positive(scale):
+        A = rng.standard_normal((n, n))
+        return scale * (A @ A.T + n * np.eye(n))
+
+    M, K, dM, dK = positive(1.0), positive(4.0), positive(0.3), positive(0.5)
+    x, y = (rng.standard_normal(n) + 1j * rng.standard_normal(n) for _ in range(2))
+
+    def product(t):
+        w2, phi = la.eigh(K + t * dK, M + t * dM)
+        modal = (M + t * dM) @ phi
+        return lam * (y.conj() @ modal) * (2 * zeta * np.sqrt(w2)) @ (modal.T @ x)
+
+    w2, phi = la.eigh(K, M)
+    gradient = DampingGradient(np.sqrt(w2), zeta, lam, phi.T @ M @ y.conj(), phi.T @ M @ x)
+    found = gradient.by_stiffness(phi.T @ dK @ phi) + gradient.by_mass(phi.T @ dM @ phi)
+    h = 1e-5
+    assert found == pytest.approx((product(h) - product(-h)) / (2 * h), rel=1e-8)
+
+
+def test_figures_by_the_chain_rule():
+    lam, slope, h = np.array([-40 + 900j, 30 + 2000j]), np.array([3 - 2j, -1 + 5j]), 1e-6
+    ends = [figures(lam + s * h * slope) for s in (1, -1)]
+    for found, up, down in zip(figure_slopes(lam, slope), *ends, strict=True):
+        np.testing.assert_allclose(found, (up - down) / (2 * h), rtol=1e-6)
+
+
+def test_choice_of_modes():
+    lam = np.array([-5 + 100j, 3 + 200j, 9 + 300j, 20 + 0j, -1 + 400j])
+    assert chosen_roots(lam, ModeChoice()) == [9 + 300j, 3 + 200j]
+    assert chosen_roots(lam, ModeChoice(count=3)) == [9 + 300j, 3 + 200j, -1 + 400j]
+    near = ModeChoice(frequencies_hz=(100 / 6.28, 101 / 6.28, 390 / 6.28))
+    assert chosen_roots(lam, near) == [-1 + 400j, -5 + 100j]
+    assert chosen_roots(lam, ModeChoice(stability_tolerance=0.02)) == [9 + 300j]
+
+
+def test_modes_of_one_name_must_have_one_value():
+    parameter = StateParameter("p", "caliper", (8, 9), "frequency_scale")
+    with pytest.raises(ParameterError, match="different values"):
+        parameter.value(BRAKE_STATE)
+
+
+def test_minimal_contact_has_no_law_parameters():
+    assembly = build_model("hulten")
+    assert assembly.contact.law.kind == "bilateral"
+    with pytest.raises(ParameterError, match="bilateral contact law"):
+        StateParameter("contact.lambda").value(DesignState(minimal("hulten", 0.1)[1].operating))

@@ -1,0 +1,259 @@
+"""Sweep bases and windows of the coarse brake against dense, at points no basis was trained on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import NOMINAL
+from synthetic import SyntheticProblem, constant, random_brake, whole_box
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
+from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.sweep_basis import (
+    build_sweep_basis,
+    corners,
+    in_band,
+    light,
+    sample_box,
+)
+from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
+from squealstudy.errors import ConvergenceError
+from squealstudy.models.law import ContactLaw
+
+BAND = (500.0, 4000.0)
+TOLERANCE = 1e-4
+ENERGETIC = ("caliper", 7)
+
+
+def friction_pressure(theta):
+    pressure = 4e5 * 5 ** ((1 + theta[1]) / 2)
+    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * theta[0], pressure=pressure))
+
+
+def friction(theta):
+    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * theta[0]))
+
+
+def falling_friction(theta):
+    """From no friction at all on: the term of the slope vanishes there."""
+    operating = replace(NOMINAL, friction=0.35 + 0.35 * theta[0], static_ratio=1.3)
+    return DesignState(operating)
+
+
+def component_frequency(theta):
+    return DesignState(NOMINAL, {ENERGETIC: 1.0 + 0.5 * theta[0]})
+
+
+def component_damping(theta):
+    return DesignState(NOMINAL, mode_damping={ENERGETIC: 0.05 * (1 + theta[0])})
+
+
+def lifting_off(theta):
+    law = ContactLaw("unilateral", stiffness=5e11)
+    operating = replace(NOMINAL, friction=0.35 + 0.35 * theta[0], pressure=6e5, law=law)
+    return DesignState(operating)
+
+
+def random_points(count, dimension, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, dimension))
+
+
+def dense(prepared, state):
+    """Roots of the band by the path of single points: own working point, own linearisation."""
+    point = state_working_point(prepared, state)
+    system = linearise(prepared.model, point, state)
+    return dense_roots(system.C, system.K, tuple(2 * np.pi * f for f in BAND))[0]
+
+
+def compared(prepared, problem, theta, found, tolerance):
+    """Light roots against dense ones: true and estimated relative errors, unstable modes alike."""
+    true, estimate = [], []
+    for p in found:
+        assert p.failure is None
+        exact = dense(prepared, problem.state_at(theta[p.row]))
+        edge = np.abs(np.abs(exact)[:, None] / np.array(problem.band) - 1).min(axis=1)
+        clear = exact[light(exact) & (edge > 50 * tolerance)]
+        distance = np.abs(clear[:, None] - p.lam[None])
+        partner = distance.argmin(axis=1)
+        assert len(set(partner)) == len(clear)  # none missed
+        true.append(distance.min(axis=1) / np.abs(clear))
+        estimate.append(p.error[partner] / np.abs(clear))
+        nearest = np.abs(p.lam[:, None] - exact[None]).min(axis=1)
+        mine = light(p.lam) & (nearest > 20 * tolerance * np.abs(p.lam))
+        assert not mine.any()  # none made up
+        sure = 3 * tolerance * np.abs(exact)
+        assert (exact.real > sure).sum() <= (p.lam.real > 0).sum()
+        assert (p.lam.real > 3 * tolerance * np.abs(p.lam)).sum() <= (exact.real > 0).sum()
+    return np.concatenate(true), np.concatenate(estimate)
+
+
+def covered(true, estimate, floor):
+    ratio = (true / estimate)[true > floor]
+    assert ratio.max(initial=0.0) <= 5.0
+    assert (ratio <= 2.0).sum() >= 0.95 * len(ratio)
+
+
+# -- the basis alone -------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def map_problem(prepared):
+    return BrakeProblem(prepared, 2, friction_pressure, BAND)
+
+
+@pytest.fixture(scope="module")
+def map_basis(map_problem):
+    return build_sweep_basis(map_problem, TOLERANCE)
+
+
+def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
+    """And its estimates tell by how much, mode by mode."""
+    assert map_basis.error <= TOLERANCE
+    assert map_basis.V.shape[1] < 0.8 * prepared.model.n
+    true, estimate = [], []
+    for theta in random_points(10, 2, seed=42):
+        assert np.abs(map_basis.trained - theta).sum(axis=1).min() > 1e-3
+        weights = map_problem.weights(theta)
+        pairs = map_basis.pairs(weights)
+        pairs = pairs.take(in_band(pairs.lam, map_problem.band, 1.05))
+        full = map_basis.expand(weights, pairs)
+        error = bounded(two_sided_error(map_problem, weights, full), pairs.lam)
+        exact = dense(prepared, friction_pressure(theta))
+        exact = exact[light(exact)]
+        distance = np.abs(exact[:, None] - pairs.lam)
+        true.append(distance.min(axis=1) / np.abs(exact))
+        estimate.append(error[distance.argmin(axis=1)] / np.abs(exact))
+    true, estimate = np.concatenate(true), np.concatenate(estimate)
+    assert true.max() <= 3 * TOLERANCE
+    covered(true, estimate, 1e-8)
+
+
+def test_the_estimate_corrects_its_root(prepared, map_problem, map_basis):
+    """Added to the roots of a coarse basis, the signed estimate takes most of the error away."""
+    theta = np.array([0.3, -0.4])
+    weights = map_problem.weights(theta)
+    exact = dense(prepared, friction_pressure(theta))
+    exact = exact[light(exact)]
+    pairs = map_basis.pairs(weights)
+    partner = np.abs(exact[:, None] - pairs.lam).argmin(axis=1)
+    pairs = pairs.take(partner)
+    signed = two_sided_error(map_problem, weights, map_basis.expand(weights, pairs))
+    before, after = np.abs(pairs.lam - exact), np.abs(pairs.lam - signed - exact)
+    assert after.max() < 0.5 * before.max()
+
+
+def test_the_basis_is_orthonormal_with_diagonal_stiffness(map_problem, map_basis):
+    V = map_basis.V
+    np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
+    K0 = V.T @ (np.linalg.inv(map_problem.flexibility(np.eye(len(V))))) @ V
+    scale = np.sqrt(np.outer(map_basis.flexibility, map_basis.flexibility))
+    np.testing.assert_allclose(K0 * scale, np.eye(V.shape[1]), atol=1e-5)
+
+
+# -- windows over the brake ------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("state_at", "tolerance", "count"),
+    [
+        (friction, 1e-4, 100),
+        (falling_friction, 1e-4, 10),
+        (component_frequency, 1e-5, 50),
+        (component_damping, 1e-5, 50),
+    ],
+)
+def test_windows_along_a_line(prepared, state_at, tolerance, count):
+    problem = BrakeProblem(prepared, 1, state_at, BAND)
+    basis = build_sweep_basis(problem, tolerance / 3)
+    theta = np.vstack([[[-1.0], [1.0]], random_points(count - 2, 1, seed=1)])
+    found = list(Windows(problem, basis, tolerance).solve(whole_box(1), theta))
+    assert any(p.method == WINDOWS for p in found) == (count >= 50)
+    assert sorted(p.row for p in found) == list(range(len(theta)))
+    some = [p for p in found if p.row < 2 or p.row % (count // 5) == 0]
+    true, estimate = compared(prepared, problem, theta, some, tolerance)
+    assert true.max() <= 2 * tolerance
+    covered(true, estimate, 1e-3 * tolerance)
+
+
+def test_no_unstable_mode_is_missed_or_made_up(prepared, map_problem, map_basis):
+    """Over friction and pressure, against dense at 40 random points."""
+    part = Box(np.array([-1.0, -1.0]), np.array([0.0, 0.0]))
+    theta = part.place(random_points(40, 2, seed=8))
+    found = list(Windows(map_problem, map_basis, 3 * TOLERANCE).solve(part, theta))
+    true, estimate = compared(prepared, map_problem, theta, found, 3 * TOLERANCE)
+    assert true.max() <= 6 * TOLERANCE
+    covered(true, estimate, 1e-7)
+
+
+def test_lift_off_of_part_of_the_contact(prepared):
+    """Points open one after another along the sweep: weights are not smooth there."""
+    problem = BrakeProblem(prepared, 1, lifting_off, BAND)
+    basis = build_sweep_basis(problem, TOLERANCE / 3)
+    theta = np.linspace(-1, 1, 40)[:, None]
+    found = list(Windows(problem, basis, TOLERANCE).solve(whole_box(1), theta))
+    opened = [p.sample.working_point.open_share for p in found]
+    assert max(opened) > 0.15
+    assert max(opened) - min(opened) > 0.01
+    true, estimate = compared(prepared, problem, theta, found[::6], TOLERANCE)
+    assert true.max() <= 2 * TOLERANCE
+    covered(true, estimate, 1e-7)
+
+
+# -- how a basis is made -----------------------------------------------------------------------
+def test_samples_fill_the_box():
+    for dimension in (1, 2, 5):
+        points = sample_box(dimension, 50, seed=0)
+        assert points.shape == (50, dimension)
+        assert np.abs(points).max() <= 1
+        assert np.abs(points.mean(axis=0)).max() < 0.1
+        np.testing.assert_array_equal(points, sample_box(dimension, 50, seed=0))
+        assert len(np.unique(corners(dimension), axis=0)) == min(2**dimension, 16)
+    assert sample_box(0, 5, 0).shape == corners(0).shape == (1, 0)
+
+
+def test_a_study_without_parameters():
+    """One design point: the basis of its own modes, the windows of none."""
+    plain = random_brake(12, 1, 1)
+    C, K = plain.matrices(np.zeros(1))
+    problem = SyntheticProblem([(K, constant())], [(C, constant())], 0, (300.0, 2400.0))
+    basis = build_sweep_basis(problem, 1e-6)
+    found = list(Windows(problem, basis, 1e-6).solve(whole_box(0), np.zeros((2, 0))))
+    exact = problem.roots(np.zeros(0))
+    for p in found:
+        np.testing.assert_allclose(np.sort(np.abs(p.lam)), np.abs(exact), rtol=1e-6)
+
+
+def test_a_mode_that_corners_do_not_show_is_found():
+    """Decoupled, in the band in the middle of the box only: no residual of another tells of it."""
+    frequencies = 2 * np.pi * np.array([0.0, 300.0, 600.0, 800.0])
+    moving = np.diag([(2 * np.pi) ** 2, 0.0, 0.0, 0.0])
+    problem = SyntheticProblem(
+        [
+            (np.diag(frequencies**2), constant()),
+            (moving, lambda t: (500.0 + 1500.0 * t[0] ** 2) ** 2),
+        ],
+        [(np.eye(4), constant())],
+        1,
+        (200.0, 1000.0),
+    )
+    basis = build_sweep_basis(problem, 1e-4)
+    assert basis.V.shape[1] == 4
+
+
+def test_a_box_without_working_points_says_so():
+    problem = random_brake(6, 1, 1)
+    problem.refused = lambda theta: ConvergenceError("working_point", "none")
+    with pytest.raises(ConvergenceError, match="most of the box has no working point"):
+        build_sweep_basis(problem, 1e-4)
+
+
+def test_a_box_without_working_points_at_its_ends():
+    problem = random_brake(12, 1, 1)
+    problem.refused = lambda theta: (
+        ConvergenceError("working_point", "none") if abs(theta[0]) > 0.9 else None
+    )
+    basis = build_sweep_basis(problem, 1e-4)
+    assert np.abs(basis.trained).max() <= 0.9

@@ -1,0 +1,286 @@
+"""Chunk files as columns, and the tables built from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+import squealstudy
+from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.ranking import rank_modes
+from squealstudy.errors import ResultsError
+from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
+from squealstudy.study.complex_modes import follow
+from squealstudy.study.complex_modes.columns import read_columns
+from squealstudy.study.complex_modes.follow import Follower
+from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.complex_modes.tables import build_tables, modes_table
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+
+GRID = """
+[study]
+name = "grid"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = {num}
+[[sweep]]
+parameter = "damping_ratio"
+start = 0.0
+stop = 0.02
+num = {lines}
+[modes]
+refine_tracking = false
+refine_onsets = false
+reference_points = 0
+"""
+HZ = 2 * np.pi
+
+
+def plan_of(num: int = 4, lines: int = 3) -> Plan:
+    return Plan(parse_study(GRID.format(num=num, lines=lines), Path("study.toml")))
+
+
+def modes_of(rng: np.random.Generator, m: int, k: int = 6, real: int = 0, **more) -> PointModes:
+    """Random modes, the last `real` of them overdamped; no working point, as of matrix families."""
+    lam = HZ * np.sort(rng.uniform(500, 8000, m)) * (1j - rng.uniform(-0.01, 0.02, m))
+    lam[m - real :] = -rng.uniform(10, 100, real)
+    shapes = rng.normal(size=(m, k)) + 1j * rng.normal(size=(m, k))
+    modes = PointModes(
+        lam,
+        np.arange(m) >= m - real,
+        rng.uniform(size=m),
+        rng.dirichlet(np.ones(2), m).T,
+        shapes.astype(np.complex64),
+        None,
+    )
+    for name, value in more.items():
+        object.__setattr__(modes, name, value)
+    return modes
+
+
+def write(directory: Path, plan: Plan, modes: dict[int, PointModes | None], size: int = 3) -> None:
+    """Chunk files of `size` points in reverse order; points of None failed."""
+    ids = [task.point_id for task in plan.tasks]
+    rows = [
+        failed_row(ids[i], 0.5, "lift_off", "opened") if m is None else solved_row(ids[i], 0.1, m)
+        for i, m in sorted(modes.items(), reverse=True)
+    ]
+    for start in range(0, len(rows), size):
+        write_chunk(directory, f"c{start}", rows[start : start + size], SCHEMA)
+
+
+def drifting(plan: Plan, m: int, k: int = 12) -> dict[int, PointModes]:
+    """Modes of a study whose frequencies cross, growth with friction."""
+    rng = np.random.default_rng(5)
+    base, drift, shapes = rng.uniform(600, 6000, m), rng.normal(size=(m, 2)), modes_of(rng, m, k)
+    found = {}
+    for i, x in enumerate(plan.coordinates * [1.0, 50.0]):
+        lam = HZ * base * (1 + 0.05 * drift @ x) * (1j + 0.01 * drift[:, 0] * x[0] - 0.001)
+        order = np.argsort(np.abs(lam))
+        noise = 0.05 * modes_of(rng, m, k).shapes
+        energies = np.full((2, m), 0.5)
+        found[i] = PointModes(
+            lam[order],
+            np.zeros(m, bool),
+            np.zeros(m),
+            energies,
+            (shapes.shapes + noise)[order],
+            None,
+        )
+    return found
+
+
+# -- columns
+
+
+def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
+    rng, plan = np.random.default_rng(0), plan_of()
+    modes = {
+        i: modes_of(rng, int(rng.integers(1, 9)), k=int(rng.integers(2, 7))) for i in range(12)
+    }
+    modes[4] = modes_of(rng, 5, real=2, error_estimate=np.arange(5.0), method="windows")
+    modes[7] = None
+    write(tmp_path, plan, modes)
+    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    assert columns.counts.tolist() == [0 if m is None else len(m.lam) for m in modes.values()]
+    solved = [m for m in modes.values() if m is not None]
+    assert np.array_equal(columns.lam, np.concatenate([m.lam for m in solved]))
+    assert np.array_equal(columns.overdamped, np.concatenate([m.overdamped for m in solved]))
+    assert np.array_equal(columns.residual, np.concatenate([m.residual for m in solved]))
+    assert np.array_equal(columns.energies, np.concatenate([m.energies.T for m in solved]))
+    for i, m in modes.items():
+        found = columns.shapes.read(i)
+        assert np.array_equal(found, np.zeros((0, 1)) if m is None else m.shapes)
+    assert columns.error_estimate[columns.point == 4].tolist() == [0, 1, 2, 3, 4]
+    assert np.isnan(columns.error_estimate[columns.point != 4]).all()
+    assert columns.points["method"].to_pylist() == [
+        "windows" if i == 4 else "" if i == 7 else "dense" for i in range(12)
+    ]
+    assert len(columns.oscillating()[4]) == 3
+    columns.shapes.remove()
+    assert [p.name for p in tmp_path.iterdir()] == [DIRECTORY]
+
+
+def test_columns_without_shapes_or_energies(tmp_path):
+    rng, plan = np.random.default_rng(1), plan_of(2, 1)
+    write(tmp_path, plan, {i: modes_of(rng, 3, energies=np.zeros((0, 3))) for i in range(2)})
+    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
+    assert columns.shapes is None
+    assert columns.energies.shape == (6, 0)
+    table = modes_table(columns, None, columns.lam.real > 0, ["energy_mass", "energy_interfaces"])
+    assert not [name for name in table.column_names if name.startswith("energy_")]
+    assert table["track"].unique().to_pylist() == [-1]
+    assert table["mode"].to_pylist() == [1, 2, 3, 1, 2, 3]
+
+
+def test_nothing_but_failed_points_are_columns_too(tmp_path):
+    plan = plan_of(2, 1)
+    write(tmp_path, plan, {0: None, 1: None})
+    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    assert columns.lam.size == 0
+    assert [len(lam) for lam in columns.oscillating()] == [0, 0]
+    columns.shapes.remove()
+
+
+def test_a_point_in_no_chunk_is_said_so_and_nothing_is_left(tmp_path):
+    plan = plan_of(2, 2)
+    write(tmp_path, plan, {0: modes_of(np.random.default_rng(2), 2)})
+    with pytest.raises(ResultsError, match="3 of 4 design points are not solved"):
+        read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    assert [p.name for p in tmp_path.iterdir()] == [DIRECTORY]
+
+
+def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_over(tmp_path):
+    plan = plan_of(2, 1)
+    first, second = (modes_of(np.random.default_rng(i), 2) for i in range(2))
+    write(tmp_path, plan, {0: first, 1: first})
+    write_chunk(tmp_path, "d", [solved_row(plan.tasks[0].point_id, 0.1, second)], SCHEMA)
+    old = SCHEMA.remove(SCHEMA.get_field_index("method"))
+    write_chunk(tmp_path, "e", [solved_row(plan.tasks[1].point_id, 0.1, second)], old)
+    ids = [t.point_id for t in plan.tasks]
+    assert finished_points(tmp_path, SCHEMA) == set(ids)
+    assert read_chunks(tmp_path, set(ids), SCHEMA)[ids[0]]["re"] == second.lam.real.tolist()
+    columns = read_columns(tmp_path, ids)
+    assert np.array_equal(columns.lam, np.concatenate([second.lam, first.lam]))
+    assert np.array_equal(columns.shapes.read(0), second.shapes)
+
+
+# -- tables
+
+
+def test_tables_of_a_study(tmp_path):
+    plan = plan_of()
+    rng = np.random.default_rng(3)
+    modes = {i: modes_of(rng, 4, real=1) for i in range(12)} | {5: None}
+    write(tmp_path, plan, modes)
+    points, facts = build_tables(plan, tmp_path, 1, lambda *_: None)
+    table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
+    assert points["status"].tolist() == ["lift_off" if i == 5 else "ok" for i in range(12)]
+    assert points["n_modes"].tolist() == [0 if i == 5 else 4 for i in range(12)]
+    unstable = [0 if m is None else int((m.lam.real > 0).sum()) for m in modes.values()]
+    assert points["n_unstable"].tolist() == unstable
+    assert points["n_overdamped"].tolist() == [0 if i == 5 else 1 for i in range(12)]
+    assert points["working_point_residual"].isna().all()
+    assert (table.loc[table["overdamped"], "track"] == -1).all()
+    assert (table.loc[~table["overdamped"], "track"] > 0).all()
+    one = table[table["point_id"] == plan.tasks[2].point_id]
+    assert one["growth_rate"].tolist() == modes[2].lam.real.tolist()
+    assert one["energy_mass"].tolist() == modes[2].energies[0].tolist()
+    assert set(facts) == {"tracking", "onsets"}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, jobs):
+    plan = plan_of(6, 5)
+    write(tmp_path, plan, drifting(plan, 9))
+    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    one, _ = Follower(plan, columns, 1).follow(False, lambda *_: None)
+    monkeypatch.setattr(follow, "PARALLEL", 2)
+    other, _ = Follower(plan, columns, jobs).follow(False, lambda *_: None)
+    columns.shapes.remove()
+    for mine, theirs in zip(one.labels, other.labels, strict=True):
+        assert np.array_equal(mine, theirs)
+    assert all(sorted(labels) == list(range(1, 10)) for labels in one.labels)
+    order = [np.argsort(labels) for labels in one.labels]
+    moved = [columns.oscillating()[i][order[i]].imag for i in range(len(order))]
+    assert np.abs(np.diff(np.log(moved[:6]), axis=0)).max() < 0.1
+
+
+def test_refined_studies_have_the_same_tables_on_any_number_of_workers(tmp_path):
+    text = GRID.format(num=5, lines=3).replace("= false", "= true")
+    from squealstudy.study.runner import run_study
+
+    for jobs in (1, 2):
+        plan = Plan(parse_study(text, Path("study.toml")))
+        run_study(plan, tmp_path / str(jobs), jobs=jobs)
+    one, two = (squealstudy.open_results(tmp_path / str(jobs)) for jobs in (1, 2))
+    pd.testing.assert_frame_equal(one.modes, two.modes)
+    assert one.manifest["tracking"] == two.manifest["tracking"]
+    facts = one.manifest["tracking"]
+    assert 0 < facts["refined"] <= facts["extra_points"] <= 30
+    assert facts["still_ambiguous"] <= facts["ambiguous_pairs"]
+
+
+# -- large tables
+
+
+def many_rows(n_friction: int, n_pressure: int, m: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Tables of a grid; each track turns unstable at a friction of its own, a fifth of them."""
+    mu, p = np.meshgrid(np.linspace(0, 0.7, n_friction), np.geomspace(2e5, 4e6, n_pressure))
+    mu, p = mu.ravel(), p.ravel()
+    n = len(mu)
+    points = pd.DataFrame(
+        {
+            "point_id": [f"{i * 7919:016x}" for i in range(n)],
+            "status": "ok",
+            "message": "",
+            "wall_s": 0.01,
+            "friction": mu,
+            "pressure": p,
+            "method": "windows",
+        }
+    )
+    point, k = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
+    onset = 0.1 + 3.0 * k / m
+    zeta = 0.02 * (onset - mu[point])
+    modes = pd.DataFrame(
+        {
+            "point_id": points["point_id"].array.take(point),
+            "track": (k + 1).astype(np.int32),
+            "track_ambiguous": False,
+            "frequency_hz": 500.0 * 1.03**k,
+            "growth_rate": -zeta * 1e4,
+            "damping_ratio": zeta,
+            "unstable": zeta < -1e-7,
+            "overdamped": False,
+            "energy_disc": 0.75,
+            "energy_pad": 0.25,
+        }
+    )
+    return points, modes
+
+
+def test_two_million_rows_are_ranked_in_a_moment():
+    """Processor time, which other work on the machine does not change much: the goal is 3 s."""
+    import time
+
+    points, modes = many_rows(200, 100, 100)
+    assert len(modes) == 2_000_000
+    started = time.process_time()
+    ranking = rank_modes(points, modes, along="friction", by="threshold")
+    spent = time.process_time() - started
+    assert ranking["track"].tolist() == list(range(1, 21))
+    expected = 0.1 + 0.03 * np.arange(20)
+    assert ranking["threshold"].to_numpy() == pytest.approx(expected, abs=1e-6)
+    assert (ranking["threshold_kind"] == "crossing").all()
+    assert spent < 3.0
