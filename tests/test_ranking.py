@@ -138,6 +138,29 @@ def test_a_track_that_begins_unstable_gives_a_bound():
     assert row["threshold_kind"] == "first seen"
 
 
+def onsets_table(**changed):
+    row = {"track": 1, "onset": 0.4321, "direction": "in", "status": "refined"}
+    return pd.DataFrame([row | {"point_before": "p4", "point_after": "p5"} | changed])
+
+
+def test_a_refined_onset_replaces_the_interpolated_one():
+    points, modes = linear_study({1: lambda m, q: 0.009 - 0.02 * m}, MU, [1.0])
+    row = rank_modes(points, modes, "friction", onsets=onsets_table()).iloc[0]
+    assert (row["threshold"], row["threshold_kind"]) == (0.4321, "refined")
+    for changed in ({"status": "interpolated"}, {"track": 2}, {"direction": "out"}):
+        row = rank_modes(points, modes, "friction", onsets=onsets_table(**changed)).iloc[0]
+        assert row["threshold"] == pytest.approx(0.45)
+        assert row["threshold_kind"] == "crossing"
+
+
+def test_a_refined_onset_counts_where_both_its_ends_do():
+    points, modes = linear_study({1: lambda m, q: 0.009 - 0.02 * m}, MU, [1.0])
+    where = "friction < 0.35 or friction > 0.55"  # the bracket is wider then
+    row = rank_modes(points, modes, "friction", where=where, onsets=onsets_table()).iloc[0]
+    assert row["threshold"] == pytest.approx(0.45)
+    assert row["threshold_kind"] == "crossing"
+
+
 def test_failed_points_are_bridged_and_not_counted():
     status = ["ok", "ok", "ok", "ok", "working_point", "ok", "ok", "ok"]
     points, modes = linear_study({1: lambda m, q: 0.012 - 0.03 * m}, MU, [1.0], status)

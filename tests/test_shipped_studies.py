@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import squealstudy
+from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.definition import load_study, parse_study
+from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
@@ -65,6 +67,27 @@ def test_friction_pressure(tmp_path: Path) -> None:
     assert np.nanmax(points["reference_frequency_error"]) < 2e-2  # without enrichment
 
 
+def test_friction_pressure_map(tmp_path: Path) -> None:
+    plan = reduced("friction_pressure_map", 21, *QUICK)
+    run_study(plan, tmp_path / "r", jobs=2)
+    results = squealstudy.open_results(tmp_path / "r")
+    assert (results.points["status"] == "ok").all()
+    assert (results.points["working_point_residual"] < 1e-8).all()
+    served = results.manifest["method"]["points"]
+    assert sum(served.values()) == 441
+    assert served["windows"] > 200
+    for task in plan.tasks[7::89]:  # against the exact rung, at points of no grid line of nodes
+        exact = solve_design(prepared_any(task.prepared_key), task.design, plan.band_hz)
+        found = results.modes[results.modes["point_id"] == task.point_id]
+        light = exact.lam[np.abs(exact.lam.real) < 0.05 * np.abs(exact.lam)]
+        zeta = -light.real / np.abs(light)
+        frequency = np.abs(light) / (2 * np.pi)
+        near = np.abs(frequency[:, None] - found["frequency_hz"].to_numpy()).argmin(axis=1)
+        assert len(found) == len(exact.lam)
+        assert np.abs(found["frequency_hz"].to_numpy()[near] / frequency - 1).max() < 1e-4
+        assert np.abs(found["damping_ratio"].to_numpy()[near] - zeta).max() < 1e-4
+
+
 def test_robust_brake(tmp_path: Path) -> None:
     plan = reduced("robust_brake", 0, ("samples = 64", "samples = 8"), *QUICK)
     results = results_of(plan, tmp_path / "r")
@@ -89,8 +112,8 @@ def test_stability_boundary(tmp_path: Path) -> None:
 
 
 def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
-    modes = results_of(reduced("caliper_modes", 3), tmp_path / "modes")
-    damping = results_of(reduced("caliper_damping", 2), tmp_path / "damping")
+    modes = results_of(reduced("caliper_modes", 3, QUICK[0]), tmp_path / "modes")
+    damping = results_of(reduced("caliper_damping", 2, QUICK[0]), tmp_path / "damping")
     same = modes.points[(modes.points.filter(like="caliper") == 1.0).all(axis=1)]
     none = damping.points[(damping.points.filter(like="caliper") == 0.0).all(axis=1)]
     assert len(same) == len(none) == 1

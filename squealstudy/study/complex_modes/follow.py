@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -13,67 +12,28 @@ from joblib import delayed
 
 from squealstudy.analysis.track_labels import Tracks, TrackTree, expected_roots, pair_points
 from squealstudy.analysis.tracking import Pairing
-from squealstudy.analysis.tracking_refinement import DEPTH, DOUBTFUL, Modes, Refinement
+from squealstudy.analysis.tracking_refinement import DEPTH, DOUBTFUL, Modes
 from squealstudy.analysis.tracking_tree import tracking_tree
 from squealstudy.study.complex_modes.alignment import ShapeAlignment
-from squealstudy.study.complex_modes.between import Between, Neighbourhoods
-from squealstudy.study.complex_modes.columns import ModeColumns, ShapeFile
+from squealstudy.study.complex_modes.between import Neighbourhoods
+from squealstudy.study.complex_modes.columns import ModeColumns
+from squealstudy.study.complex_modes.follow_tasks import (
+    KEPT,
+    Pairings,
+    PairTask,
+    RefineTask,
+    pair_task,
+    refine_task,
+)
 from squealstudy.study.kind import Progress
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
-from squealstudy.study.process import watch_parent
 
 PARALLEL = 1000  # steps from which on workers pay
 PARTS_A_WORKER = 4
 ROUNDS = 4  # a refined step may put its followers in doubt
 LEAST_BUDGET, MOST_BUDGET = 30, 500  # extra points: as many as design points, within these
 BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
-KEPT = 8  # shapes of points kept at hand
-Pairings = dict[int, Pairing]
-
-
-@dataclass(frozen=True)
-class PairTask:
-    """Groups of points for a worker to pair with their parents."""
-
-    groups: list[list[int]]
-    parents: Mapping[int, int]
-    step: Mapping[int, float]
-    lams: Mapping[int, np.ndarray]
-    shapes: ShapeFile
-    known: Pairings
-    parent: int
-
-
-@dataclass(frozen=True)
-class RefineTask:
-    """A doubtful step for a worker to refine."""
-
-    point: int
-    between: Between
-    a: Modes
-    b: Modes
-    x_b: np.ndarray
-    expected: np.ndarray | None
-    parent: int
-
-
-def pair_task(task: PairTask) -> Pairings:
-    """Pair the groups of a task."""
-    watch_parent(task.parent)
-    shapes = lru_cache(maxsize=KEPT)(task.shapes.read)
-    found: Pairings = {}
-    for group in task.groups:
-        found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)
-    return found
-
-
-def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
-    """Point, pairing with its parent, and number of intermediate points solved."""
-    watch_parent(task.parent)
-    refinement = Refinement(task.between.solve)
-    pairing = refinement.pair(task.a, task.b, task.between.x, task.x_b, task.expected)
-    return task.point, pairing, refinement.points
 
 
 class Follower:

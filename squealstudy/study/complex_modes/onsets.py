@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,18 +11,16 @@ import pyarrow as pa
 from joblib import delayed
 
 from squealstudy.analysis.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
-from squealstudy.analysis.onsets import Onset, Samples, refine_onset
+from squealstudy.analysis.onsets import Onset
 from squealstudy.analysis.ranking import REFINED, line_codes, parameter_columns
 from squealstudy.analysis.track_labels import Tracks
 from squealstudy.analysis.tracking_refinement import Modes
-from squealstudy.errors import SquealstudyError
-from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
+from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
 from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
-from squealstudy.study.process import watch_parent
 
 PRECISION = 1e-4
 FAILED, INTERPOLATED = "failed", "interpolated"
@@ -32,58 +29,6 @@ EVALUATIONS = 2  # design points solved for onsets, times those of the study or 
 EXPECTED = 8  # evaluations an onset
 REAL = pa.float64()
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
-
-
-@dataclass(frozen=True)
-class OnsetTask:
-    """Onsets of some modes between two design points, for a worker to refine.
-
-    Attributes
-    ----------
-    rows : list of int
-        Of the table.
-    places : list of (int, int)
-        Place of each mode among those of both ends.
-    between : Between
-        Around the first point.
-    column : int
-        Coordinate of the parameter.
-    low, high : Modes
-        At the first and at the second point, whose coordinate is `end`.
-    """
-
-    rows: list[int]
-    places: list[tuple[int, int]]
-    between: Between
-    column: int
-    end: float
-    low: Modes
-    high: Modes
-    tolerance: float
-    precision: float
-    parent: int
-
-
-def refine_task(task: OnsetTask) -> list[tuple[int, Onset | None]]:
-    """Refined onsets by row of the table, None where a mode could not be followed."""
-    watch_parent(task.parent)
-    start = task.between.x
-
-    def solve(value: float) -> Modes:
-        x = start.copy()
-        x[task.column] = value
-        return task.between.solve(x)
-
-    samples = Samples(float(start[task.column]), task.low, task.end, task.high, solve)
-    found: list[tuple[int, Onset | None]] = []
-    for row, places in zip(task.rows, task.places, strict=True):
-        try:
-            onset = refine_onset(samples, *places, task.tolerance, task.precision)
-        except SquealstudyError:
-            found.append((row, None))
-        else:
-            found.append((row, onset))
-    return found
 
 
 class OnsetSearch:

@@ -1,0 +1,63 @@
+"""What workers do for tracking: pair lines of design points, refine doubtful steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from squealstudy.analysis.track_labels import pair_points
+from squealstudy.analysis.tracking import Pairing
+from squealstudy.analysis.tracking_refinement import Modes, Refinement
+from squealstudy.study.complex_modes.between import Between
+from squealstudy.study.complex_modes.columns import ShapeFile
+from squealstudy.study.process import watch_parent
+
+KEPT = 8  # shapes of points kept at hand
+Pairings = dict[int, Pairing]
+
+
+@dataclass(frozen=True)
+class PairTask:
+    """Groups of points for a worker to pair with their parents."""
+
+    groups: list[list[int]]
+    parents: Mapping[int, int]
+    step: Mapping[int, float]
+    lams: Mapping[int, np.ndarray]
+    shapes: ShapeFile
+    known: Pairings
+    parent: int
+
+
+@dataclass(frozen=True)
+class RefineTask:
+    """A doubtful step for a worker to refine."""
+
+    point: int
+    between: Between
+    a: Modes
+    b: Modes
+    x_b: np.ndarray
+    expected: np.ndarray | None
+    parent: int
+
+
+def pair_task(task: PairTask) -> Pairings:
+    """Pair the groups of a task."""
+    watch_parent(task.parent)
+    shapes = lru_cache(maxsize=KEPT)(task.shapes.read)
+    found: Pairings = {}
+    for group in task.groups:
+        found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)
+    return found
+
+
+def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
+    """Point, pairing with its parent, and number of intermediate points solved."""
+    watch_parent(task.parent)
+    refinement = Refinement(task.between.solve)
+    pairing = refinement.pair(task.a, task.b, task.between.x, task.x_b, task.expected)
+    return task.point, pairing, refinement.points

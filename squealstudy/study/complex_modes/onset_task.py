@@ -1,0 +1,63 @@
+"""What a worker does for the table of onsets: root finding between two design points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from squealstudy.analysis.onsets import Onset, Samples, refine_onset
+from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.complex_modes.between import Between
+from squealstudy.study.process import watch_parent
+
+
+@dataclass(frozen=True)
+class OnsetTask:
+    """Onsets of some modes between two design points, for a worker to refine.
+
+    Attributes
+    ----------
+    rows : list of int
+        Of the table.
+    places : list of (int, int)
+        Place of each mode among those of both ends.
+    between : Between
+        Around the first point.
+    column : int
+        Coordinate of the parameter.
+    low, high : Modes
+        At the first and at the second point, whose coordinate is `end`.
+    """
+
+    rows: list[int]
+    places: list[tuple[int, int]]
+    between: Between
+    column: int
+    end: float
+    low: Modes
+    high: Modes
+    tolerance: float
+    precision: float
+    parent: int
+
+
+def refine_task(task: OnsetTask) -> list[tuple[int, Onset | None]]:
+    """Refined onsets by row of the table, None where a mode could not be followed."""
+    watch_parent(task.parent)
+    start = task.between.x
+
+    def solve(value: float) -> Modes:
+        x = start.copy()
+        x[task.column] = value
+        return task.between.solve(x)
+
+    samples = Samples(float(start[task.column]), task.low, task.end, task.high, solve)
+    found: list[tuple[int, Onset | None]] = []
+    for row, places in zip(task.rows, task.places, strict=True):
+        try:
+            onset = refine_onset(samples, *places, task.tolerance, task.precision)
+        except SquealstudyError:
+            found.append((row, None))
+        else:
+            found.append((row, onset))
+    return found
