@@ -21,7 +21,6 @@ THRESHOLDS = (0.15, 0.3, 0.5)  # participation from which two modes mix
 MOST_MODES = 24  # in one block: beyond it a patch is better divided
 MARGIN = 1.02  # of the band: modes that come this near are followed
 UNFOLLOWED = 1.25  # others stay that far from it at nodes: between nodes they may come nearer
-HEAVY = 0.5  # damping ratio from which on conjugates are followed too: roots may turn real
 
 
 @dataclass(frozen=True)
@@ -106,15 +105,6 @@ class Patch:
         return self.grid.cardinals(self.box.local(theta))
 
 
-def candidates(solved: Solved, band: tuple[float, float]) -> Solved:
-    """The modes that take part: one of each light pair, heavily damped roots with conjugates."""
-    lam = solved.pairs.lam
-    size = np.abs(lam)
-    heavy = np.abs(lam.real) > HEAVY * size
-    kept = (heavy | (lam.imag >= 0)) & (size > band[0] / 4) & (size < 2.0 * band[1])
-    return Solved(solved.pairs.take(kept), solved.C)
-
-
 def make_patch(
     box: Box,
     grid: Interpolation,
@@ -122,7 +112,11 @@ def make_patch(
     nodes: Sequence[Solved],
     band: tuple[float, float],
 ) -> Patch | np.ndarray:
-    """A patch, or where modes cannot be followed how much they mix along each direction (d,)."""
+    """A patch, or where modes cannot be followed how much they mix along each direction (d,).
+
+    `middle` and `nodes` hold all pairs of the small problem, conjugates too: no mode then enters or
+    leaves the set where a root turns real or its damping grows.
+    """
     mixings = [mixing(middle, node) for node in nodes]
     for threshold in THRESHOLDS:
         blocks = find_blocks(mixings, threshold)

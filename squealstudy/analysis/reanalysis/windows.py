@@ -21,7 +21,6 @@ from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sid
 from squealstudy.analysis.reanalysis.patch import (
     Box,
     Patch,
-    candidates,
     make_patch,
     mixing_by_direction,
 )
@@ -100,9 +99,7 @@ class Windows:
         self.counts["nodes"] += len(weights)
         C = self.basis.small.matrices(weights)[0]
         pairs = [self.basis.pairs(w) for w in weights]
-        middle, *nodes = (
-            candidates(Solved(p, c), self.problem.band) for p, c in zip(pairs, C, strict=True)
-        )
+        middle, *nodes = (Solved(p, c) for p, c in zip(pairs, C, strict=True))
         made = make_patch(box, grid, middle, nodes, self.problem.band)
         if isinstance(made, np.ndarray):
             return made
@@ -156,22 +153,25 @@ class Windows:
         real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~light(lam)
         lam = np.where(real, lam.real, lam)
         of_basis = np.where(light(lam), floor[0], floor[1]) * conditions(roots.X[k], roots.Y[k])
-        error = bounded(roots.error[k], lam) + of_basis
+        own = bounded(roots.error[k], lam)
         inside = in_band(lam, band, 1.0)
         kept = np.flatnonzero(inside)
         kept = kept[np.argsort(np.abs(lam[kept]))]
+        # far from the band the roots of the basis are artefacts: its own error is no doubt of them
+        doubtful = ~inside & _may_be_inside(lam, own, band, self.tolerance)
+        near = (np.abs(lam) + own >= band[0]) & (np.abs(lam) - own <= band[1])
+        doubtful |= near & ~light(lam) & _may_be_real(lam, own)
         return PointRoots(
             index,
             sample,
             None,
             lam[kept],
             roots.X[k][:, kept],
-            error[kept],
+            (own + of_basis)[kept],
             roots.residual[k][kept],
             WINDOWS,
             False,
-            not (~inside & _may_be_inside(lam, error, band, self.tolerance)).any()
-            and not (~light(lam) & _may_be_real(lam, error)).any(),
+            not doubtful.any(),
         )
 
     def good(self, point: PointRoots) -> bool:
