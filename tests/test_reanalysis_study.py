@@ -5,17 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy import open_results
-from squealstudy.errors import StudyFileError
+from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.study.complex_modes.bases import split_boxes
 from squealstudy.study.complex_modes.chart import chart_of
+from squealstudy.study.complex_modes.window_tasks import window_tasks
+from squealstudy.study.complex_modes.window_worker import solve_box
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
+from squealstudy.study.runner import build_structures, run_study
 
 HULTEN = """
 [study]
@@ -199,3 +202,33 @@ def test_boxes_part_the_points(n, d, most, seed):
         assert (theta[rows] >= low).all()
         assert (theta[rows] <= high).all()
         assert len(rows) <= most or not (high > low).any()
+
+
+def test_a_failure_of_the_method_leaves_its_points_to_the_exact_rung(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ConvergenceError("not_converged", "no anchor")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.window_worker.make_anchor", fail)
+    plan = plan_of(HULTEN + 'method = "perturbation"\n', tmp_path)
+    directory = tmp_path / "rows"
+    (task, *_) = window_tasks(plan, directory, plan.tasks)
+    build_structures(plan, 1, lambda stage, done, total: None)
+    assert solve_box(task).n_points == len(task.points)
+    (file,) = (directory / "chunks").glob("*.parquet")
+    rows = pq.read_table(file, columns=["status", "method"]).to_pylist()
+    assert {(row["status"], row["method"]) for row in rows} == {("ok", "dense")}
+
+
+def test_a_box_without_a_basis_names_the_way_out(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ConvergenceError("working_point", "most of the box has no working point")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", fail)
+    with pytest.raises(StudyFileError, match=r"key 'modes.method': no sweep basis .*dense"):
+        run(HULTEN + 'method = "windows"\n', tmp_path)
+
+
+def test_a_method_in_another_kind_of_study_is_refused(tmp_path):
+    text = HULTEN.replace('"complex_modes"', '"transient"') + 'method = "windows"\n'
+    with pytest.raises(StudyFileError, match=r"key 'modes.method': a transient study"):
+        plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points

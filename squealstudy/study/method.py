@@ -15,7 +15,7 @@ TWO_STEP, PERTURBATION = "two_step", "perturbation"
 OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
 APPROXIMATE = (*OVER_A_BASIS, TWO_STEP, PERTURBATION)
 # design points of one structure from which on windows cost less than dense points, by the number
-# of parameters that vary: a basis costs some thirty dense points, patches a dozen nodes each
+# of parameters that vary: a rough count of exact solves for a basis and of nodes for patches
 PAYS_FROM = {1: 80, 2: 400, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
@@ -57,6 +57,11 @@ def choose_method(
     """
     section = study.definition.modes
     damped = _modally_damped(study, swept)
+    if section.method != AUTO and study.definition.study.kind != "complex_modes":
+        raise SourceText(study.path, study.text).error(
+            ("modes", "method"),
+            f"a {study.definition.study.kind} study has no choice of method: leave the key out",
+        )
     if section.method != AUTO:
         if section.method in APPROXIMATE and damped:
             raise SourceText(study.path, study.text).error(

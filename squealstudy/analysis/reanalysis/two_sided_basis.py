@@ -1,9 +1,8 @@
 """A Petrov-Galerkin basis of a family of matrices: right modes as columns, left modes as rows.
 
 Both are complex and nothing is split into real and imaginary parts: half the vectors span the roots
-of positive imaginary part, and the error of a root is the product of both bases' errors. On the
-brake M0 40 vectors did what 85 of a one-sided real basis could not. The price is complex arithmetic
-and roots that mean nothing, which the error estimate tells apart.
+of positive imaginary part, and the error of a root is the product of both bases' errors. The
+price is complex arithmetic and roots that mean nothing, which the error estimate tells apart.
 """
 
 from __future__ import annotations

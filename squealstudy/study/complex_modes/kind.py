@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes import rows
 from squealstudy.study.complex_modes.audit import audited
-from squealstudy.study.complex_modes.bases import make_basis
+from squealstudy.study.complex_modes.bases import BasisTask, make_basis
 from squealstudy.study.complex_modes.counts import read_roots
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.reference import (
@@ -59,7 +59,18 @@ class ComplexModes:
         if plan.method.name in OVER_A_BASIS:
             with threadpool_limits(jobs):
                 for task in basis_tasks(plan):
-                    make_basis(task, lambda done, most: report("sweep basis", done, most))
+                    self._make_basis(plan, task, report)
+
+    @staticmethod
+    def _make_basis(plan: Plan, task: BasisTask, report: Progress) -> None:
+        try:
+            make_basis(task, lambda done, most: report("sweep basis", done, most))
+        except ConvergenceError as error:
+            raise plan.error_at(
+                ("modes", "method"),
+                f"no sweep basis for {plan.method.name} can be made over this box ({error}): "
+                'method = "dense" (of matrices "full") solves point by point',
+            ) from error
 
     def tasks(
         self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int

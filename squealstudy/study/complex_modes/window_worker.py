@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,15 +18,18 @@ from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.analysis.reanalysis.two_step import two_step_roots
 from squealstudy.analysis.reanalysis.windows import Windows
+from squealstudy.errors import SquealstudyError
 from squealstudy.study.chunks import write_chunk
 from squealstudy.study.complex_modes.bases import BasisTask, Reader, Served, served
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.complex_modes.worker import ChunkTask, solve_alone
 from squealstudy.study.design import Design
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.method import OVER_A_BASIS, TWO_STEP, WINDOWS
 from squealstudy.study.process import peak_memory_mb, watch_parent
 from squealstudy.study.tasks import ChunkReport, PointTask
 
+NUMERICAL = (np.linalg.LinAlgError, FloatingPointError, ValueError)
 TWO_STEP_FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
 PERTURBATION_ORDER = 2
 ANCHOR_REACH = 4.0  # second-order terms run through the modes of the band widened by this
@@ -66,15 +70,24 @@ def solve_box(task: WindowTask) -> ChunkReport:
     rows: list[dict[str, Any]] = []
     with threadpool_limits(1):
         ready = served(task.basis, task.method in OVER_A_BASIS)
-        for point in _solved(task, ready):
-            point_id = task.points[point.row].point_id
-            reader = ready.full if point.full else ready.reduced
-            rows.append(_row(point_id, point, reader, last))
-            last = time.perf_counter()
+        with contextlib.suppress(SquealstudyError, *NUMERICAL):
+            for point in _solved(task, ready):
+                point_id = task.points[point.row].point_id
+                reader = ready.full if point.full else ready.reduced
+                rows.append(_row(point_id, point, reader, last))
+                last = time.perf_counter()
+        rows += _left(task, {row["point_id"] for row in rows})
     name = chunk_id(p.point_id for p in task.points)
     write_chunk(task.directory, name, rows, SCHEMA)
     failed = sum(row["status"] != "ok" for row in rows)
     return ChunkReport(len(rows), failed, 0, time.perf_counter() - started, peak_memory_mb())
+
+
+def _left(task: WindowTask, done: set[str]) -> list[dict[str, Any]]:
+    """Rows of the points that a failure of the method left over: exact, or with its reason."""
+    points = tuple(p for p in task.points if p.point_id not in done)
+    alone = ChunkTask(task.directory, task.basis.band_hz, points, False, task.parent)
+    return [solve_alone(point, alone, None)[0] for point in points]
 
 
 def _solved(task: WindowTask, ready: Served) -> Iterator[PointRoots]:

@@ -45,7 +45,7 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
         for point in task.points:
             gap = known_gap(point.prepared_key, point.design)
             known += gap is not None
-            row, found = _solve(point, task, gap)
+            row, found = solve_alone(point, task, gap)
             rows.append(row)
             if gap is None and found is not None and task.keep_gaps:
                 new_gaps.add(point.prepared_key, point.design, found)
@@ -56,9 +56,10 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
     return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
 
 
-def _solve(
+def solve_alone(
     point: PointTask, task: ChunkTask, known: np.ndarray | None
 ) -> tuple[dict[str, Any], np.ndarray | None]:
+    """Row of one point, whatever becomes of it, and the gaps of its working point."""
     started = time.perf_counter()
     try:
         if task.full is not None:
