@@ -24,7 +24,6 @@ from squealstudy.analysis.parametric import (
 )
 from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
-from squealstudy.analysis.reanalysis.estimate import derivative
 from squealstudy.errors import ModelError
 from squealstudy.models.law import ContactLaw
 from squealstudy.reduction.cmt import BasisSettings
@@ -87,7 +86,7 @@ def _sparse(side):
 @given(systems())
 @settings(max_examples=80)
 def test_products_with_vectors(case):
-    """Q(lam_j) x_j, its adjoint, its derivative, and y^H Q x by either."""
+    """Q(lam_j) x_j, its adjoint, y_j^H Q'(lam_j) x_j, and y^H Q x by either."""
     system, weights, dense, rng = case
     n, m = system.n, 3
     X, Y = rng.standard_normal((2, n, m)) + 1j * rng.standard_normal((2, n, m))
@@ -96,12 +95,12 @@ def test_products_with_vectors(case):
     Q = [s**2 * M + s * C + K for s in lam]
     ahead = system.apply(weights, lam, X)
     behind = system.apply_adjoint(weights, lam, Y)
-    slope = derivative(system, weights, lam, X)
+    slope = system.slopes(weights, lam, X, Y)
     for j in range(m):
         np.testing.assert_allclose(ahead[:, j], Q[j] @ X[:, j], atol=1e-11)
         np.testing.assert_allclose(behind[:, j], Q[j].conj().T @ Y[:, j], atol=1e-11)
-        expected = (2 * lam[j] * M + C) @ X[:, j]
-        np.testing.assert_allclose(slope[:, j], expected, atol=1e-10)
+        expected = Y[:, j].conj() @ (2 * lam[j] * M + C) @ X[:, j]
+        np.testing.assert_allclose(slope[j], expected, atol=1e-10)
         either = Y[:, j].conj() @ ahead[:, j], behind[:, j].conj() @ X[:, j]
         np.testing.assert_allclose(*either, atol=1e-11)
 

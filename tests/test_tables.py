@@ -79,8 +79,8 @@ def write(directory: Path, plan: Plan, modes: dict[int, PointModes | None], size
         write_chunk(directory, f"c{start}", rows[start : start + size], SCHEMA)
 
 
-def drifting(plan: Plan, m: int, k: int = 12) -> dict[int, PointModes]:
-    """Modes of a study whose frequencies cross, growth with friction."""
+def drifting(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, PointModes]:
+    """Modes of a study whose frequencies cross, growth with friction; then overdamped ones."""
     rng = np.random.default_rng(5)
     base, drift, shapes = rng.uniform(600, 6000, m), rng.normal(size=(m, 2)), modes_of(rng, m, k)
     found = {}
@@ -88,13 +88,13 @@ def drifting(plan: Plan, m: int, k: int = 12) -> dict[int, PointModes]:
         lam = HZ * base * (1 + 0.05 * drift @ x) * (1j + 0.01 * drift[:, 0] * x[0] - 0.001)
         order = np.argsort(np.abs(lam))
         noise = 0.05 * modes_of(rng, m, k).shapes
-        energies = np.full((2, m), 0.5)
+        overdamped = modes_of(rng, real, k, real)
         found[i] = PointModes(
-            lam[order],
-            np.zeros(m, bool),
-            np.zeros(m),
-            energies,
-            (shapes.shapes + noise)[order],
+            np.concatenate([lam[order], overdamped.lam]),
+            np.arange(m + real) >= m,
+            np.zeros(m + real),
+            np.full((2, m + real), 0.5),
+            np.vstack([(shapes.shapes + noise)[order], overdamped.shapes]),
             None,
         )
     return found
@@ -202,7 +202,7 @@ def test_tables_of_a_study(tmp_path):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, jobs):
     plan = plan_of(6, 5)
-    write(tmp_path, plan, drifting(plan, 9))
+    write(tmp_path, plan, drifting(plan, 9, real=2))
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
     one, _ = Follower(plan, columns, 1).follow(False, lambda *_: None)
     monkeypatch.setattr(follow, "PARALLEL", 2)

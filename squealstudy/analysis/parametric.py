@@ -98,28 +98,103 @@ class ParametricSystem:
         """
         return ParametricSystem(V.shape[1], tuple(_projected(t, W, V) for t in self.terms))
 
-    def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray) -> np.ndarray:
+    def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns) -> np.ndarray:
         """Q(lam_j) x_j for every column (n, m)."""
-        return self._apply(weights, lam, X, left=False)
+        return self._sum(weights, [lam**order for order in range(3)], columns(X), left=False)
 
-    def apply_adjoint(self, weights: Weights, lam: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    def apply_adjoint(
+        self, weights: Weights, lam: np.ndarray, Y: np.ndarray | Columns
+    ) -> np.ndarray:
         """Q(lam_j)^H y_j for every column (n, m)."""
-        return self._apply(weights, lam.conj(), Y, left=True)
+        return self._sum(
+            weights, [lam.conj() ** order for order in range(3)], columns(Y), left=True
+        )
 
-    def _apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray, left: bool) -> np.ndarray:
-        total = np.zeros(X.shape, dtype=complex)
+    def slopes(
+        self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
+    ) -> np.ndarray:
+        """y_j^H Q'(lam_j) x_j for every pair of columns (m,)."""
+        right, left = columns(X), columns(Y)
+        total = np.zeros(len(lam), dtype=complex)
         for term, w in zip(self.terms, weights, strict=True):
-            Z = X * lam**term.order if term.order else X
-            if term.dense:
-                total += (w.T if left else w) @ Z
+            if term.order == STIFFNESS or _vanishes(w):
                 continue
-            if np.ndim(w) == 0 and w == 0:
-                continue
-            seen = term.seen_left(Z) if left else term.seen_right(Z)
-            scaled = seen * (w if np.ndim(w) == 0 else np.asarray(w)[:, None])
-            back = term.right if left else term.left
-            total += scaled if back is None else back.T @ scaled
+            seen, seen_left = right.through(term.right), left.through(term.left)
+            seen = product(w, seen) if term.dense else _scaled(w, seen)
+            moved = np.einsum("ij,ij->j", seen_left.conj(), seen)
+            total += moved if term.order == DAMPING else 2.0 * lam * moved
         return total
+
+    def _sum(
+        self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, left: bool
+    ) -> np.ndarray:
+        """Sum of the terms at X, or of their adjoints, each times the factor (m,) of its order.
+
+        Terms that share a matrix share its product.
+        """
+        total = np.zeros(X.values.shape, dtype=complex)
+        before: dict[int, tuple[Matrix, np.ndarray]] = {}
+        for term, w in zip(self.terms, weights, strict=True):
+            if _vanishes(w):
+                continue
+            factor = factors[term.order]
+            if term.dense:
+                total += product(w.T if left else w, X.values) * factor
+                continue
+            near, back = (term.left, term.right) if left else (term.right, term.left)
+            part = _scaled(w, X.through(near)) * factor
+            if back is None:
+                total += part
+            elif id(back) in before:
+                before[id(back)] = back, before[id(back)][1] + part
+            else:
+                before[id(back)] = back, part
+        for back, part in before.values():
+            total += product(back.T, part)
+        return total
+
+
+class Columns:
+    """Vectors (n, m) whose products with the matrices of terms are formed once.
+
+    Parameters
+    ----------
+    values : ndarray (n, m) complex
+    """
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values = values
+        self._seen: dict[int, tuple[Matrix, np.ndarray]] = {}
+
+    def through(self, A: Matrix | None) -> np.ndarray:
+        """A X; X itself of None."""
+        if A is None:
+            return self.values
+        if id(A) not in self._seen:
+            self._seen[id(A)] = A, product(A, self.values)
+        return self._seen[id(A)][1]
+
+
+def columns(X: np.ndarray | Columns) -> Columns:
+    """Vectors as columns whose products are kept."""
+    return X if isinstance(X, Columns) else Columns(X)
+
+
+def _vanishes(w: Any) -> bool:
+    return np.ndim(w) == 0 and w == 0
+
+
+def _scaled(w: Any, X: np.ndarray) -> np.ndarray:
+    scaled: np.ndarray = X * (w if np.ndim(w) == 0 else np.asarray(w)[:, None])
+    return scaled
+
+
+def product(A: Matrix, X: np.ndarray) -> np.ndarray:
+    """A X; of a real dense A in real arithmetic, which halves the work."""
+    if sp.issparse(A) or np.iscomplexobj(A) or not np.iscomplexobj(X):
+        return np.asarray(A @ X)
+    real: np.ndarray = A @ np.ascontiguousarray(X).view(float)
+    return real.view(complex)
 
 
 def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:

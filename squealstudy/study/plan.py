@@ -28,6 +28,7 @@ from squealstudy.study.transient.start import StartState, find_start
 LAW_OPTION = "contact_law"
 MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
+STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 TRANSIENT_SOURCES = ("study/transient",)  # they decide what is sampled and trained
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
@@ -116,7 +117,7 @@ class Plan:
         s = self.settings
         return content_hash(
             {
-                "source": source_hash(),
+                "source": source_hash(STRUCTURE_SOURCES),
                 "model": self.study.model.name,
                 "options": {k: v for k, v in self.study.options.items() if k != LAW_OPTION},
                 "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
@@ -140,7 +141,7 @@ class Plan:
         ]
         return content_hash(
             {
-                "source": source_hash(),
+                "source": source_hash(STRUCTURE_SOURCES),
                 "terms": terms,
                 "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
                 "band": list(self.band_hz),
@@ -203,20 +204,29 @@ class Plan:
     def tasks(self) -> tuple[PointTask, ...]:
         """Identity and structure of every design point, in the order of the design."""
         tasks = []
+        keys: dict[tuple[float, ...], tuple[str, str]] = {}
         for design in self.designs:
-            key = self.structure_key(design)
-            model_hash = content_hash(
-                [
-                    key,
-                    list(self.band_hz),
-                    self.law_kind,
-                    *self.in_time,
-                    *self.in_sensitivity,
-                    *self.method.identity,
-                ]
-            )
+            structure = tuple(design.structural_values().values())
+            if structure not in keys:
+                key = self.structure_key(design)
+                keys[structure] = key, self._model_hash(key)
+            key, model_hash = keys[structure]
             tasks.append(PointTask(point_id(model_hash, design.values), design, key))
         return tuple(tasks)
+
+    def _model_hash(self, structure_key: str) -> str:
+        """Content hash of all that decides the results of a design point beside its values."""
+        return content_hash(
+            [
+                structure_key,
+                source_hash(),
+                list(self.band_hz),
+                self.law_kind,
+                *self.in_time,
+                *self.in_sensitivity,
+                *self.method.identity,
+            ]
+        )
 
     @cached_property
     def structures(self) -> tuple[Structure, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Weights
+from squealstudy.analysis.parametric import Weights, product
 from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.reduction.prepared import PreparedModel
@@ -30,11 +30,11 @@ class BrakeModes:
 
     def energies(self, weights: Weights, X: np.ndarray) -> np.ndarray:
         """Share of each component, then of the interfaces, in psi^H K_sym psi (c + 1, m)."""
-        psi = X if self._V is None else self._V @ X
-        by_coordinate = np.asarray(weights[1])[:, None] * np.abs(psi) ** 2
+        psi = X if self._V is None else product(self._V, X)
+        by_coordinate = np.asarray(weights[1])[:, None] * _square(psi)
         parts = np.add.reduceat(by_coordinate, self._model.offsets[:-1], axis=0)
-        springs = np.einsum("im,im->m", X.conj(), self._springs @ X).real
-        contact = np.asarray(weights[3]) @ np.abs(self._normal @ X) ** 2
+        springs = np.einsum("im,im->m", X.conj(), product(self._springs, X)).real
+        contact = np.asarray(weights[3]) @ _square(product(self._normal, X))
         interfaces = springs + contact
         total = np.maximum(parts.sum(axis=0) + interfaces, 1e-300)
         shares: np.ndarray = np.vstack([parts, interfaces]) / total
@@ -42,7 +42,7 @@ class BrakeModes:
 
     def shapes(self, X: np.ndarray) -> np.ndarray:
         """Unit coordinates (m, k) complex64 on the prepared shape basis."""
-        seen = (self._shapes @ X).T
+        seen = product(self._shapes, X).T
         seen = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-300)
         unit: np.ndarray = seen.astype(np.complex64)
         return unit
@@ -63,3 +63,9 @@ class BrakeModes:
             found.error[order],
             found.method,
         )
+
+
+def _square(X: np.ndarray) -> np.ndarray:
+    """|X|^2, without the root."""
+    squared: np.ndarray = X.real**2 + X.imag**2
+    return squared

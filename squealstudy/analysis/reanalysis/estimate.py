@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.parametric import ParametricSystem, Weights
+from squealstudy.analysis.parametric import Columns, Weights
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import Problem
 
@@ -20,25 +20,14 @@ def two_sided_error(problem: Problem, weights: Weights, pairs: Eigenpairs) -> np
     exact projection, the second is what its basis lacks.
     """
     system, lam = problem.system, pairs.lam
-    rx = system.apply(weights, lam, pairs.X)
-    ry = system.apply_adjoint(weights, lam, pairs.Y)
-    slope = np.einsum("ij,ij->j", pairs.Y.conj(), derivative(system, weights, lam, pairs.X))
+    X, Y = Columns(pairs.X), Columns(pairs.Y)
+    rx = system.apply(weights, lam, X)
+    ry = system.apply_adjoint(weights, lam, Y)
+    slope = system.slopes(weights, lam, X, Y)
     first = np.einsum("ij,ij->j", pairs.Y.conj(), rx)
     second = np.einsum("ij,ij->j", ry.conj(), problem.flexibility(rx))
     signed: np.ndarray = (first - second) / np.where(slope == 0, np.inf, slope)
     return signed
-
-
-def derivative(
-    system: ParametricSystem, weights: Weights, lam: np.ndarray, X: np.ndarray
-) -> np.ndarray:
-    """Q'(lam_j) x_j (n, m) of the pairs: (2 lam M + C) x."""
-    step = np.abs(lam).max(initial=1.0)
-    # Q is quadratic in lam: the central difference is exact
-    ahead = system.apply(weights, lam + step, X)
-    behind = system.apply(weights, lam - step, X)
-    slope: np.ndarray = (ahead - behind) / (2.0 * step)
-    return slope
 
 
 def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:

@@ -13,9 +13,10 @@ import numpy as np
 
 from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.reanalysis.patch import Patch
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, light
 
 NEAREST = 1e-13  # relative distance below which two followed roots are one
+FIRST_ORDER = 2.0  # on the distance of a heavy root to its first-order approximation
 MOST_AMPLIFIED = 20.0  # dynamic over static response of a mode beyond the band
 
 
@@ -95,9 +96,11 @@ def ritz_roots(
     cardinals = patch.cardinals(theta)
     batch = _products(patch, cardinals, C, K)
     lam, right, left = _small_problems(patch, cardinals, batch)
-    X, Y = _turned(patch, batch.X, right), _turned(patch, batch.Y, left)
-    CX, CY = _turned(patch, batch.CX, right), _turned(patch, batch.CY, left)
-    KX, KY = _turned(patch, batch.KX, right), _turned(patch, batch.KY, left)
+    for Z in (batch.X, batch.CX, batch.KX):
+        _turn(patch, Z, right)
+    for Z in (batch.Y, batch.CY, batch.KY):
+        _turn(patch, Z, left)
+    X, CX, KX, Y, CY, KY = batch
     at, conj = lam[:, None, :], lam.conj()[:, None, :]
     slope = np.einsum("brm,brm->bm", Y.conj(), 2.0 * at * X + CX)
     scale = 1.0 / np.where(slope == 0, 1e-300, slope)
@@ -106,6 +109,7 @@ def ritz_roots(
     ry = Y * conj**2 + CY * conj + KY
     shift = np.einsum("brm,brm->bm", Y.conj(), rx)  # Rayleigh's functional: second order too
     error = _error(patch, basis, lam, X, Y, rx, ry)
+    error = np.minimum(error, _error_of_heavy(patch, cardinals, lam))
     return Roots(lam - shift, X, Y, error, _backward(C, K, lam, X, rx))
 
 
@@ -162,13 +166,12 @@ def _separated(V: np.ndarray) -> np.ndarray:
     return V + 1e-15 * np.eye(V.shape[1])
 
 
-def _turned(patch: Patch, Z: np.ndarray, turns: Sequence[np.ndarray]) -> np.ndarray:
-    """Columns of each block (b, r, k) times its vectors (b, k, k)."""
-    out = np.empty_like(Z)
+def _turn(patch: Patch, Z: np.ndarray, turns: Sequence[np.ndarray]) -> None:
+    """Columns of each block (b, r, k) times its vectors (b, k, k), in place; single ones are."""
     for (start, k), turn in zip(patch.slices, turns, strict=True):
-        own = slice(start, start + k)
-        out[:, :, own] = Z[:, :, own] @ turn
-    return out
+        if k > 1:
+            own = slice(start, start + k)
+            Z[:, :, own] = Z[:, :, own] @ turn
 
 
 def _error(
@@ -198,6 +201,25 @@ def _error(
     far = np.einsum("brm,brm,brm->bm", ry.conj(), _flexibility(patch, basis, lam), rx)
     total: np.ndarray = near + np.abs(far)
     return total
+
+
+def _error_of_heavy(patch: Patch, cardinals: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """Another estimate (b, m) for heavily damped roots, infinite for light ones.
+
+    Overdamped roots run through decades and collide: the second-order error through others is then
+    far above the true one. Their distance to the roots of the interpolated matrices, which are
+    wrong by the first order, bounds it better.
+    """
+    error, heavy = np.full(lam.shape, np.inf), ~light(lam)
+    flat, offset = cardinals @ patch.S if heavy.any() else np.zeros(0), 0
+    for start, k in patch.slices:
+        own = slice(start, start + k)
+        if heavy[:, own].any():
+            first = _eigenvalues(flat[:, offset : offset + k * k].reshape(-1, k, k))
+            distance = np.abs(lam[:, own, None] - first[:, None, :]).min(axis=2)
+            error[:, own] = np.where(heavy[:, own], FIRST_ORDER * distance, np.inf)
+        offset += k * k
+    return error
 
 
 def _flexibility(patch: Patch, basis: SweepBasis, lam: np.ndarray) -> np.ndarray:

@@ -24,9 +24,9 @@ from squealstudy.errors import ConvergenceError
 
 REACH = 1.15  # modes of the band widened by this join the basis
 SEEN = 1.03  # and their errors are looked at within this
-CANDIDATES = 12  # design points looked at for the next one
+CANDIDATES = 24  # design points looked at for the next one, half of them on faces of the box
 TRUNCATION = 0.5  # smallest singular value kept, in square roots of the tolerance
-FINER = 0.3  # factor on it where another point does not help
+FINER = 0.7  # factor on it where another point does not help
 STALLED = 0.5  # it does not help where the error stays above this share of the last
 WEIGHT_TOLERANCE = 0.01  # of the weights' expansion, in tolerances
 LEAST_WEIGHT_TOLERANCE = 1e-9
@@ -231,12 +231,22 @@ def _truncated(
 
 def _worst(problem: Problem, basis: SweepBasis, step: int, seed: int) -> tuple[np.ndarray, float]:
     """The design point of a fresh sample with the largest estimated error, and that error."""
-    points = sample_box(problem.dimension, CANDIDATES, seed + 1000 + step)
+    points = _on_faces(sample_box(problem.dimension, CANDIDATES, seed + 1000 + step))
     if step <= 3 and problem.dimension:
-        points = np.vstack([corners(problem.dimension), points])[: 2 * CANDIDATES]
+        points = np.vstack([corners(problem.dimension), points])
     errors = np.array([estimated_error(problem, basis, theta) for theta in points])
     worst = int(errors.argmax())
     return points[worst], float(errors[worst])
+
+
+def _on_faces(points: np.ndarray) -> np.ndarray:
+    """Every other point (n, d) moved to the nearest face, where errors are mostly largest."""
+    moved = points.copy()
+    if points.shape[1]:
+        rows = np.arange(0, len(points), 2)
+        axis = np.abs(points[rows]).argmax(axis=1)
+        moved[rows, axis] = np.sign(points[rows, axis])
+    return moved
 
 
 def estimated_error(problem: Problem, basis: SweepBasis, theta: np.ndarray) -> float:

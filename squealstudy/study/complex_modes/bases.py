@@ -22,7 +22,7 @@ from squealstudy.study.cache import prepared_path
 from squealstudy.study.complex_modes.chart import Chart
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.files import write_atomic
-from squealstudy.study.keys import content_hash
+from squealstudy.study.keys import content_hash, source_hash
 
 MOST_KEPT = 2  # bases a process holds
 Reader = BrakeModes | FamilyModes
@@ -41,7 +41,8 @@ class BasisTask:
     @property
     def path(self) -> Path:
         """Where the basis is kept."""
-        content = [self.chart.identity(), self.chart.design.law_kind, self.band_hz, self.tolerance]
+        chart, law = self.chart.identity(), self.chart.design.law_kind
+        content = [source_hash(), chart, law, self.band_hz, self.tolerance]
         return prepared_path(self.key) / "sweep_bases" / f"{content_hash(content)}.npz"
 
 

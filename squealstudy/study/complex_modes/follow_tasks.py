@@ -48,7 +48,11 @@ class RefineTask:
 def pair_task(task: PairTask) -> Pairings:
     """Pair the groups of a task."""
     watch_parent(task.parent)
-    shapes = lru_cache(maxsize=KEPT)(task.shapes.read)
+
+    @lru_cache(maxsize=KEPT)
+    def shapes(point: int) -> np.ndarray:
+        return task.shapes.read(point)[: len(task.lams[point])]  # without overdamped roots
+
     found: Pairings = {}
     for group in task.groups:
         found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)

@@ -62,6 +62,12 @@ def _damping(t: np.ndarray) -> DesignState:
     return DesignState(NOMINAL, {}, {MODE: 0.05 + 0.05 * float(t[0])})
 
 
+def _map(t: np.ndarray) -> DesignState:
+    """Friction, logarithm of the pressure."""
+    pressure = ENDS[0] * (ENDS[1] / ENDS[0]) ** ((float(t[1]) + 1) / 2)
+    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * float(t[0]), pressure=pressure))
+
+
 def _box(t: np.ndarray) -> DesignState:
     """Friction, logarithm of the pressure, inverse of the speed."""
     friction = 0.35 + 0.35 * float(t[0])
@@ -75,6 +81,7 @@ BOXES: dict[str, tuple[int, Callable[[np.ndarray], DesignState]]] = {
     "mu": (1, _friction),
     "scale": (1, _scale),
     "damping": (1, _damping),
+    "map": (2, _map),
     "box": (3, _box),
 }
 

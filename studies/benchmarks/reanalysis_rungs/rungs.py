@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +16,21 @@ from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.perturbation import MARGIN, make_anchor, perturbed_pairs
 from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.problem import Problem, Sample
 from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
+from squealstudy.analysis.reanalysis.sweep_basis import (
+    SweepBasis,
+    build_sweep_basis,
+    in_band,
+    light,
+)
 from squealstudy.analysis.reanalysis.two_step import two_step_pairs, two_step_values
 from squealstudy.analysis.reanalysis.windows import DEGREE, FollowedPatch, Windows
 
 from .measure import Measured, timed
 
+PROBES = 6
+PART = 0.5  # of the tolerance that probes may show
 EDGE = 1.02  # roots found a little beyond the band are no spurious ones
 
 
@@ -106,51 +113,100 @@ def _estimated(row, problem, weights, exact, pairs, times) -> None:
 def windows(
     problem: Problem, basis: SweepBasis, points: Points, tolerance: float
 ) -> list[Measured]:
-    """Patches that cover the box: interpolated roots, and Ritz values with vectors."""
-    started = time.perf_counter()
+    """Patches that cover the box: sized for interpolated roots, and for Ritz values."""
     solver = Windows(problem, basis, tolerance)
-    patches = cover(solver, points.theta)
-    setup = time.perf_counter() - started
-    served = sum(len(rows) for _, rows in patches)
-    size = f"{len(patches)} patches"
-    fast = Measured(f"windows values {tolerance:.0e}", setup, size)
-    ritz = Measured(f"windows Ritz {tolerance:.0e}", setup, size)
+    return [_interpolated(solver, points), _ritz(solver, points)]
+
+
+def _interpolated(solver: Windows, points: Points) -> Measured:
+    """Roots of interpolated small matrices alone."""
+
+    def holds(followed: FollowedPatch, _: Sequence[int]) -> bool:
+        return interpolation_error(solver, followed) <= PART * solver.tolerance
+
+    name = f"windows values {solver.tolerance:.0e}"
+    row, patches = _covered(solver, points, name, holds)
     for followed, rows in patches:
         patch, theta = followed.patch, points.theta[rows]
-        batch = [points.weights[i] for i in rows]
         interpolated_roots(patch, theta[:1])  # the first call sets nothing up that it should pay
         lam, ms = timed(lambda p=patch, t=theta: interpolated_roots(p, t))
-        fast.values += [ms / len(rows)] * len(rows)
-        _, ms = timed(lambda p=patch, t=theta, b=batch: ritz_roots(p, basis, t, b))
-        ritz.estimate += [ms / len(rows)] * len(rows)
-        found = {p.row: p for p in solver._points(followed, points.theta, np.array(rows))}
-        for i, k in zip(rows, range(len(rows)), strict=True):
-            fast.compare(points.exact[i], lam[k][lam[k].imag >= 0])
-            ritz.compare(points.exact[i], found[i].lam, found[i].error)
-    missing = len(points.theta) - served
-    if missing:
-        fast.name, ritz.name = (f"{r.name}, {missing} left" for r in (fast, ritz))
-    return [fast, ritz]
+        row.values += [ms / len(rows)] * len(rows)
+        for i, found in zip(rows, lam, strict=True):
+            row.compare(points.exact[i], found[found.imag >= 0])
+    return row
+
+
+def _ritz(solver: Windows, points: Points) -> Measured:
+    """Two-sided Ritz values with both vectors and the estimates of their errors."""
+
+    def holds(followed: FollowedPatch, rows: Sequence[int]) -> bool:
+        return all(solver.good(p) for p in solver._points(followed, points.theta, np.array(rows)))
+
+    name = f"windows Ritz {solver.tolerance:.0e}"
+    row, patches = _covered(solver, points, name, holds)
+    for followed, rows in patches:
+        batch = [points.weights[i] for i in rows]
+        where = followed.patch, solver.basis, points.theta[rows], batch
+        ritz_roots(*where)
+        _, ms = timed(lambda where=where: ritz_roots(*where))
+        row.estimate += [ms / len(rows)] * len(rows)
+        for p in solver._points(followed, points.theta, np.array(rows)):
+            row.compare(points.exact[p.row], p.lam, p.error)
+    return row
+
+
+def interpolation_error(solver: Windows, followed: FollowedPatch) -> float:
+    """Largest relative distance of interpolated light roots to Ritz values, at random places."""
+    patch, problem = followed.patch, solver.problem
+    places = np.random.default_rng(5).uniform(-1, 1, (PROBES, len(patch.box.low)))
+    theta = patch.box.place(places)
+    known = [s for s in problem.samples(theta, followed.starts) if isinstance(s, Sample)]
+    if len(known) < len(theta):
+        return np.inf
+    exact = ritz_roots(patch, solver.basis, theta, [s.weights for s in known]).lam
+    worst = 0.0
+    for ritz, found in zip(exact, interpolated_roots(patch, theta), strict=True):
+        ritz = ritz[light(ritz) & in_band(ritz, problem.band, 1.0)]
+        distance = np.abs(ritz[:, None] - found).min(axis=1) / np.abs(ritz)
+        worst = max(worst, float(distance.max(initial=0.0)))
+    return worst
+
+
+Cover = list[tuple[FollowedPatch, list[int]]]
+
+
+def _covered(
+    solver: Windows, points: Points, name: str, holds: Callable[[FollowedPatch, list[int]], bool]
+) -> tuple[Measured, Cover]:
+    started = time.perf_counter()
+    patches = cover(solver, points.theta, holds)
+    setup = time.perf_counter() - started
+    missing = len(points.theta) - sum(len(rows) for _, rows in patches)
+    name = f"{name}, {missing} left" if missing else name
+    return Measured(name, setup, f"{len(patches)} patches"), patches
 
 
 def cover(
-    solver: Windows, theta: np.ndarray, deepest: int = 10
-) -> list[tuple[FollowedPatch, list[int]]]:
-    """Patches of the box with the points each serves, halved until their estimates hold.
+    solver: Windows,
+    theta: np.ndarray,
+    holds: Callable[[FollowedPatch, list[int]], bool],
+    deepest: int = 10,
+) -> Cover:
+    """Patches of the box with the points each serves, halved until they hold.
 
     Windows makes a patch only where enough points pay for it; a measurement wants the box covered.
     """
     d = theta.shape[1]
     grid = interpolation(DEGREE.get(d, 2), d)
-    found, pending = [], [(Box(-np.ones(d), np.ones(d)), list(range(len(theta))), 0)]
+    found: Cover = []
+    pending = [(Box(-np.ones(d), np.ones(d)), list(range(len(theta))), 0)]
     while pending:
         box, rows, depth = pending.pop()
         if not rows:
             continue
         patch = solver._patch(box, grid)
         if isinstance(patch, FollowedPatch):
-            solved = list(solver._points(patch, theta, np.array(rows)))
-            if all(solver.good(p) for p in solved) or depth == deepest:
+            if depth == deepest or holds(patch, rows):
                 found.append((patch, rows))
                 continue
             patch = patch.slope

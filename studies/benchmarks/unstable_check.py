@@ -1,0 +1,140 @@
+"""Missed and spurious unstable modes: random design points by the windows, each again by dense.
+
+Run:  python studies/benchmarks/unstable_check.py --mesh medium --top 8000 --points 2000 --jobs 2
+      --box map | box     friction and the logarithm of the pressure at 0.5 m/s; with the speed too
+
+An unstable mode of the dense problem is missed where no root of the windows lies within MATCHED of
+it; one of the windows is spurious where no dense root does. Only growth rates count that exceed 3
+tolerances times the root's modulus. The largest error of light modes (|zeta| < 5 %) is told beside,
+and the shares of light modes whose true error is within 2 and 5 estimates.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections import Counter
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # one thread a worker
+
+import numpy as np  # noqa: E402
+from joblib import Parallel, delayed  # noqa: E402
+from reanalysis_rungs.brake import brake_problem  # noqa: E402
+
+from squealstudy.analysis.reanalysis.eigen import all_roots  # noqa: E402
+from squealstudy.analysis.reanalysis.patch import Box  # noqa: E402
+from squealstudy.analysis.reanalysis.point_roots import PointRoots  # noqa: E402
+from squealstudy.analysis.reanalysis.problem import Sample  # noqa: E402
+from squealstudy.analysis.reanalysis.sweep_basis import (  # noqa: E402
+    build_sweep_basis,
+    in_band,
+    light,
+)
+from squealstudy.analysis.reanalysis.windows import Windows  # noqa: E402
+
+MATCHED = 1e-2  # relative distance of roots that are the same mode
+EDGE = 1.01  # beyond the band a root has its partner too
+ROUND_OFF = 1e-11  # relative: true errors below say nothing about an estimate
+CHUNK = 50
+
+
+def exact_roots(arguments: argparse.Namespace, theta: np.ndarray) -> list[np.ndarray]:
+    """Roots of the dense problem in the band and a little beyond; none of points that fail."""
+    problem = brake_problem(arguments.mesh, arguments.top, arguments.box)
+    found = []
+    for sample in problem.samples(theta):
+        lam = np.zeros(0, dtype=complex)
+        if isinstance(sample, Sample):
+            _, C, K = problem.system.matrices(sample.weights)
+            lam = all_roots(C, K)
+        found.append(lam[in_band(lam, problem.band, EDGE)])
+    return found
+
+
+def growing(lam: np.ndarray, band: tuple[float, float], tolerance: float) -> np.ndarray:
+    """Which roots in the band grow by more than 3 tolerances."""
+    grows: np.ndarray = in_band(lam, band, 1.0) & (lam.real > 3.0 * tolerance * np.abs(lam))
+    return grows
+
+
+def unmatched(lam: np.ndarray, others: np.ndarray) -> int:
+    """Roots without a partner among the others."""
+    if not len(lam) or not len(others):
+        return len(lam)
+    distance = np.abs(lam[:, None] - others).min(axis=1)
+    return int((distance > MATCHED * np.abs(lam)).sum())
+
+
+def compared(
+    points: list[PointRoots],
+    exact: list[np.ndarray],
+    band: tuple[float, float],
+    tolerance: float,
+) -> str:
+    """The figures of the comparison."""
+    missed = spurious = unstable = 0
+    errors, ratios = [], []
+    for p in points:
+        lam = exact[p.row]
+        mine, theirs = p.lam[growing(p.lam, band, tolerance)], lam[growing(lam, band, tolerance)]
+        unstable += len(theirs)
+        missed += unmatched(theirs, p.lam)
+        spurious += unmatched(mine, lam)
+        slight = light(p.lam)
+        true = np.abs(p.lam[slight][:, None] - lam).min(axis=1)
+        relative = true / np.abs(p.lam[slight])
+        errors.append(relative.max(initial=0.0))
+        told = relative > ROUND_OFF
+        ratios += list(true[told] / p.error[slight][told])
+    r, e = np.array(ratios), np.array(errors)
+    return (
+        f"{unstable} unstable modes in {len(points)} points: {missed} missed, {spurious} spurious\n"
+        f"largest relative error of light roots {e.max():.1e}, "
+        f"{(e <= tolerance).mean():.2%} of the points within {tolerance:g}\n"
+        f"{len(r)} light roots: true error within 2 estimates {(r <= 2).mean():.2%}, within 5 "
+        f"{(r <= 5).mean():.3%}, largest ratio {r.max():.2f}"
+    )
+
+
+def main() -> None:
+    """Solve twice and compare."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--mesh", default="medium")
+    parser.add_argument("--top", type=float, default=8000.0, help="Hz")
+    parser.add_argument("--box", choices=("map", "box"), default="map")
+    parser.add_argument("--points", type=int, default=2000)
+    parser.add_argument("--tolerance", type=float, default=1e-4)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=11)
+    arguments = parser.parse_args()
+    problem = brake_problem(arguments.mesh, arguments.top, arguments.box)
+    d = problem.dimension
+    theta = np.random.default_rng(arguments.seed).uniform(-1, 1, (arguments.points, d))
+    basis = build_sweep_basis(problem, arguments.tolerance / 3)
+    windows = Windows(problem, basis, arguments.tolerance)
+    started = time.perf_counter()
+    points = list(windows.solve(Box(-np.ones(d), np.ones(d)), theta))
+    ms = 1e3 * (time.perf_counter() - started) / len(theta)
+    print(
+        f"{arguments.mesh} brake, {problem.system.n} coordinates, basis {basis.V.shape[1]} in "
+        f"{basis.seconds:.0f} s; points {ms:.1f} ms each: {dict(windows.counts)}, "
+        f"{dict(Counter(p.method for p in points))}",
+        flush=True,
+    )
+    failed = [p.row for p in points if p.failure is not None]
+    points = [p for p in points if p.failure is None]
+    parts = np.split(theta, range(CHUNK, len(theta), CHUNK))
+    started = time.perf_counter()
+    found = Parallel(arguments.jobs)(delayed(exact_roots)(arguments, part) for part in parts)
+    ms = 1e3 * (time.perf_counter() - started) / len(theta)
+    print(f"dense: {ms:.0f} ms a point on {arguments.jobs} cores; no working point: {len(failed)}")
+    exact = [lam for part in found for lam in part]
+    print(compared(points, exact, problem.band, arguments.tolerance))
+
+
+if __name__ == "__main__":
+    main()
