@@ -12,7 +12,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.structural_sensitivity import check_structural
+from squealstudy.analysis.sensitivity.structural import check_structural
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.kind import Progress

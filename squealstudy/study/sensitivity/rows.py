@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.analysis.mode_sensitivities import ModeSensitivities, Sensitivity
+from squealstudy.analysis.sensitivity.mode_sensitivities import ModeSensitivities, Sensitivity
 from squealstudy.reduction.working_point import WorkingPoint
 
 TEXT, REAL, BOOL = pa.string(), pa.float64(), pa.bool_()

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.root_figures import figure_slopes, figures
+from squealstudy.analysis.sensitivity.root_figures import figure_slopes, figures
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.files import write_parquet

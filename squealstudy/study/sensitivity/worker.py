@@ -13,10 +13,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.mode_choice import ModeChoice
-from squealstudy.analysis.mode_sensitivities import ModeSensitivities, with_more
-from squealstudy.analysis.sensitivity import point_sensitivities, solve_families
-from squealstudy.analysis.structural_sensitivity import Structure, structural_sensitivities
+from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
+from squealstudy.analysis.sensitivity.mode_sensitivities import ModeSensitivities, with_more
+from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_families
+from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint

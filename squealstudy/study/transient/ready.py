@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.modal_system import ReferenceModes
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.transient_point import (
+from squealstudy.analysis.transient.point import (
     TransientPoint,
     perturbed_start,
     transient_point,
 )
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.batch import BatchTask

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.modal_system import ReferenceModes
-from squealstudy.analysis.run_summary import history_frame, summarise
-from squealstudy.analysis.transient_system import stick_number
+from squealstudy.analysis.runs.summary import history_frame, summarise
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.system import stick_number
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.chunks import write_chunk
 from squealstudy.study.keys import chunk_id
