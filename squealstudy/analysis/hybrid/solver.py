@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.kernels import hybrid_layout as layout
+from squealstudy.linalg.factor import symmetric_lu
 
 BLOCK = 64  # right-hand sides a call of SuperLU
 ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
@@ -37,14 +37,9 @@ class StepSolver:
 
     def __init__(self, M: sp.spmatrix, model: layout.Hybrid, h: float, forces: np.ndarray) -> None:
         K = sp.csr_matrix((model.K.data, model.K.indices, model.K.indptr), shape=M.shape)
-        J = (M + (0.5 * h * model.beta + 0.25 * h * h) * K).tocsc()
+        J = M + (0.5 * h * model.beta + 0.25 * h * h) * K
         try:
-            self._lu = spla.splu(
-                J,
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            self._lu = symmetric_lu(J)
         except RuntimeError as error:
             raise ConvergenceError("singular_jacobian", f"hybrid Jacobian: {error}") from error
         self.fill = int(self._lu.L.nnz + self._lu.U.nnz)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.transient.system import FRICTION_CODES, FrictionLaw
+from squealstudy.analysis.transient.system import FrictionLaw, law_row
 from squealstudy.errors import ModelError
 from squealstudy.models.law import ContactLaw
 from squealstudy.reduction.hybrid import HybridModel
@@ -65,10 +65,7 @@ class HybridDesign:
 
     def law_row(self) -> np.ndarray:
         """(9,) for the kernels."""
-        f = self.friction
-        friction = (FRICTION_CODES[f.kind], f.mu_s, f.mu_d, f.v_mu, f.k_t)
-        row = (self.contact.code, *self.contact.parameters, *friction, self.speed)
-        return np.array(row, dtype=float)
+        return law_row(self.contact, self.friction, self.speed)
 
 
 def uniform_damping(

@@ -182,10 +182,14 @@ class TransientDesign:
 
     def law_row(self) -> np.ndarray:
         """(9,) for the kernels."""
-        f = self.friction
-        code = FRICTION_CODES[f.kind]
-        friction = (code, f.mu_s, f.mu_d, f.v_mu, f.k_t)
-        return np.array([self.contact.code, *self.contact.parameters, *friction, self.speed])
+        return law_row(self.contact, self.friction, self.speed)
+
+
+def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndarray:
+    """Laws and sliding velocity (9,), contact_point.LAW_* of the kernels."""
+    f = friction
+    row = (contact.code, *contact.parameters, FRICTION_CODES[f.kind], f.mu_s, f.mu_d, f.v_mu, f.k_t)
+    return np.array([*row, speed], dtype=float)
 
 
 def stick_number(system: ModalSystem, design: TransientDesign, step: float) -> float:
