@@ -61,7 +61,8 @@ def rank_energy(
     table = _summary(points[lasting], kept)
     worst = _worst(points, kept, names).reindex(table.index)
     table["worst"], table["worst_torque_rms"] = worst["worst"], worst["torque_rms"]
-    table = table.join(_components(kept))
+    energies = kept.groupby("mode")[component_columns(kept)].mean()
+    table = table.join(mode_ranking.main_components(energies))
     table = table.sort_values(["energy_share", "mode"], ascending=[False, True])
     return table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
 
@@ -109,17 +110,3 @@ def _worst(points: pd.DataFrame, modes: pd.DataFrame, names: list[str]) -> pd.Da
     designs = points[shown].iloc[worst["point"]].to_numpy(dtype=float)
     at = [", ".join(f"{n}={v:g}" for n, v in zip(shown, d, strict=True)) for d in designs]
     return worst.assign(worst=pd.Series(at, index=worst.index, dtype="str"))
-
-
-def _components(modes: pd.DataFrame) -> pd.DataFrame:
-    """The two components of most elastic energy in each mode, indexed by mode."""
-    shares = modes.groupby("mode")[component_columns(modes)].mean()
-    table = pd.DataFrame(index=shares.index)
-    named = shares.rename(columns=lambda c: c.removeprefix("energy_"))
-    each = named.melt(ignore_index=False, var_name="component", value_name="share").dropna()
-    ranked = each.sort_values("share", ascending=False, kind="stable").groupby(level=0)
-    for place, name in enumerate(("main", "second")):
-        chosen = ranked.nth(place).reindex(table.index)
-        table[f"{name}_component"] = chosen["component"].fillna("")
-        table[f"{name}_share"] = chosen["share"]
-    return table

@@ -190,9 +190,15 @@ def _summary(
     designs = points[names].iloc[worst["point"]].to_dict("records")
     at = [", ".join(f"{name}={value:g}" for name, value in row.items()) for row in designs]
     table["at"] = pd.Series(at, index=worst["track"].to_numpy(), dtype="str")
-    shares = table[energies].rename(columns=lambda c: c.removeprefix("energy_"))
-    shares = shares.melt(ignore_index=False, var_name="component", value_name="share").dropna()
-    ranked = shares.sort_values("share", ascending=False, kind="stable").groupby(level=0)
+    return table.join(main_components(table[energies]))
+
+
+def main_components(energies: pd.DataFrame) -> pd.DataFrame:
+    """The two components of most elastic energy in each row of energy columns."""
+    table = pd.DataFrame(index=energies.index)
+    shares = energies.rename(columns=lambda c: c.removeprefix("energy_"))
+    each = shares.melt(ignore_index=False, var_name="component", value_name="share").dropna()
+    ranked = each.sort_values("share", ascending=False, kind="stable").groupby(level=0)
     for place, name in enumerate(("main", "second")):
         chosen = ranked.nth(place).reindex(table.index)
         table[f"{name}_component"] = chosen["component"].fillna("")
