@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.transient_system import ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
 
 
 def mu_of(f, s):

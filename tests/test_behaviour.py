@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.behaviour import classify, settled, windows
-from squealstudy.analysis.transfer import transfer
+from squealstudy.analysis.runs.behaviour import classify, settled, windows
+from squealstudy.analysis.runs.transfer import transfer
 
 TIME = np.arange(10000) * 1e-5
 LINE = 3000.0  # Hz

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import squealstudy
-from squealstudy.analysis.boundary_map import full_points, full_tables
-from squealstudy.analysis.ranking import rank_modes
+from squealstudy.analysis.tables.boundary_map import full_points, full_tables
+from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.plots.files import save_figure

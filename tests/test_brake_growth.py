@@ -10,11 +10,15 @@ import scipy.linalg as la
 from conftest import NOMINAL
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.modal_system import growth_sensors, projection, reference_modes
 from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_settings import TransientSettings
-from squealstudy.analysis.transient_system import FrictionLaw, TransientDesign
+from squealstudy.analysis.transient.reference_modes import (
+    growth_sensors,
+    projection,
+    reference_modes,
+)
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
 from squealstudy.reduction.working_point import working_point
 
 ZETA = 0.005

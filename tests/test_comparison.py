@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from transient_tables import growth_table, modes_table, points_table
 
-from squealstudy.analysis.comparison import COLUMNS, _partners, compare
+from squealstudy.analysis.tables.comparison import COLUMNS, _partners, compare
 from squealstudy.cli.compare import compare_command, compare_results, summary
 from squealstudy.errors import ResultsError
 from squealstudy.study.complex_modes.onsets import onsets_arrow

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.stats import qmc
 
-from squealstudy.analysis.saltelli import base_rows, grouped, is_saltelli, saltelli_rows
+from squealstudy.analysis.robust.saltelli import base_rows, grouped, is_saltelli, saltelli_rows
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study, parse_study
 from squealstudy.study.distributions import Distribution

@@ -10,7 +10,7 @@ import pytest
 from conftest import CUTOFF, NOMINAL, TOP, build_model
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.full_order import full_order_modes, reference_error
+from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
 from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.point import RIGID_HZ
 from squealstudy.analysis.quadratic import dense_roots

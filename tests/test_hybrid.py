@@ -11,13 +11,13 @@ import scipy.sparse as sp
 from conftest import CUTOFF, NOMINAL
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.hybrid_run import simulate_hybrid
-from squealstudy.analysis.hybrid_system import HybridDesign, uniform_damping
-from squealstudy.analysis.modal_system import reference_modes
+from squealstudy.analysis.hybrid.run import simulate_hybrid
+from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
 from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_settings import TransientSettings
-from squealstudy.analysis.transient_system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.reference_modes import reference_modes
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly

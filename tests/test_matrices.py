@@ -12,7 +12,7 @@ import scipy.io
 import scipy.sparse as sp
 
 import squealstudy
-from squealstudy.analysis.family_point import (
+from squealstudy.analysis.full_order.family_point import (
     check_family_point,
     family_system,
     solve_family_point,

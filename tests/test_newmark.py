@@ -11,9 +11,9 @@ import pytest
 import scipy.linalg as la
 from scipy.integrate import solve_ivp
 
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_settings import TransientSettings
-from squealstudy.analysis.transient_system import (
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import (
     FrictionLaw,
     ModalSystem,
     TransientDesign,

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import squealstudy
-from squealstudy.analysis.crossings import line_crossings
-from squealstudy.analysis.onsets import FollowedMode, Samples, refine_onset
-from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.analysis.tables.crossings import line_crossings
+from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
+from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan

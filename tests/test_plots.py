@@ -11,7 +11,7 @@ from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
-from squealstudy.analysis.ranking import rank_modes
+from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.plots.evolution import evolution
 from squealstudy.plots.files import save_figure

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.ranking import COLUMNS, parameter_columns, rank_modes
+from squealstudy.analysis.tables.mode_ranking import COLUMNS, parameter_columns, rank_modes
 from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"

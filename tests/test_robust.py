@@ -12,10 +12,10 @@ from scipy import stats
 from scipy.stats import qmc
 
 import squealstudy
-from squealstudy.analysis.ranking import rank_modes
-from squealstudy.analysis.robust import probability_interval, robust_table
-from squealstudy.analysis.saltelli import saltelli_rows
-from squealstudy.analysis.sobol_table import saltelli_estimate, sobol_table
+from squealstudy.analysis.robust.probability import probability_interval, robust_table
+from squealstudy.analysis.robust.saltelli import saltelli_rows
+from squealstudy.analysis.robust.sobol_table import saltelli_estimate, sobol_table
+from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
 from squealstudy.cli.robust import show_indices
 from squealstudy.errors import ResultsError

@@ -11,30 +11,33 @@ import scipy.linalg as la
 from conftest import CUTOFF, NOMINAL, build_model
 from reference import hulten_flutter
 
-from squealstudy.analysis.assembly_change import check_same_mesh
-from squealstudy.analysis.damping_gradient import DampingGradient
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.finite_change import followed_root, reduced_pencil
-from squealstudy.analysis.full_order_point import FullOrderPoint, solved_full_order_point
-from squealstudy.analysis.law_sensitivity import (
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.sensitivity.assembly_change import check_same_mesh
+from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
+from squealstudy.analysis.sensitivity.finite_change import followed_root, reduced_pencil
+from squealstudy.analysis.sensitivity.full_order_point import (
+    FullOrderPoint,
+    solved_full_order_point,
+)
+from squealstudy.analysis.sensitivity.law_change import (
     FRICTION_PARAMETERS,
     LAW_PARAMETERS,
     friction_change,
     law_change,
     tangent_slope,
 )
-from squealstudy.analysis.linearise import linearise
-from squealstudy.analysis.mode_choice import ModeChoice, chosen_roots
-from squealstudy.analysis.mode_family import biorthogonality, mode_family
-from squealstudy.analysis.mode_sensitivities import CONDITION_LIMIT
-from squealstudy.analysis.root_figures import figure_slopes, figures
-from squealstudy.analysis.sensitivity import (
+from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_roots
+from squealstudy.analysis.sensitivity.mode_family import biorthogonality, mode_family
+from squealstudy.analysis.sensitivity.mode_sensitivities import CONDITION_LIMIT
+from squealstudy.analysis.sensitivity.reduced import (
     DesignPoint,
     point_sensitivities,
     solve_families,
 )
-from squealstudy.analysis.state_parameter import StateParameter
-from squealstudy.analysis.structural_sensitivity import Structure, structural_sensitivities
+from squealstudy.analysis.sensitivity.root_figures import figure_slopes, figures
+from squealstudy.analysis.sensitivity.state_parameter import StateParameter
+from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.errors import ParameterError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS

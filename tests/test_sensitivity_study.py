@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy
-from squealstudy.analysis.sensitivity_ranking import mode_sensitivities, rank_sensitivities
+from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.plots.sensitivity_bars import sensitivity_bars, step_text

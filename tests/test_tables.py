@@ -11,7 +11,7 @@ import pytest
 
 import squealstudy
 from squealstudy.analysis.point import PointModes
-from squealstudy.analysis.ranking import rank_modes
+from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
 from squealstudy.study.complex_modes import follow

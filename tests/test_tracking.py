@@ -15,10 +15,10 @@ import squealstudy
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.track_labels import TrackTree, expected_roots, track
-from squealstudy.analysis.tracking import mac, pair_modes
-from squealstudy.analysis.tracking_refinement import Modes, Refinement
-from squealstudy.analysis.tracking_tree import levels, tracking_tree
+from squealstudy.analysis.tracking.labels import TrackTree, expected_roots, track
+from squealstudy.analysis.tracking.pairing import mac, pair_modes
+from squealstudy.analysis.tracking.refinement import Modes, Refinement
+from squealstudy.analysis.tracking.tree import levels, tracking_tree
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan

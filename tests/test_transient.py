@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_arrays import prewarped
-from squealstudy.analysis.transient_settings import EnergyBalance, TransientSettings
-from squealstudy.analysis.transient_system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.arrays import prewarped
+from squealstudy.analysis.transient.settings import EnergyBalance, TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.models.law import ContactLaw
 

@@ -9,19 +9,19 @@ import pytest
 from conftest import NOMINAL
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.growing_modes import growing_modes, left_vectors
 from squealstudy.analysis.linearise import linearise
-from squealstudy.analysis.modal_basis import truncated, with_pod
-from squealstudy.analysis.modal_system import reference_modes
 from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_point import (
+from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
+from squealstudy.analysis.transient.modal_basis import truncated, with_pod
+from squealstudy.analysis.transient.point import (
     contact_speed,
     perturbed_start,
     tangent,
     transient_point,
 )
-from squealstudy.analysis.transient_settings import TransientSettings
+from squealstudy.analysis.transient.reference_modes import reference_modes
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from transient_tables import modes_table, points_table
 
-from squealstudy.analysis.transient_ranking import COLUMNS, rank_energy, transient_parameters
+from squealstudy.analysis.tables.energy_ranking import COLUMNS, rank_energy, transient_parameters
 from squealstudy.errors import ResultsError
 
 KINDS = ["limit_cycle", "irregular", "growing", "stable", "failed"]

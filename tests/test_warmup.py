@@ -10,13 +10,13 @@ import time
 
 import numba
 
-from squealstudy.analysis import warmup
+from squealstudy.analysis.transient import warmup
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.kernels.newmark import newmark
 from squealstudy.kernels.newmark_batch import newmark_batch
 
 SCRIPT = """
-from squealstudy.analysis.warmup import warm_kernels
+from squealstudy.analysis.transient.warmup import warm_kernels
 from squealstudy.kernels.newmark import newmark
 from squealstudy.kernels.newmark_batch import newmark_batch
 print(warm_kernels())

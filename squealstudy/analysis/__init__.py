@@ -1,1 +1,1 @@
-"""Linearised dynamics about working points: complex modes, energies, tracking, ranking."""
+"""Linearised dynamics about working points, and the same brake in time; a room a subject."""

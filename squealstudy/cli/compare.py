@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 from rich.table import Table
 
-from squealstudy.analysis.comparison import compare
+from squealstudy.analysis.tables.comparison import compare
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import SLOPE

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.cli import screen
 from squealstudy.cli.sensitivity_screen import sensitivity_figures
 from squealstudy.cli.transient_pictures import NOT_IN_NAMES, nominal_others, transient_figures

@@ -34,7 +34,7 @@ def robust_command(
 
 
 def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
-    """Print the table of analysis.robust, the first row of any mode."""
+    """Print the table of analysis.robust.probability, the first row of any mode."""
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in (
         "mode",
@@ -89,7 +89,7 @@ def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
 
 
 def show_indices(table: pd.DataFrame, confidence: float) -> None:
-    """Print the table of analysis.sobol_table."""
+    """Print the table of analysis.robust.sobol_table."""
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("growth of", "Hz"):
         grid.add_column(title, justify="right", no_wrap=True)

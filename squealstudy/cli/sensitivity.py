@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from squealstudy.analysis.sensitivity_ranking import mode_sensitivities, rank_sensitivities
+from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
 from squealstudy.cli import screen
 from squealstudy.cli.sensitivity_screen import show_ranking
 from squealstudy.errors import ResultsError, StudyFileError

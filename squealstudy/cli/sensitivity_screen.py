@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from squealstudy.analysis.sensitivity_ranking import mode_sensitivities, rank_sensitivities
+from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
 from squealstudy.cli.screen import console
 from squealstudy.plots.sensitivity_bars import parameter_text, sensitivity_bars, step_text
 from squealstudy.plots.tables import describe

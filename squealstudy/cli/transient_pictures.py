@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.transient_ranking import transient_parameters
+from squealstudy.analysis.tables.energy_ranking import transient_parameters
 from squealstudy.plots.growth_comparison import growth_comparison
 from squealstudy.plots.level_sweep import level_sweep, sweep_line
 from squealstudy.plots.modal_energies import modal_energies

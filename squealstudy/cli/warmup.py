@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.analysis.warmup import warm_kernels
+from squealstudy.analysis.transient.warmup import warm_kernels
 from squealstudy.cli import screen
 from squealstudy.kernels.jit import compiled_directory
 

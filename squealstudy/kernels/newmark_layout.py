@@ -60,7 +60,7 @@ N_POINT = 17
 
 
 class Modal(NamedTuple):
-    """The design points; see analysis.transient for units. W2 contains N^T k_ref N."""
+    """The design points; see analysis.transient.system for units. W2 contains N^T k_ref N."""
 
     points: np.ndarray  # (nb, 8, nc) contact_point.POINT_*
     laws: np.ndarray  # (nb, 9) contact_point.LAW_*

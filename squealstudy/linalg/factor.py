@@ -44,6 +44,22 @@ def factorise(A: sp.spmatrix, backend: str = "auto") -> Factor:
     return PardisoFactor(A) if backend == "pardiso" else SuperLUFactor(A)
 
 
+def symmetric_lu(A: sp.spmatrix) -> spla.SuperLU:
+    """SuperLU in symmetric mode: pivots on the diagonal, minimum-degree ordering of A + A^T.
+
+    Raises
+    ------
+    RuntimeError
+        SuperLU's own, "Factor is exactly singular", where a pivot is zero.
+    """
+    return spla.splu(
+        A.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+
+
 class _Refined(ABC):
     """Iterative refinement and complex right-hand sides over a real `_solve`."""
 
@@ -65,18 +81,13 @@ class _Refined(ABC):
 
 
 class SuperLUFactor(_Refined):
-    """SuperLU in symmetric mode with a minimum-degree ordering of A + A^T."""
+    """SuperLU, by `symmetric_lu`."""
 
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
         try:
-            self._lu = spla.splu(
-                A.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-        except RuntimeError as error:  # "Factor is exactly singular"
+            self._lu = symmetric_lu(A)
+        except RuntimeError as error:
             raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
     def _solve(self, b: np.ndarray) -> np.ndarray:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import SINGULAR
+from squealstudy.linalg.factor import SINGULAR, symmetric_lu
 
 LEAST_PIVOT = (
     1e-12  # of the diagonal entry it came from: no more than the round-off of a singular one
@@ -35,13 +34,8 @@ class SparseCholesky:
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
         try:
-            self._lu = spla.splu(
-                A.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-        except RuntimeError as error:  # "Factor is exactly singular"
+            self._lu = symmetric_lu(A)
+        except RuntimeError as error:
             raise _indefinite() from error
         order = self._lu.perm_c
         pivots = self._lu.U.diagonal()

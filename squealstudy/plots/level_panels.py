@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from squealstudy.analysis.transient_ranking import LASTING
+from squealstudy.analysis.tables.energy_ranking import LASTING
 from squealstudy.plots.style import COLOURS, DARK, GREY, finish
 
 CLASSES: dict[str, dict[str, Any]] = {

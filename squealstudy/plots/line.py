@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.plots.style import COLOURS, DARK, GREY, Quantity, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
 

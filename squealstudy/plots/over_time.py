@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.transient_ranking import component_columns, transient_parameters
+from squealstudy.analysis.tables.energy_ranking import component_columns, transient_parameters
 from squealstudy.plots.tables import describe
 
 BINS = 1500  # of a long signal: about the pixels of an axis

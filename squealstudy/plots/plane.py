@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.tri import Triangulation
 
-from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks

@@ -10,7 +10,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.ranking import DIVERGENCE, UNTRACKED, energy_columns, unstable_groups
+from squealstudy.analysis.tables.mode_ranking import (
+    DIVERGENCE,
+    UNTRACKED,
+    energy_columns,
+    unstable_groups,
+)
 from squealstudy.plots.style import UNSTABLE, empty_figure, finish, new_figure
 
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")

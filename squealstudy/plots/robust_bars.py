@@ -24,10 +24,10 @@ def robust_bars(
     Parameters
     ----------
     probabilities : DataFrame
-        Of `analysis.robust.robust_table`.
+        Of `analysis.robust.probability.robust_table`.
     indices : DataFrame or None
-        Of `analysis.sobol_table.sobol_table`; its first three growth rates that have indices are
-        shown.
+        Of `analysis.robust.sobol_table.sobol_table`; its first three growth rates that have indices
+        are shown.
     top : int
         Tracks to show beside "any mode".
     """

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from squealstudy.analysis.sensitivity_ranking import rank_sensitivities
+from squealstudy.analysis.tables.sensitivity_ranking import rank_sensitivities
 from squealstudy.plots.style import COLOURS, UNSTABLE, empty_figure, finish, new_figure
 
 HEIGHT = 0.36
@@ -24,7 +24,7 @@ def sensitivity_bars(mode: pd.DataFrame, top: int = 20, title: str = "") -> Figu
     Parameters
     ----------
     mode : DataFrame
-        Rows of one mode, `analysis.sensitivity_ranking.mode_sensitivities`.
+        Rows of one mode, `analysis.tables.sensitivity_ranking.mode_sensitivities`.
     top : int
         Parameters to show.
     title : str

@@ -12,7 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.ranking import parameter_columns, point_codes
+from squealstudy.analysis.tables.mode_ranking import parameter_columns, point_codes
 from squealstudy.errors import ResultsError
 from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.style import (

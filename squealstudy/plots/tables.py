@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.ranking import parameter_columns
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
 

@@ -16,7 +16,7 @@ Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
 class Kind(Protocol):
-    """One kind of study."""
+    """One kind of study; it warns of nothing and verifies nothing unless it says how."""
 
     @property
     def schema(self) -> pa.Schema:
@@ -34,7 +34,7 @@ class Kind(Protocol):
 
     def warnings(self, plan: Plan) -> list[str]:
         """What may go wrong in a run, from the prepared model of the first structure."""
-        ...
+        return []
 
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """What must be there before workers start, beside the structures."""
@@ -58,7 +58,7 @@ class Kind(Protocol):
         self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
     ) -> list[dict[str, Any]]:
         """Checks of finished points against a better model, for the manifest."""
-        ...
+        return []
 
     def build_tables(
         self, plan: Plan, directory: Path, jobs: int, report: Progress

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from squealstudy.analysis.ranking import rank_modes
+from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.names import GROWTH, MODES, ONSETS, POINTS, SENSITIVITIES, onset_parameter
@@ -136,8 +136,9 @@ class Results:
     ) -> pd.DataFrame:
         """The modes that matter most first.
 
-        Unstable tracked modes (analysis.ranking.rank_modes), or the modes that carry the energy
-        of a transient study (analysis.transient_ranking.rank_energy), which has no choice of `by`.
+        Unstable tracked modes (analysis.tables.mode_ranking.rank_modes), or the modes that carry
+        the energy of a transient study (analysis.tables.energy_ranking.rank_energy), which has no
+        choice of `by`.
         """
         if self.kind == "transient":
             if by != "share":
@@ -145,7 +146,7 @@ class Results:
                     f"{self.directory}: modes of a transient study are ranked by energy share, "
                     f"not by '{by}'"
                 )
-            from squealstudy.analysis.transient_ranking import rank_energy
+            from squealstudy.analysis.tables.energy_ranking import rank_energy
 
             return rank_energy(self.points, self.modes, top, where)
         if self.boundary is not None:
@@ -154,7 +155,7 @@ class Results:
 
     def _rank_map(self, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """The ranking over all nodes of a boundary design's full grid; `at` are solved nodes."""
-        from squealstudy.analysis.boundary_map import full_tables
+        from squealstudy.analysis.tables.boundary_map import full_tables
 
         facts = self.boundary or {}
         points, modes = full_tables(self.points, self.modes, facts["axes"], facts["levels"])
@@ -177,21 +178,21 @@ class Results:
     def full_points(self) -> tuple[pd.DataFrame, np.ndarray]:
         """`points` on every node of a boundary design's full grid, and which were solved.
 
-        See analysis.boundary_map.full_points.
+        See analysis.tables.boundary_map.full_points.
 
         Raises ResultsError where the design is another.
         """
         if self.boundary is None:
             raise ResultsError(f"{self.directory}: a {self.design} design has no boundary map")
-        from squealstudy.analysis.boundary_map import full_points
+        from squealstudy.analysis.tables.boundary_map import full_points
 
         return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
 
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.
 
-        The points of a random design count as draws (analysis.robust.robust_table); of a
-        sobol_indices design its two independent samples alone.
+        The points of a random design count as draws (analysis.robust.probability.robust_table);
+        of a sobol_indices design its two independent samples alone.
 
         Raises
         ------
@@ -199,8 +200,8 @@ class Results:
             Where the design is not random, or every point failed.
         """
         self._expect_random("probability of instability")
-        from squealstudy.analysis.robust import robust_table
-        from squealstudy.analysis.saltelli import base_rows
+        from squealstudy.analysis.robust.probability import robust_table
+        from squealstudy.analysis.robust.saltelli import base_rows
 
         n, d = len(self.points), len(self.swept)
         drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
@@ -209,7 +210,7 @@ class Results:
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
 
-        See analysis.sobol_table.sobol_table.
+        See analysis.robust.sobol_table.sobol_table.
 
         Raises
         ------
@@ -221,7 +222,7 @@ class Results:
                 f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
                 f"this is {self.design}"
             )
-        from squealstudy.analysis.sobol_table import sobol_table
+        from squealstudy.analysis.robust.sobol_table import sobol_table
 
         return sobol_table(self.points, self.modes, self.swept, top, confidence)
 

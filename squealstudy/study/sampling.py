@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from squealstudy.analysis.saltelli import saltelli_rows
+from squealstudy.analysis.robust.saltelli import saltelli_rows
 from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
 from squealstudy.study.source import SourceText

@@ -18,7 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.full_order import full_order_modes, reference_error
+from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
 from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw

@@ -31,13 +31,13 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.growing_modes import growing_modes
-from squealstudy.analysis.hybrid_run import simulate_hybrid
-from squealstudy.analysis.hybrid_system import HybridDesign, uniform_damping
-from squealstudy.analysis.modal_system import reference_modes
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_settings import TransientSettings
-from squealstudy.analysis.transient_system import FrictionLaw, TransientDesign
+from squealstudy.analysis.hybrid.run import simulate_hybrid
+from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
+from squealstudy.analysis.transient.growing_modes import growing_modes
+from squealstudy.analysis.transient.reference_modes import reference_modes
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint

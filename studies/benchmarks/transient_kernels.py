@@ -26,11 +26,11 @@ import scipy.linalg as la
 from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_arrays import kernel_settings, modal_arrays, work_arrays
-from squealstudy.analysis.transient_observation import observation
-from squealstudy.analysis.transient_settings import TransientSettings
-from squealstudy.analysis.transient_system import (
+from squealstudy.analysis.transient.arrays import kernel_settings, modal_arrays, work_arrays
+from squealstudy.analysis.transient.observation import observation
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import (
     FrictionLaw,
     ModalSystem,
     TransientDesign,
@@ -43,7 +43,9 @@ from squealstudy.models.law import ContactLaw
 STEP = 1e-6
 LEVELS = {"smooth": 0.05, "stick-slip": 0.6}  # m/s, largest relative velocity at the start
 REPEATS = 3
-WARM = "from squealstudy.analysis.warmup import warm_kernels; print(warm_kernels({single}))"
+WARM = (
+    "from squealstudy.analysis.transient.warmup import warm_kernels; print(warm_kernels({single}))"
+)
 
 
 def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, TransientDesign]:

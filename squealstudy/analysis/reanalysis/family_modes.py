@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.family_point import NO_WORKING_POINT
+from squealstudy.analysis.full_order.family_point import NO_WORKING_POINT
 from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.reduction.prepared_family import PreparedFamily

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as la
 from scipy.stats import qmc
 
-from squealstudy.analysis.full_order import LIGHT
+from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.full_order import LIGHT
+from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.study.complex_modes.columns import read_columns
 
 PAIRED = 0.05  # relative distance within which a full-order root has a partner

@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.point import PointModes
-from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes.bases import BasisTask
 from squealstudy.study.complex_modes.solve import solve_design

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from squealstudy.analysis.track_labels import Tracks, TrackTree, expected_roots, pair_points
-from squealstudy.analysis.tracking import Pairing
-from squealstudy.analysis.tracking_refinement import DEPTH, DOUBTFUL, Modes
-from squealstudy.analysis.tracking_tree import tracking_tree
+from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
+from squealstudy.analysis.tracking.pairing import Pairing
+from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes
+from squealstudy.analysis.tracking.tree import tracking_tree
 from squealstudy.study.complex_modes.alignment import ShapeAlignment
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.columns import ModeColumns

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from squealstudy.analysis.track_labels import pair_points
-from squealstudy.analysis.tracking import Pairing
-from squealstudy.analysis.tracking_refinement import Modes, Refinement
+from squealstudy.analysis.tracking.labels import pair_points
+from squealstudy.analysis.tracking.pairing import Pairing
+from squealstudy.analysis.tracking.refinement import Modes, Refinement
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.columns import ShapeFile
 from squealstudy.study.process import watch_parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from squealstudy.analysis.full_order_solution import solve_full_order
+from squealstudy.analysis.full_order.solution import solve_full_order
 from squealstudy.analysis.point import PointModes
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes

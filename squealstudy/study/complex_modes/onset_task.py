@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from squealstudy.analysis.onsets import Onset, Samples, refine_onset
-from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.analysis.tracking.onsets import Onset, Samples, refine_onset
+from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.process import watch_parent

@@ -10,11 +10,11 @@ import pandas as pd
 import pyarrow as pa
 from joblib import delayed
 
-from squealstudy.analysis.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
-from squealstudy.analysis.onsets import Onset
-from squealstudy.analysis.ranking import REFINED, line_codes, parameter_columns
-from squealstudy.analysis.track_labels import Tracks
-from squealstudy.analysis.tracking_refinement import Modes
+from squealstudy.analysis.tables.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
+from squealstudy.analysis.tables.mode_ranking import REFINED, line_codes, parameter_columns
+from squealstudy.analysis.tracking.labels import Tracks
+from squealstudy.analysis.tracking.onsets import Onset
+from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
 from squealstudy.study.kind import Progress

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.family_point import check_family_point
-from squealstudy.analysis.full_order import FullOrderModes, full_order_modes, reference_error
+from squealstudy.analysis.full_order.family_point import check_family_point
+from squealstudy.analysis.full_order.modes import FullOrderModes, full_order_modes, reference_error
 from squealstudy.analysis.point import state_working_point
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings, component_modes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.family_point import solve_family_point
+from squealstudy.analysis.full_order.family_point import solve_family_point
 from squealstudy.analysis.point import PointModes, solve_point
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.design import Design

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.track_labels import Tracks
+from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.study.complex_modes.columns import ModeColumns, read_columns
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.onsets import OnsetSearch, onsets_arrow

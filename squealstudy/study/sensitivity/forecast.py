@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.sensitivity import point_sensitivities, solve_families
-from squealstudy.analysis.structural_sensitivity import structural_sensitivities
+from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_families
+from squealstudy.analysis.sensitivity.structural import structural_sensitivities
 from squealstudy.study.sensitivity.parameters import state_parameters, structural_names
 from squealstudy.study.sensitivity.worker import Request, design_structure
 from squealstudy.study.tasks import PointTask

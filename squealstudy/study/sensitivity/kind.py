@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,10 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.structural_sensitivity import check_structural
+from squealstudy.analysis.sensitivity.structural import check_structural
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
-from squealstudy.study.kind import Progress
+from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.names import POINTS, SENSITIVITIES
 from squealstudy.study.parallel import split_chunks
 from squealstudy.study.plan import Plan, Structure
@@ -39,8 +39,11 @@ from squealstudy.study.sensitivity.worker import (
 from squealstudy.study.tasks import ChunkReport, PointTask
 
 
-class Sensitivities:
-    """Derivatives of complex modes by parameters, each beside a finite change."""
+class Sensitivities(Kind):
+    """Derivatives of complex modes by parameters, each beside a finite change.
+
+    The finite change is the check: nothing is solved again at full order.
+    """
 
     schema: pa.Schema = rows.SCHEMA
     tables: tuple[str, ...] = (POINTS, SENSITIVITIES)
@@ -58,10 +61,6 @@ class Sensitivities:
                 check_structural(design_structure(design, plan.study.options, plan.settings), names)
         except ParameterError as error:
             raise error_at_name(plan.study, error) from None
-
-    def warnings(self, plan: Plan) -> list[str]:
-        """Sensitivities give none."""
-        return []
 
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """Structures are all that sensitivities need."""
@@ -83,12 +82,6 @@ class Sensitivities:
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
         return rows.failed_row(point_id, 0.0, status, message)
-
-    def verify(
-        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
-    ) -> list[dict[str, Any]]:
-        """Every derivative has its finite change beside it; nothing is solved at full order."""
-        return []
 
     def build_tables(
         self, plan: Plan, directory: Path, jobs: int, report: Progress

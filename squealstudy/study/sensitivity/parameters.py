@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.analysis.design_state import ModeKey
-from squealstudy.analysis.law_sensitivity import LAW_PARAMETERS
-from squealstudy.analysis.mode_choice import ModeChoice
 from squealstudy.analysis.point import RIGID_HZ
-from squealstudy.analysis.state_parameter import DAMPING, FREQUENCY, StateParameter
+from squealstudy.analysis.sensitivity.law_change import LAW_PARAMETERS
+from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
+from squealstudy.analysis.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.models.operating import CONTACT_LAW, SLOPE
 from squealstudy.study.definition import Study

@@ -8,18 +8,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.analysis.mode_sensitivities import ModeSensitivities, Sensitivity
+from squealstudy.analysis.sensitivity.mode_sensitivities import ModeSensitivities, Sensitivity
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.study.rows import FLAG, HEAD, REAL, TEXT, head
 
-TEXT, REAL, BOOL = pa.string(), pa.float64(), pa.bool_()
-POINT_FIELDS = (
-    ("point_id", TEXT),
-    ("status", TEXT),
-    ("message", TEXT),
-    ("wall_s", REAL),
-    ("working_point_residual", REAL),
-    ("open_share", REAL),
-)
+WORKING_POINT_FIELDS = (("working_point_residual", REAL), ("open_share", REAL))
 SENSITIVITY_FIELDS = (
     ("parameter", TEXT),
     ("value", REAL),
@@ -32,7 +25,7 @@ SENSITIVITY_FIELDS = (
     ("finite_im", REAL),
     ("match", REAL),
     ("validity_range", REAL),
-    ("near_coalescence", BOOL),
+    ("near_coalescence", FLAG),
     ("reason", TEXT),
 )
 MODE_FIELDS = (
@@ -45,7 +38,7 @@ MODE_FIELDS = (
     ("sensitivities", pa.list_(pa.struct(list(SENSITIVITY_FIELDS)))),
 )
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=False) for n, t in POINT_FIELDS]
+    [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
     + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
 )
 
@@ -55,10 +48,7 @@ def solved_row(
 ) -> dict[str, Any]:
     """Chunk row of a solved point."""
     return {
-        "point_id": point_id,
-        "status": "ok",
-        "message": "",
-        "wall_s": wall_s,
+        **head(point_id, wall_s),
         "working_point_residual": point.residual,
         "open_share": point.open_share,
         "modes": [_mode(mode) for mode in modes],
@@ -99,10 +89,7 @@ def _sensitivity(s: Sensitivity, near_coalescence: bool) -> dict[str, Any]:
 def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
     """Chunk row of a point that has no modes."""
     return {
-        "point_id": point_id,
-        "status": status,
-        "message": message,
-        "wall_s": wall_s,
+        **head(point_id, wall_s, status, message),
         "working_point_residual": np.nan,
         "open_share": np.nan,
         "modes": [],

@@ -11,23 +11,22 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.root_figures import figure_slopes, figures
-from squealstudy.errors import ResultsError
-from squealstudy.study.chunks import read_chunks
+from squealstudy.analysis.sensitivity.root_figures import figure_slopes, figures
 from squealstudy.study.files import write_parquet
 from squealstudy.study.names import POINTS, SENSITIVITIES
 from squealstudy.study.plan import Plan
-from squealstudy.study.sensitivity.rows import BOOL, POINT_FIELDS, REAL, SCHEMA, TEXT
+from squealstudy.study.rows import FLAG, REAL, TEXT, WHOLE, planned_rows, points_table
+from squealstudy.study.sensitivity.rows import SCHEMA, WORKING_POINT_FIELDS
 
 PERCENT = 0.01
 NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
-INTEGER = pa.int32()
+SUMMARY_FIELDS = (("n_modes", WHOLE), ("max_growth_rate", REAL))
 TYPES = {
     **dict.fromkeys(("point_id", "main_component", "parameter", "component", "unit"), TEXT),
     "reason": TEXT,
-    **dict.fromkeys(("mode", "component_mode"), INTEGER),
-    **dict.fromkeys(("unstable", "near_coalescence"), BOOL),
+    **dict.fromkeys(("mode", "component_mode"), WHOLE),
+    **dict.fromkeys(("unstable", "near_coalescence"), FLAG),
 }
 
 
@@ -39,12 +38,7 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    ids = [task.point_id for task in plan.tasks]
-    found = read_chunks(directory, set(ids), SCHEMA)
-    missing = sum(i not in found for i in ids)
-    if missing:
-        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
-    rows = [found[i] for i in ids]
+    rows = planned_rows(plan, directory, SCHEMA)
     points = _points(plan, rows)
     write_parquet(directory / POINTS, points)
     write_parquet(directory / SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
@@ -53,16 +47,11 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
 
 
 def _points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    parameters = plan.study.shown_parameters
     filled = []
-    for row, values in zip(rows, plan.shown_values, strict=True):
+    for row in rows:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
-        shown = {p: float(values[p]) for p in parameters}
-        filled.append({**row, **shown, "n_modes": len(row["modes"]), "max_growth_rate": growth})
-    shown_fields = [(p, REAL) for p in parameters]
-    summary = [("n_modes", INTEGER), ("max_growth_rate", REAL)]
-    schema = pa.schema([*POINT_FIELDS[:4], *shown_fields, *summary, *POINT_FIELDS[4:]])
-    return pa.Table.from_pylist(filled, schema=schema)
+        filled.append({**row, "n_modes": len(row["modes"]), "max_growth_rate": growth})
+    return points_table(plan, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
 
 
 def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -9,21 +9,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.mode_choice import ModeChoice
-from squealstudy.analysis.mode_sensitivities import ModeSensitivities, with_more
-from squealstudy.analysis.sensitivity import point_sensitivities, solve_families
-from squealstudy.analysis.structural_sensitivity import Structure, structural_sensitivities
-from squealstudy.errors import SquealstudyError
+from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
+from squealstudy.analysis.sensitivity.mode_sensitivities import ModeSensitivities, with_more
+from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_families
+from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.study.chunks import write_chunk
 from squealstudy.study.design import Design
 from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.process import watch_parent
+from squealstudy.study.rows import FAILURES, reason, write_rows
 from squealstudy.study.sensitivity.parameters import Asked, state_parameters, structural_names
 from squealstudy.study.sensitivity.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.tasks import ChunkReport, PointTask
@@ -71,21 +69,16 @@ def solve_sensitivities(task: SensitivityTask) -> ChunkReport:
     with threadpool_limits(1):
         rows = [_row(point, task.request) for point in task.points]
     known = sum(known_gap(p.prepared_key, p.design) is not None for p in task.points)
-    write_chunk(task.directory, chunk_id(p.point_id for p in task.points), rows, SCHEMA)
-    failed = sum(row["status"] != "ok" for row in rows)
-    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
+    name = chunk_id(p.point_id for p in task.points)
+    return write_rows(task.directory, name, rows, SCHEMA, started, known)
 
 
 def _row(point: PointTask, request: Request) -> dict[str, Any]:
     started = time.perf_counter()
     try:
         found, modes = design_sensitivities(point, request)
-    except SquealstudyError as error:
-        wall, status = time.perf_counter() - started, getattr(error, "status", "failed")
-        return failed_row(point.point_id, wall, status, str(error))
-    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
-        wall, message = time.perf_counter() - started, f"{type(error).__name__}: {error}"
-        return failed_row(point.point_id, wall, "failed", message)
+    except FAILURES as error:
+        return failed_row(point.point_id, time.perf_counter() - started, *reason(error))
     return solved_row(point.point_id, time.perf_counter() - started, found, modes)
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
-from squealstudy.analysis.modal_basis import truncated, with_pod
-from squealstudy.analysis.modal_system import ReferenceModes, reference_modes
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.transient_settings import TransientSettings
+from squealstudy.analysis.transient.modal_basis import truncated, with_pod
+from squealstudy.analysis.transient.reference_modes import ReferenceModes, reference_modes
+from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask

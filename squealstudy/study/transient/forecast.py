@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_system import stick_number
-from squealstudy.analysis.warmup import warm_kernels
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import stick_number
+from squealstudy.analysis.transient.warmup import warm_kernels
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.plan import Plan
 from squealstudy.study.transient.basis import truncated_choice

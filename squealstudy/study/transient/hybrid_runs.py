@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.hybrid_run import simulate_hybrid
-from squealstudy.analysis.hybrid_system import HybridDesign
+from squealstudy.analysis.hybrid.run import simulate_hybrid
+from squealstudy.analysis.hybrid.system import HybridDesign
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.modal_system import ReferenceModes
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.run_summary import ModalRun
+from squealstudy.analysis.runs.summary import ModalRun
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.kind import Progress
+from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.names import GROWTH, MODES, POINTS
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import ChunkReport, PointTask
@@ -34,8 +34,11 @@ from squealstudy.study.transient.training import make_training_runs
 from squealstudy.study.transient.worker import solve_batch
 
 
-class Transient:
-    """Motion of every design point from its steady sliding state."""
+class Transient(Kind):
+    """Motion of every design point from its steady sliding state.
+
+    Nothing is checked at full order in time.
+    """
 
     schema: pa.Schema = rows.SCHEMA
     tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
@@ -106,12 +109,6 @@ class Transient:
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
         return rows.failed_row(point_id, 0.0, status, message)
-
-    def verify(
-        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
-    ) -> list[dict[str, Any]]:
-        """Nothing is checked at full order in time."""
-        return []
 
     def build_tables(
         self, plan: Plan, directory: Path, jobs: int, report: Progress

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.modal_system import ReferenceModes
-from squealstudy.analysis.run_summary import ModalRun
-from squealstudy.analysis.transient import simulate
+from squealstudy.analysis.runs.summary import ModalRun
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes, settings_of
 from squealstudy.study.transient.ready import Ready
 

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.modal_system import ReferenceModes
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.transient_point import (
+from squealstudy.analysis.transient.point import (
     TransientPoint,
     perturbed_start,
     transient_point,
 )
-from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.errors import ParameterError
+from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.batch import BatchTask
 from squealstudy.study.transient.rows import failed_row
@@ -63,11 +64,8 @@ def set_up(
         )
     except ParameterError as error:
         return failed_row(point.point_id, 0.0, "parameter", f"{error.key}: {error.message}")
-    except SquealstudyError as error:
-        return failed_row(point.point_id, 0.0, getattr(error, "status", "failed"), str(error))
-    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
-        message = f"{type(error).__name__}: {error}"
-        return failed_row(point.point_id, 0.0, "failed", message)
+    except FAILURES as error:
+        return failed_row(point.point_id, 0.0, *reason(error))
     size = perturbation(task)
     q0, v0 = perturbed_start(reference.system, made, size, task.section.perturb_modes)
     return Ready(point, made, q0, v0, size)

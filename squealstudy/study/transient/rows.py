@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
+from squealstudy.study.rows import FLAG, HEAD, REAL, TEXT, WHOLE, Fields, head
+
 EMPTY = {TEXT: "", REAL: np.nan, WHOLE: 0, FLAG: False}
 FAILED = "failed"
 
-POINT_FIELDS = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
 SUMMARY_FIELDS = (
     ("class", TEXT),
     ("n_unstable", WHOLE),
@@ -82,12 +82,12 @@ GROWTH_FIELDS = (
 )
 
 
-def _structs(fields: Sequence[tuple[str, pa.DataType]]) -> pa.DataType:
+def _structs(fields: Fields) -> pa.DataType:
     return pa.list_(pa.struct([pa.field(n, t) for n, t in fields]))
 
 
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=False) for n, t in (*POINT_FIELDS, *SUMMARY_FIELDS)]
+    [pa.field(n, t, nullable=False) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
         pa.field("modes", _structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
         pa.field("growth", _structs(GROWTH_FIELDS)),
@@ -107,10 +107,7 @@ def row(
     """Chunk row of a design point; what the summary does not say is empty."""
     known = {name: summary.get(name, EMPTY[kind]) for name, kind in SUMMARY_FIELDS}
     return {
-        "point_id": point_id,
-        "status": status,
-        "message": message,
-        "wall_s": wall_s,
+        **head(point_id, wall_s, status, message),
         **known,
         "modes": [dict(m) for m in modes],
         "growth": [dict(g) for g in growth],

@@ -9,22 +9,11 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.errors import ResultsError
-from squealstudy.study.chunks import read_chunks
 from squealstudy.study.files import write_parquet
 from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan
-from squealstudy.study.transient.rows import (
-    GROWTH_FIELDS,
-    MODE_FIELDS,
-    POINT_FIELDS,
-    REAL,
-    SCHEMA,
-    SUMMARY_FIELDS,
-    TEXT,
-)
-
-Fields = Sequence[tuple[str, pa.DataType]]
+from squealstudy.study.rows import REAL, TEXT, Fields, planned_rows, points_table
+from squealstudy.study.transient.rows import GROWTH_FIELDS, MODE_FIELDS, SCHEMA, SUMMARY_FIELDS
 
 
 def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
@@ -35,14 +24,9 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    ids = [task.point_id for task in plan.tasks]
-    found = read_chunks(directory, set(ids), SCHEMA)
-    missing = sum(i not in found for i in ids)
-    if missing:
-        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
-    rows = [found[i] for i in ids]
-    _remove_unplanned(directory, set(ids))
-    points = _points(plan, rows)
+    rows = planned_rows(plan, directory, SCHEMA)
+    _remove_unplanned(directory, {row["point_id"] for row in rows})
+    points = points_table(plan, rows, SUMMARY_FIELDS)
     write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
     write_parquet(directory / GROWTH, _nested(rows, "growth", GROWTH_FIELDS))
@@ -56,16 +40,6 @@ def _remove_unplanned(directory: Path, ids: set[str]) -> None:
         for path in (directory / name).glob("*"):
             if path.stem not in ids:
                 path.unlink()
-
-
-def _points(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
-    parameters = plan.study.shown_parameters
-    filled = [
-        {**row, **{p: float(values[p]) for p in parameters}}
-        for row, values in zip(rows, plan.shown_values, strict=True)
-    ]
-    fields: Fields = (*POINT_FIELDS, *((p, REAL) for p in parameters), *SUMMARY_FIELDS)
-    return pa.Table.from_pylist(filled, schema=pa.schema(list(fields)))
 
 
 def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.transient import simulate
-from squealstudy.analysis.transient_point import perturbed_start
+from squealstudy.analysis.transient.point import perturbed_start
+from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.files import write_atomic
 from squealstudy.study.kind import Progress

@@ -6,16 +6,15 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.modal_system import ReferenceModes
-from squealstudy.analysis.run_summary import history_frame, summarise
-from squealstudy.analysis.transient_system import stick_number
+from squealstudy.analysis.runs.summary import history_frame, summarise
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.system import stick_number
 from squealstudy.errors import SquealstudyError
-from squealstudy.study.chunks import write_chunk
 from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.process import watch_parent
+from squealstudy.study.rows import FAILURES, reason, write_rows
 from squealstudy.study.tasks import ChunkReport
 from squealstudy.study.transient.batch import BatchTask, reference_of, sampling
 from squealstudy.study.transient.histories import write_history
@@ -28,7 +27,6 @@ from squealstudy.study.working_points import NewGaps
 
 RINGS = 1.0  # stick number beyond which a stuck contact rings at the step
 STUCK = 0.5  # share of the contact area that sticks at a time
-UNEXPECTED = (np.linalg.LinAlgError, FloatingPointError, ValueError)
 
 
 def solve_batch(task: BatchTask) -> ChunkReport:
@@ -42,8 +40,7 @@ def solve_batch(task: BatchTask) -> ChunkReport:
         try:
             reference = reference_of(task)
         except SquealstudyError as error:  # no nominal working point on this structure
-            status = getattr(error, "status", "failed")
-            rows = [failed_row(p.point_id, 0.0, status, str(error)) for p in task.points]
+            rows = [failed_row(p.point_id, 0.0, *reason(error)) for p in task.points]
         else:
             for point in task.points:
                 outcome = set_up(task, reference, point, gaps)
@@ -54,10 +51,9 @@ def solve_batch(task: BatchTask) -> ChunkReport:
             if ready:
                 rows += _advance(task, reference, ready, started)
     name = chunk_id(p.point_id for p in task.points)
-    write_chunk(task.directory, name, rows, SCHEMA)
+    report = write_rows(task.directory, name, rows, SCHEMA, started)
     gaps.save(name)
-    failed = sum(r["status"] != "ok" for r in rows)
-    return ChunkReport(len(rows), failed, 0, time.perf_counter() - started, peak_memory_mb())
+    return report
 
 
 def _advance(
@@ -67,9 +63,8 @@ def _advance(
     integrate = hybrid_runs if task.section.representation == "hybrid" else modal_runs
     try:
         finished = integrate(task, reference, ready)
-    except (SquealstudyError, *UNEXPECTED) as error:
-        status = getattr(error, "status", "failed")
-        return [failed_row(one.task.point_id, 0.0, status, str(error)) for one in ready]
+    except FAILURES as error:
+        return [failed_row(one.task.point_id, 0.0, *reason(error)) for one in ready]
     wall = (time.perf_counter() - started) / len(ready)
     rows = []
     for one, done in zip(ready, finished, strict=True):

@@ -1,0 +1,1 @@
+"""Complex modes of the unreduced equations: the reference of every reduced figure."""

@@ -1,0 +1,90 @@
+"""One design point of a family of matrices, solved at full order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.analysis.full_order.modes import FullOrderModes
+from squealstudy.analysis.parametric import ParametricSystem, Term
+from squealstudy.analysis.point import RIGID_HZ, PointModes
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
+from squealstudy.models.expression import ExpressionError
+from squealstudy.models.matrix_family import MatrixFamily
+from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.reduction.working_point import WorkingPoint
+
+CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
+UNDEFINED = "undefined"  # status of a point where a coefficient has no value
+FULL = "full"
+_NOTHING = np.zeros(0)
+NO_WORKING_POINT = WorkingPoint(_NOTHING, _NOTHING, _NOTHING, 0, np.nan, np.nan)
+
+
+def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
+    """The band in rad/s, from 1 Hz on at least (rigid-body noise)."""
+    return 2 * np.pi * max(band_hz[0], RIGID_HZ), 2 * np.pi * band_hz[1]
+
+
+def family_system(family: MatrixFamily) -> ParametricSystem:
+    """The family as a parametric system; its weights are `MatrixFamily.weights`."""
+    return ParametricSystem(
+        family.n, tuple(Term(term.order, None, term.matrix) for term in family.terms)
+    )
+
+
+def solve_family_point(
+    prepared: PreparedFamily, values: Mapping[str, float], band_hz: tuple[float, float]
+) -> PointModes:
+    """Complex modes with |lambda|/2 pi in `band_hz` at parameter values.
+
+    They have no energies (the array has no rows) and no working point (its figures are NaN);
+    the residual of a pair is |Q psi| over the sum of its three terms' norms.
+
+    Raises
+    ------
+    ConvergenceError
+        ``undefined`` where a coefficient has no value; where no roots of small residual are found.
+    """
+    M, C, K = _matrices(prepared.model, values)
+    roots = roots_in_band(M, C, K, angular_band(band_hz), prepared.n_roots)
+    order = np.argsort(roots.lam.imag == 0, kind="stable")
+    lam, psi = roots.lam[order], roots.psi[:, order]
+    residual = pair_residuals(M, C, K, lam, psi)
+    return PointModes(
+        lam,
+        lam.imag == 0,
+        residual,
+        np.zeros((0, len(lam))),
+        prepared.shapes(psi),
+        NO_WORKING_POINT,
+        residual * np.abs(lam) / 2,
+        FULL,
+    )
+
+
+def check_family_point(
+    prepared: PreparedFamily, values: Mapping[str, float], band_hz: tuple[float, float]
+) -> FullOrderModes:
+    """The same modes by another factorisation, about a positive real shift.
+
+    What Arnoldi's method missed or spoiled in one space differs in the other. Raises as
+    `solve_family_point`.
+    """
+    M, C, K = _matrices(prepared.model, values)
+    band = angular_band(band_hz)
+    roots = roots_in_band(M, C, K, band, prepared.n_roots, CHECK_SHIFT * band[1])
+    residual = pair_residuals(M, C, K, roots.lam, roots.psi)
+    return FullOrderModes(roots.lam, roots.psi, residual)
+
+
+def _matrices(
+    family: MatrixFamily, values: Mapping[str, float]
+) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+    try:
+        return family.matrices(values)
+    except ExpressionError as error:
+        raise ConvergenceError(UNDEFINED, str(error)) from error

@@ -1,0 +1,1 @@
+"""Scattered designs: probability of instability, Sobol indices."""

@@ -1,0 +1,105 @@
+"""How likely a scattered design is unstable: probabilities with intervals, growth, worst case."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from squealstudy.analysis.robust.growth_table import LARGEST, GrowthColumn, growth_columns
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
+from squealstudy.errors import ResultsError
+
+COLUMNS = (
+    {"quantity": "str", "track": "int64", "frequency_hz": "f8", "points": "int64"}
+    | {"failed_points": "int64", "present_points": "int64", "unstable_points": "int64"}
+    | {"probability": "f8", "probability_low": "f8", "probability_high": "f8"}
+    | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
+    | {"max_growth_rate": "f8", "at": "str"}
+)
+
+
+def robust_table(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    independent: np.ndarray | None = None,
+    confidence: float = 0.95,
+) -> pd.DataFrame:
+    """Probability of instability and scatter of growth: of any mode, and of each unstable track.
+
+    Parameters
+    ----------
+    points, modes : DataFrame
+        Tables of a study with a random design: its points are draws of the parameters.
+    independent : ndarray (n_points,) of bool or None
+        The points that are draws independent of each other; None: all.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    DataFrame
+        COLUMNS, "any" mode (track 0) first, then tracks, the most probable first. `points` are
+        solved; `failed_points` count neither as stable nor as unstable. A track without a mode at
+        a point (`present_points` is less than `points`) is not unstable there. The interval of
+        `probability` is that of Clopper and Pearson, exact for independent draws; points of a
+        Sobol sequence or Latin hypercube fill the space more evenly, it is then wider than it need
+        be in all but contrived cases. `mean_growth_rate` is the mean over the points with zero
+        where the mode is not unstable; `growth_mean` and `growth_std` are of the growth rate itself
+        where there is the mode, 1/s; `max_growth_rate` is the worst case, `at` its parameters.
+
+    Raises
+    ------
+    ResultsError
+        Where every point failed.
+    """
+    drawn = np.ones(len(points), dtype=bool) if independent is None else independent
+    solved = drawn & (points["status"] == "ok").to_numpy(bool)
+    if not solved.any():
+        raise ResultsError("every design point failed: there is no probability to tell")
+    names = parameter_columns(points, varied=True)
+    rows = []
+    for column in growth_columns(points, modes):
+        row = _row(column, solved, confidence)
+        if column.track == LARGEST or row["unstable_points"]:
+            worst = _worst(column, solved)
+            at = points[names].iloc[worst].to_dict() if worst is not None else {}
+            row["at"] = ", ".join(f"{name}={value:g}" for name, value in at.items())
+            row["failed_points"] = int(drawn.sum() - solved.sum())
+            rows.append(row)
+    table = pd.DataFrame(rows)
+    rest = table.iloc[1:].sort_values(["probability", "max_growth_rate"], ascending=False)
+    return pd.concat([table.iloc[:1], rest], ignore_index=True)[list(COLUMNS)].astype(COLUMNS)
+
+
+def probability_interval(unstable: int, points: int, confidence: float) -> tuple[float, float]:
+    """Clopper-Pearson bounds of a probability of which `unstable` of `points` draws are a case."""
+    found = binomtest(unstable, points).proportion_ci(confidence, method="exact")
+    return float(found.low), float(found.high)
+
+
+def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[str, object]:
+    unstable = column.unstable & solved
+    growth = column.growth[solved & np.isfinite(column.growth)]
+    n, k = int(solved.sum()), int(unstable.sum())
+    low, high = probability_interval(k, n, confidence)
+    return {
+        "quantity": "any" if column.track == LARGEST else "track",
+        "track": column.track,
+        "frequency_hz": column.frequency_hz,
+        "points": n,
+        "present_points": len(growth),
+        "unstable_points": k,
+        "probability": k / n,
+        "probability_low": low,
+        "probability_high": high,
+        "mean_growth_rate": float(column.growth[unstable].sum()) / n,
+        "growth_mean": float(growth.mean()) if len(growth) else np.nan,
+        "growth_std": float(growth.std(ddof=1)) if len(growth) > 1 else np.nan,
+        "max_growth_rate": float(growth.max(initial=-np.inf)) if len(growth) else np.nan,
+    }
+
+
+def _worst(column: GrowthColumn, solved: np.ndarray) -> int | None:
+    growth = np.where(solved, column.growth, np.nan)
+    return None if np.isnan(growth).all() else int(np.nanargmax(growth))

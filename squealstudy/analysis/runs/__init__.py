@@ -1,0 +1,1 @@
+"""What a run in time came to: growth, levels, energies, class."""

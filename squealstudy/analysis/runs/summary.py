@@ -1,0 +1,295 @@
+"""The summary of a run: growth, level, energies and class of one design point in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.analysis.runs.behaviour import NOISE, classify, settled
+from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
+from squealstudy.analysis.runs.levels import last_window, torque_levels
+from squealstudy.analysis.runs.modal_energies import (
+    ModalShares,
+    energy_outside,
+    first_window,
+    modal_shares,
+    mode_energies,
+    vibration_energy,
+)
+from squealstudy.analysis.runs.transfer import transfer
+from squealstudy.analysis.transient.point import TransientPoint
+from squealstudy.analysis.transient.reference_modes import projection
+from squealstudy.analysis.transient.settings import TransientResult
+
+HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
+LEAST_ROWS = 10  # of a history that says anything
+FAILED = "failed"
+EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
+
+
+@dataclass(frozen=True)
+class ModalRun:
+    """A result with what its sensors are.
+
+    Attributes
+    ----------
+    result : TransientResult
+    point : TransientPoint
+    modes : ndarray (ns,) of int
+        Sensed assembly modes, from 1.
+    omega : ndarray (ns,)
+        rad/s.
+    q, v : ndarray (rows, ns)
+        Their modal displacement and velocity.
+    growth_q, growth_v : ndarray (rows, 4 m)
+        Products of `TransientPoint.growth_rows`.
+    continued : bool
+        The run goes on from another; otherwise its first energy is that of the perturbation.
+    """
+
+    result: TransientResult
+    point: TransientPoint
+    modes: np.ndarray
+    omega: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    growth_q: np.ndarray
+    growth_v: np.ndarray
+    continued: bool = False
+
+    @property
+    def time(self) -> np.ndarray:
+        """S, (rows,)."""
+        return self.result.history["time"]
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Mechanical energy of all modes (rows,), J."""
+        return self.result.history["modal_energy"]
+
+    def xi(self, k: int) -> np.ndarray:
+        """Complex amplitude (rows,) of the followed mode `k` through its left vector."""
+        rows = slice(4 * k, 4 * k + 4)
+        return projection(self.growth_q[:, rows], self.growth_v[:, rows])
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Columns of the points table, and rows of the modes and growth tables."""
+
+    point: Mapping[str, Any]
+    modes: list[dict[str, Any]]
+    growth: list[dict[str, Any]]
+
+
+def summarise(run: ModalRun) -> Summary:
+    """What a run did, in numbers.
+
+    A failed run is summarised up to where it got, with the class ``failed``.
+    """
+    if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
+        return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
+    growth = growth_rows(run)
+    levels, window = _levels(run)
+    energies = mode_energies(run.q, run.v, run.omega)
+    shares = modal_shares(energies[window], run.energy[window])
+    point = {
+        **_course(run),
+        **_forecast(run),
+        **_growth(run, growth),
+        **levels,
+        **_behaviour(run, energies, levels["dominant_frequency_hz"]),
+        **_contact(run, window),
+        **_leader(run, shares),
+    }
+    if run.result.outcome != "ok":
+        point["class"] = FAILED
+    return Summary(point, _mode_rows(run, energies, shares), growth)
+
+
+def _course(run: ModalRun) -> dict[str, Any]:
+    """How the integration went."""
+    result = run.result
+    return {
+        "iterations_mean": result.mean_iterations,
+        "iterations_max": result.max_iterations,
+        "halvings": result.halvings,
+        "newton_steps": result.newton_steps,
+        "contraction": result.contraction,
+        "energy_balance": result.energy.relative,
+        "time_reached": result.time,
+    }
+
+
+def _forecast(run: ModalRun) -> dict[str, Any]:
+    """What the complex modes of the same system say."""
+    modes = run.point.modes
+    lam = modes.lam[0] if len(modes.lam) else complex(np.nan, np.nan)
+    return {
+        "n_unstable": modes.n_unstable,
+        "n_unstable_above": modes.n_above,
+        "predicted_frequency_hz": float(abs(lam)) / (2 * np.pi),
+        "predicted_growth_rate": float(lam.real),
+        "torque_static": run.point.static_torque,
+    }
+
+
+def growth_rows(run: ModalRun) -> list[dict[str, Any]]:
+    """Fitted beside predicted growth of each followed complex mode, and its part in the end."""
+    rows: list[dict[str, Any]] = []
+    window = slice(round(0.6 * len(run.time)), None)
+    total = float(run.energy[window].mean())
+    moving = run.energy.max() > NOISE
+    until = np.inf
+    for k, lam in enumerate(run.point.modes.lam):
+        xi = run.xi(k)
+        fit = fit_growth(run.time, xi, until=until) if moving else GrowthFit()
+        if k == 0 and fit.status == "ok":
+            until = fit.stop
+        carried = float((np.abs(xi[window]) ** 2).mean()) * float(run.point.mode_energy[k])
+        share = carried / total if total > 0 else 0.0
+        rows.append(
+            {
+                "mode": k + 1,
+                "frequency_hz": float(abs(lam)) / (2 * np.pi),
+                "growth_rate": float(lam.real),
+                "damping_ratio": float(-lam.real / abs(lam)),
+                "fitted_growth_rate": fit.growth_rate,
+                "fitted_low": fit.low,
+                "fitted_high": fit.high,
+                "fit_start": fit.start,
+                "fit_stop": fit.stop,
+                "level_share": share,
+                "expressed": share >= EXPRESSED and moving and k < run.point.modes.n_unstable,
+            }
+        )
+    return rows
+
+
+def moving_energy(run: ModalRun) -> np.ndarray:
+    """Energy of the vibration (rows,), J: twice the kinetic energy of the sensed modes.
+
+    That is blind to static shifts; where the sensors miss most of the energy, all of it is taken.
+    """
+    last = slice(round(0.6 * len(run.time)), None)
+    sensed = mode_energies(run.q, run.v, run.omega)[last].sum()
+    if sensed < 0.5 * run.energy[last].sum():
+        return run.energy
+    return vibration_energy(run.v)
+
+
+def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Growth of the fastest complex mode, or of the energy where it cannot be read."""
+    if run.energy.max() <= NOISE:
+        return {}
+    if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
+        fit = fit_growth(run.time, run.xi(0))
+        return {
+            "growth_rate": fit.growth_rate,
+            "growth_rate_low": fit.low,
+            "growth_rate_high": fit.high,
+            "growth_method": "left_vector",
+            "onset_time": fit.onset_time,
+        }
+    fit = fit_growth(run.time, np.sqrt(moving_energy(run)))
+    return {
+        "growth_rate": fit.growth_rate,
+        "growth_rate_low": fit.low,
+        "growth_rate_high": fit.high,
+        "growth_method": "energy" if fit.status == "ok" else "",
+        "onset_time": fit.onset_time,
+    }
+
+
+def _levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
+    """Torque over the last window, and that window."""
+    torque = run.result.history["torque"]
+    window = last_window(run.time, torque)
+    found = torque_levels(run.time[window], torque[window])
+    return {
+        "torque_mean": found.mean,
+        "torque_rms": found.rms,
+        "torque_rms_low": found.rms_low,
+        "torque_rms_high": found.rms_high,
+        "torque_peak_to_peak": found.peak_to_peak,
+        "dominant_frequency_hz": found.frequency_hz,
+        "dominant_level": found.line,
+        "harmonic_2_level": found.harmonic_2,
+        "harmonic_3_level": found.harmonic_3,
+    }, window
+
+
+def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
+    """Class, settled or not, and which mode took over."""
+    energy = moving_energy(run)
+    initial = 0.0 if run.continued else float(run.energy[0])
+    calm, since = settled(run.time, energy, frequency_hz)
+    first, last, when = transfer(run.time, energies, run.modes)
+    return {
+        "class": classify(run.time, energy, initial, frequency_hz),
+        "settled": calm,
+        "settled_time": since,
+        "transfer_from": first,
+        "transfer_to": last,
+        "transfer_time": when,
+    }
+
+
+def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
+    """Shares of the contact area that stick or are open."""
+    stick, opened = (run.result.history[name][window] for name in ("stick", "open"))
+    return {
+        "stick_share": float(stick.mean()),
+        "stick_share_max": float(stick.max()),
+        "open_share": float(opened.mean()),
+        "open_share_max": float(opened.max()),
+    }
+
+
+def _leader(run: ModalRun, shares: ModalShares) -> dict[str, Any]:
+    """The mode with most energy over the last window."""
+    if not shares.share.any() or run.energy.max() <= NOISE:
+        return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
+    k = int(np.argmax(shares.share))
+    return {
+        "dominant_mode": int(run.modes[k]),
+        "dominant_share": float(shares.share[k]),
+        "energy_outside_share": shares.outside,
+    }
+
+
+def _mode_rows(run: ModalRun, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
+    begin = first_window(len(run.time))
+    first = modal_shares(energies[begin], run.energy[begin]).share
+    return [
+        {
+            "mode": int(mode),
+            "frequency_hz": float(run.omega[k]) / (2 * np.pi),
+            "energy_share": float(shares.share[k]),
+            "energy_share_low": float(shares.low[k]),
+            "energy_share_high": float(shares.high[k]),
+            "energy_mean": float(shares.mean[k]),
+            "first_share": float(first[k]),
+        }
+        for k, mode in enumerate(run.modes)
+    ]
+
+
+def history_frame(run: ModalRun) -> pd.DataFrame:
+    """History of a run: torque, contact shares, energies and amplitudes of the modes heard."""
+    history = run.result.history
+    energies = mode_energies(run.q, run.v, run.omega)
+    columns = {
+        name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
+    }
+    columns |= {"energy": run.energy, "energy_outside": energy_outside(energies, run.energy)}
+    heard = (energies >= HEARD * run.energy[:, None]).any(axis=0) & (energies > 0).any(axis=0)
+    for k in np.flatnonzero(heard):
+        mode, omega = run.modes[k], max(float(run.omega[k]), 1e-300)
+        columns[f"energy_mode_{mode}"] = energies[:, k]
+        columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
+    return pd.DataFrame(columns)

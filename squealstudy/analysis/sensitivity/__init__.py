@@ -1,0 +1,1 @@
+"""Derivatives of complex modes by parameters, each beside a finite change."""

@@ -1,0 +1,177 @@
+"""Closed-form sensitivities of complex modes, each beside a finite reanalysis.
+
+With right and left vectors x and y of (lambda^2 M + lambda C + K) x = 0,
+
+    d lambda/d theta = -y^H (lambda^2 dM + lambda dC + dK) x / (y^H (2 lambda M + C) x).
+
+The matrices depend on the working point, which moves: derivatives are total.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.energy import energy_shares
+from squealstudy.analysis.linearise import ReducedSystem, component_frequencies, linearise
+from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.sensitivity.finite_change import (
+    FiniteChange,
+    followed_root,
+    reduced_pencil,
+)
+from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_roots
+from squealstudy.analysis.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
+from squealstudy.analysis.sensitivity.mode_sensitivities import (
+    ModeSensitivities,
+    Sensitivity,
+    Step,
+    slope_and_validity,
+)
+from squealstudy.analysis.sensitivity.reduced_gradient import (
+    RealModes,
+    ReducedGradient,
+    StateDerivatives,
+)
+from squealstudy.analysis.sensitivity.state_parameter import DAMPING, StateParameter
+from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.reduction.working_point import WorkingPoint
+
+
+@dataclass(frozen=True)
+class DesignPoint:
+    """A solved design point in the reduced model: what all sensitivities start from."""
+
+    prepared: PreparedModel
+    state: DesignState
+    point: WorkingPoint
+    system: ReducedSystem
+    pencil: QuadraticPencil
+    families: tuple[ModeFamily, ...]
+
+
+def solve_families(
+    prepared: PreparedModel,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    choice: ModeChoice,
+    gap: np.ndarray | None = None,
+) -> DesignPoint:
+    """Working point, chosen complex modes, their left vectors and neighbours.
+
+    Parameters
+    ----------
+    gap : ndarray (nc,) or None
+        Known gaps of the working point.
+
+    Raises
+    ------
+    ConvergenceError
+        No working point, or ARPACK stops.
+    """
+    point = state_working_point(prepared, state, gap)
+    system = linearise(prepared.model, point, state)
+    low, high = (2 * np.pi * f for f in band_hz)
+    lam, _ = dense_roots(system.C, system.K, (low, high))
+    pencil = QuadraticPencil(sp.identity(prepared.model.n, format="csr"), system.C, system.K)
+    families = tuple(mode_family(pencil, root) for root in chosen_roots(lam, choice))
+    return DesignPoint(prepared, state, point, system, pencil, families)
+
+
+def point_sensitivities(
+    design: DesignPoint, parameters: Sequence[StateParameter], change: float, top_hz: float
+) -> tuple[ModeSensitivities, ...]:
+    """Sensitivities of the chosen modes of a design point to parameters of its state.
+
+    Parameters
+    ----------
+    change : float
+        Finite change, relative to each parameter's reference.
+    top_hz : float
+        Top of the band, for stiffness damping of zero.
+    """
+    omega = component_frequencies(design.prepared.model)
+    steps = [
+        replace(
+            parameter_step(p, design.state, change, top_hz),
+            component_hz=p.component_hz(design.state, omega),
+        )
+        for p in parameters
+    ]
+    found: list[list[Sensitivity]] = [[] for _ in design.families]
+    derivatives = StateDerivatives(design.prepared, design.state, design.point)
+    gradients = _gradients(design, parameters)
+    for parameter, step in zip(parameters, steps, strict=True):
+        moved = parameter.moved(design.state, step.value + step.size)
+        finite, reason = _reanalysis(design, moved)
+        system_change = derivatives.by(parameter)
+        for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
+            products = gradient.products(system_change)
+            found[number].append(
+                Sensitivity(
+                    step,
+                    *slope_and_validity(family, products, step.size),
+                    finite[number],
+                    reason,
+                )
+            )
+    return tuple(
+        ModeSensitivities(family, *facts, tuple(own))
+        for family, facts, own in zip(design.families, _facts(design), found, strict=True)
+    )
+
+
+def parameter_step(
+    parameter: StateParameter, state: DesignState, change: float, top_hz: float
+) -> Step:
+    """The finite change of a parameter: upwards, or downwards where that leaves its range."""
+    value = parameter.value(state)
+    reference = parameter.reference(value, top_hz)
+    size = change * reference
+    return Step(
+        parameter.name, value, reference, size if value + size <= parameter.maximum else -size
+    )
+
+
+def _gradients(design: DesignPoint, parameters: Sequence[StateParameter]) -> list[ReducedGradient]:
+    asked = any(p.name == DAMPING or (p.modes and not p.component) for p in parameters)
+    damped = design.state.assembly_damping_ratios(design.prepared.model.n).any()
+    real = None
+    if design.families and (asked or damped):
+        real = RealModes.of(design.system, design.prepared.model.N)
+    return [
+        ReducedGradient(design.prepared, design.state, design.system, family, real)
+        for family in design.families
+    ]
+
+
+def _reanalysis(design: DesignPoint, moved: DesignState) -> tuple[list[FiniteChange | None], str]:
+    """The chosen modes in a changed design, or why it has none."""
+    if not design.families:
+        return [], ""
+    try:
+        changed = reduced_pencil(design.prepared, moved, design.point.gap)
+        return [followed_root(design.pencil, f, changed) for f in design.families], ""
+    except SquealstudyError as error:
+        return [None] * len(design.families), str(error)
+
+
+def _facts(design: DesignPoint) -> list[tuple[float, np.ndarray]]:
+    """Biorthogonality and energy shares of each chosen mode."""
+    found = []
+    for family in design.families:
+        others = [
+            biorthogonality(design.pencil, family, other)
+            for other in design.families
+            if other is not family
+        ]
+        energies = energy_shares(design.prepared.model, design.system, family.X[:, :1])
+        found.append((max(others, default=0.0), energies[:, 0]))
+    return found

@@ -1,0 +1,1 @@
+"""Modal systems with contact and friction, integrated in time."""

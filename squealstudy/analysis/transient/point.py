@@ -1,0 +1,237 @@
+"""One design point of a transient study on shared reference modes: base state, laws, forecast."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.analysis.linearise import component_frequencies
+from squealstudy.analysis.transient.growing_modes import GrowingModes, growing_modes
+from squealstudy.analysis.transient.reference_modes import ReferenceModes, growth_sensors
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.errors import ParameterError
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+
+REGULARISATION = 0.02  # of the sliding speed: where friction saturates at the highest pressure
+TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
+LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
+
+
+@dataclass(frozen=True)
+class TransientPoint:
+    """A design point ready for time integration.
+
+    Attributes
+    ----------
+    design : TransientDesign
+        On the reference's modal system; q = 0 is the point's own steady sliding.
+    modes : GrowingModes
+        Complex modes of this same system, linearised at the point's steady sliding.
+    growth_rows : ndarray (m, 4, n)
+        Sensor rows of each of those modes (`reference_modes.growth_sensors`).
+    mode_energy : ndarray (m,)
+        Mean mechanical energy of a motion along each mode at unit projection, J.
+    static_torque : float
+        N m.
+    """
+
+    design: TransientDesign
+    modes: GrowingModes
+    growth_rows: np.ndarray
+    mode_energy: np.ndarray
+    static_torque: float
+
+
+def automatic_slope(state: DesignState, point: WorkingPoint) -> float:
+    """Slope k_t of friction at zero sliding [N s/m3] that saturates at 2 % of the sliding speed."""
+    operating = state.operating
+    mu = max(operating.friction * operating.static_ratio, LEAST_FRICTION)
+    speed = REGULARISATION * operating.sliding_speed
+    return float(mu * max(point.pressure.max(), 1e-300) / speed)
+
+
+def transient_point(
+    model: ReducedModel,
+    reference: ReferenceModes,
+    component_modes: Sequence[ModeKey],
+    point: WorkingPoint,
+    state: DesignState,
+    slope: float,
+    regularisation: str,
+    band_hz: tuple[float, float],
+    tolerance: float,
+) -> TransientPoint:
+    """Bring a design to the reference's modes: nothing of the observation changes.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    reference : ReferenceModes
+        Made with `component_modes` as shapes.
+    component_modes : sequence of (component, mode)
+        In the order of `reference.system.shapes`; all that the state changes must be there.
+    point : WorkingPoint
+        Of `state`.
+    state : DesignState
+    slope : float
+        k_t, N s/m3; 0 for `automatic_slope`.
+    regularisation : str
+        ``regularised`` or ``smooth``.
+    band_hz : (low, high)
+        Where unstable modes are followed.
+    tolerance : float
+        Damping ratio below minus which a mode counts as unstable.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the reference does not have; friction so soft that steady
+        sliding is not steady.
+    """
+    system, operating = reference.system, state.operating
+    friction = FrictionLaw(
+        operating.friction * operating.static_ratio,
+        operating.friction,
+        slope if slope > 0 else automatic_slope(state, point),
+        operating.decay_speed,
+        regularisation,
+    )
+    _check_slope(friction, state, point)
+    d, s = shape_terms(model, component_modes, state)
+    basis = state.damping_ratio * reference.coupling
+    d, s = np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
+    normal = system.area * point.pressure
+    drag = -operating.mu_steady * system.frictional * normal
+    design = TransientDesign(
+        operating.law,
+        friction,
+        operating.sliding_speed,
+        modal_damping_rates(reference, state),
+        None,
+        d,
+        s,
+        point.gap,
+        np.column_stack([normal, drag, np.zeros_like(normal)]),
+    )
+    C, K = tangent(system, design, point, state)
+    modes = growing_modes(C, K, band_hz, tolerance)
+    rows = [growth_sensors(C, lam, y) for lam, y in zip(modes.lam, modes.left.T, strict=True)]
+    return TransientPoint(
+        design,
+        modes,
+        np.array(rows).reshape(len(modes.lam), 4, system.n),
+        _energies(C, system.omega2, modes),
+        float(-(system.radius @ drag)),
+    )
+
+
+def _check_slope(friction: FrictionLaw, state: DesignState, point: WorkingPoint) -> None:
+    """Friction must have reached its bound at the sliding speed, at every contact point."""
+    operating = state.operating
+    least = operating.mu_steady * float(point.pressure.max()) / operating.sliding_speed
+    if friction.kind == "smooth":
+        least *= TANH_SATURATION
+    if friction.k_t < least:
+        raise ParameterError(
+            "contact.kt",
+            f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
+            f"got {friction.k_t:.3g}",
+        )
+
+
+def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:
+    """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s (eq. 8).
+
+    Modes and stiffness are those of the reference, for all design points.
+    """
+    zeta = np.full(reference.system.n, state.damping_ratio)
+    for mode, value in state.assembly_damping.items():
+        if mode > reference.n_exact:
+            raise ParameterError(
+                f"modes[{mode}].damping_ratio",
+                f"this basis has assembly modes 1 to {reference.n_exact}",
+            )
+        zeta[mode - 1] = value
+    rates: np.ndarray = zeta * reference.rates + state.stiffness_damping * reference.system.omega2
+    return np.maximum(rates, 0.0)
+
+
+def shape_terms(
+    model: ReducedModel, component_modes: Sequence[ModeKey], state: DesignState
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping [rad/s] and stiffness change [(rad/s)^2] of each component mode in use."""
+    omega = component_frequencies(model)
+    dampers, changes = state.modal_dampers(omega), state.stiffness_changes(omega)
+    d = np.array([dampers.get(key, 0.0) for key in component_modes])
+    s = np.array([changes.get(key, 0.0) for key in component_modes])
+    return d + state.stiffness_damping * s, s
+
+
+def tangent(
+    system: ModalSystem, design: TransientDesign, point: WorkingPoint, state: DesignState
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping and stiffness of the system linearised at the design's steady sliding (n, n)."""
+    N, T1, T2, U = system.N, system.T1, system.T2, system.shapes
+    operating = state.operating
+    k_n = system.area * point.tangent
+    mu = operating.mu_steady * system.frictional
+    K = N.T @ ((k_n - system.k_ref)[:, None] * N) - T1.T @ ((mu * k_n)[:, None] * N)
+    K[np.diag_indices_from(K)] += system.omega2
+    normal = system.area * point.pressure
+    C = T2.T @ ((mu * normal / operating.sliding_speed)[:, None] * T2)
+    if operating.friction_slope:
+        falling = operating.friction_slope * system.frictional * normal
+        C += T1.T @ (falling[:, None] * T1)
+    C[np.diag_indices_from(C)] += design.c
+    if len(U) and design.d is not None and design.s is not None:
+        C += U.T @ (design.d[:, None] * U)
+        K += U.T @ (design.s[:, None] * U)
+    return C, K
+
+
+def _energies(C: np.ndarray, omega2: np.ndarray, modes: GrowingModes) -> np.ndarray:
+    """Mean energy of the motion 2 Re(a x exp(lambda t)) whose projection on y has modulus 1."""
+    x, y, lam = modes.right, modes.left, modes.lam
+    product = np.einsum("ij,ij->j", y.conj(), 2 * lam * x + C @ x)
+    size = np.abs(x) ** 2
+    energy = np.abs(lam) ** 2 * size.sum(axis=0) + omega2 @ size
+    scaled: np.ndarray = energy / np.maximum(np.abs(product) ** 2, 1e-300)
+    return scaled
+
+
+def perturbed_start(
+    system: ModalSystem,
+    point: TransientPoint,
+    velocity: float,
+    modes: Sequence[int] = (),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Initial deviation and velocity (n,) whose largest velocity at a contact point is `velocity`.
+
+    Spread evenly over the followed complex modes, or over the real modes `modes` (from 1), which
+    start with a velocity and no displacement.
+    """
+    q0, v0 = np.zeros(system.n), np.zeros(system.n)
+    if velocity == 0.0:
+        return q0, v0
+    if modes:
+        for mode in modes:
+            v0[mode - 1] = 1.0 / contact_speed(system, np.eye(1, system.n, mode - 1)[0])
+    else:
+        for lam, right in zip(point.modes.lam, point.modes.right.T, strict=True):
+            # the phase at which the velocity is largest: the displacement is then small
+            x = right * np.exp(-0.5j * np.angle(np.sum((lam * right) ** 2)))
+            size = contact_speed(system, lam * x)
+            q0 += x.real / size
+            v0 += (lam * x).real / size
+    factor = velocity / contact_speed(system, v0)
+    return factor * q0, factor * v0
+
+
+def contact_speed(system: ModalSystem, v: np.ndarray) -> float:
+    """Largest relative velocity at a contact point [m/s] of modal velocities v (n,)."""
+    parts = [np.abs(rows @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
+    return float(np.sqrt(np.max(sum(parts), initial=0.0))) or 1.0

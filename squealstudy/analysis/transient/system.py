@@ -1,0 +1,203 @@
+"""Modal systems with contact and friction, and the design points on them.
+
+The equations are those of theory.md section 6 in coordinates that diagonalise the system at a
+reference working point (M = I)::
+
+    q'' + C q' + K q = load + N^T (A p(g) - rn_ref) + T1^T (t1 - t1_ref) + T2^T (t2 - t2_ref)
+    g = gap + N q,    w = (speed + T1 q', T2 q')
+    K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + U^T diag(d) U
+
+with q the deviation from a base state (gap, rn_ref, t_ref): the system's, or a design point's own,
+which makes q = 0 its steady sliding. Load, law, friction, speed, damping and base belong to a
+design point; they may all change against one reference. `k_ref` stays the system's: it is the
+tangent taken into `omega2`, wherever the base is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.kernels import friction_laws
+from squealstudy.models.law import ContactLaw
+
+FRICTION_CODES = {"regularised": friction_laws.REGULARISED, "smooth": friction_laws.SMOOTH}
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """Coulomb friction, regularised, constant or falling with the sliding speed (eq. 6).
+
+    Parameters
+    ----------
+    mu_s, mu_d : float
+        Static and dynamic coefficient; equal for constant friction.
+    v_mu : float
+        m/s, mu = mu_d + (mu_s - mu_d) exp(-|w| / v_mu).
+    k_t : float
+        Slope at zero sliding, N s/m3.
+    kind : str
+        ``regularised`` (kinked) or ``smooth`` (tanh).
+
+    Raises
+    ------
+    ModelError
+        Unknown kind, or values that are not finite or of the wrong sign.
+    """
+
+    mu_s: float
+    mu_d: float
+    k_t: float
+    v_mu: float = 1.0
+    kind: str = "regularised"
+
+    def __post_init__(self) -> None:
+        if self.kind not in FRICTION_CODES:
+            raise ModelError(f"friction law '{self.kind}' is none of {', '.join(FRICTION_CODES)}")
+        values = (self.mu_s, self.mu_d, self.k_t, self.v_mu)
+        if not (np.isfinite(values).all() and min(values) >= 0 and self.k_t > 0 < self.v_mu):
+            raise ModelError(f"friction law needs mu >= 0, k_t > 0, v_mu > 0, got {values}")
+
+
+@dataclass(frozen=True)
+class ModalSystem:
+    """What the design points share; arrays are checked once.
+
+    Parameters
+    ----------
+    omega2 : ndarray (n,)
+        Diagonal stiffness at the reference, contact tangent included, (rad/s)^2.
+    N, T1, T2 : ndarray (nc, n)
+        Gap, displacement along and across the sliding direction.
+    area, frictional, radius : ndarray (nc,)
+        m2; factor on friction (1 or 0); arm of the torque, m.
+    gap : ndarray (nc,)
+        At the reference, m.
+    k_ref : ndarray (nc,)
+        Contact tangent inside `omega2`, N/m.
+    force : ndarray (nc, 3)
+        Normal and friction forces of the reference state, N; zero where the loads of the design
+        points are meant to balance them.
+    shapes : ndarray (m, n)
+        Rows U that design points damp (d) or stiffen (s).
+    sensors : ndarray (ns, n)
+        Rows whose products with q and q' are kept in the histories.
+
+    Raises
+    ------
+    ModelError
+        Shapes that contradict each other, or values that are not finite.
+    """
+
+    omega2: np.ndarray
+    N: np.ndarray
+    T1: np.ndarray
+    T2: np.ndarray
+    area: np.ndarray
+    frictional: np.ndarray
+    radius: np.ndarray
+    gap: np.ndarray
+    k_ref: np.ndarray
+    force: np.ndarray
+    shapes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    sensors: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        nc, n = np.shape(self.N)
+        for name in ("shapes", "sensors"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, np.zeros((0, n)))
+        wanted = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
+        wanted |= dict.fromkeys(("area", "frictional", "radius", "gap", "k_ref"), (nc,))
+        wanted |= {"shapes": (len(self.shapes), n), "sensors": (len(self.sensors), n)}
+        for name, shape in {"N": (nc, n), **wanted}.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise ModelError(f"modal system: '{name}' has shape {value.shape}, not {shape}")
+            if not np.isfinite(value).all():
+                raise ModelError(f"modal system: '{name}' has values that are not finite")
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return int(self.N.shape[1])
+
+    @cached_property
+    def tiles(self) -> dict[type[np.floating], np.ndarray]:
+        """The observation matrix by precision; `observation` puts it here when needed."""
+        return {}
+
+    def points(self, design: TransientDesign) -> np.ndarray:
+        """Contact points of a design (8, nc) for the kernels, at its own base state.
+
+        Raises
+        ------
+        ModelError
+            A base of the wrong shape, or with values that are not finite.
+        """
+        gap = self.gap if design.gap is None else np.asarray(design.gap, dtype=float)
+        force = self.force if design.force is None else np.asarray(design.force, dtype=float)
+        if gap.shape != self.gap.shape or force.shape != self.force.shape:
+            raise ModelError(f"transient design: 'gap', 'force' need {len(self.gap)} points")
+        if not (np.isfinite(gap).all() and np.isfinite(force).all()):
+            raise ModelError("transient design: 'gap' or 'force' has values that are not finite")
+        columns = (gap, self.area, self.frictional, self.radius, self.k_ref)
+        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class TransientDesign:
+    """One design point on a modal system.
+
+    Parameters
+    ----------
+    contact : ContactLaw
+    friction : FrictionLaw
+    speed : float
+        Imposed sliding velocity along T1, m/s.
+    c : ndarray (n,)
+        Modal damping 2 zeta omega, 1/s.
+    load : ndarray (n,) or None
+        Modal load beyond that of the reference state.
+    d, s : ndarray (m,) or None
+        Damping [1/s] and stiffness [1/s2] of the system's shapes.
+    gap : ndarray (nc,) or None
+        At the design's own base state, m; None for the system's.
+    force : ndarray (nc, 3) or None
+        Normal and friction forces that the base balances, N; None for the system's.
+    """
+
+    contact: ContactLaw
+    friction: FrictionLaw
+    speed: float
+    c: np.ndarray
+    load: np.ndarray | None = None
+    d: np.ndarray | None = None
+    s: np.ndarray | None = None
+    gap: np.ndarray | None = None
+    force: np.ndarray | None = None
+
+    def law_row(self) -> np.ndarray:
+        """(9,) for the kernels."""
+        return law_row(self.contact, self.friction, self.speed)
+
+
+def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndarray:
+    """Laws and sliding velocity (9,), contact_point.LAW_* of the kernels."""
+    f = friction
+    row = (contact.code, *contact.parameters, FRICTION_CODES[f.kind], f.mu_s, f.mu_d, f.v_mu, f.k_t)
+    return np.array([*row, speed], dtype=float)
+
+
+def stick_number(system: ModalSystem, design: TransientDesign, step: float) -> float:
+    """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
+
+    The largest step for a number x is ``step * x / stick_number(...)``.
+    """
+    weight = np.sqrt(design.friction.k_t * system.area * (system.frictional > 0))
+    T = np.concatenate([weight[:, None] * system.T1, weight[:, None] * system.T2])
+    small = T @ T.T if len(T) < system.n else T.T @ T
+    return float(0.5 * step * max(np.linalg.eigvalsh(small)[-1], 0.0)) if small.size else 0.0

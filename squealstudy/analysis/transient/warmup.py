@@ -1,0 +1,75 @@
+"""Compile the time-integration kernels once, into the cache on disk, before workers start."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.kernels.jit import compiled_directory
+from squealstudy.models.law import ContactLaw
+
+if sys.platform != "win32":
+    import fcntl
+
+
+def warm_kernels(single_storage: bool = False) -> float:
+    """Compile the single and the batched kernel, or load them from the cache; seconds it took.
+
+    Parameters
+    ----------
+    single_storage : bool
+        Also those for an observation matrix in single precision.
+
+    Notes
+    -----
+    One process at a time: numba writes its files atomically, but two processes that compile for
+    different types at once may both take the same file name.
+    """
+    began = time.perf_counter()
+    system, design = _smallest()
+    settings = TransientSettings(duration=2e-6, step=1e-6, save_every=1)
+    with _alone(compiled_directory() / "warmup.lock"):
+        for stored in (False, True) if single_storage else (False,):
+            chosen = replace(settings, single_storage=stored)
+            for designs in ([design], [design, design]):
+                simulate(system, designs, chosen, np.zeros(1), np.zeros(1))
+    return time.perf_counter() - began
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold the lock file `path`; a process that dies lets it go."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w") as lock:
+        if sys.platform != "win32":
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _smallest() -> tuple[ModalSystem, TransientDesign]:
+    """One mode under one sliding point."""
+    one, row = np.ones(1), np.ones((1, 1))
+    system = ModalSystem(
+        omega2=one,
+        N=row,
+        T1=row,
+        T2=row,
+        area=one,
+        frictional=one,
+        radius=one,
+        gap=0 * one,
+        k_ref=one,
+        force=np.zeros((1, 3)),
+        sensors=row,
+    )
+    law = ContactLaw("exponential", p0=1.0, lam=1.0)
+    return system, TransientDesign(law, FrictionLaw(0.5, 0.5, 1.0), 1.0, one)

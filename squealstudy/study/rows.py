@@ -1,0 +1,89 @@
+"""Chunk rows whatever the kind of study: how each begins, is written, read back and tabled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.study.chunks import read_chunks, write_chunk
+from squealstudy.study.plan import Plan
+from squealstudy.study.process import peak_memory_mb
+from squealstudy.study.tasks import ChunkReport
+
+Fields = Sequence[tuple[str, pa.DataType]]
+TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
+HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
+
+# what makes a design point a failed row: the named errors, and those of the numerical libraries
+FAILURES = (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError)
+
+
+def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") -> dict[str, Any]:
+    """First columns of every row."""
+    return {"point_id": point_id, "status": status, "message": message, "wall_s": wall_s}
+
+
+def reason(error: Exception) -> tuple[str, str]:
+    """Status and message of a design point that ended with one of FAILURES."""
+    if isinstance(error, SquealstudyError):
+        return getattr(error, "status", "failed"), str(error)
+    return "failed", f"{type(error).__name__}: {error}"
+
+
+def write_rows(
+    directory: Path,
+    name: str,
+    rows: Sequence[dict[str, Any]],
+    schema: pa.Schema,
+    started: float,
+    known: int = 0,
+) -> ChunkReport:
+    """Write the chunk file of a worker's rows, and report it.
+
+    Parameters
+    ----------
+    directory : Path
+    name : str
+        Of the chunk.
+    rows, schema
+    started : float
+        `time.perf_counter` when the work began.
+    known : int
+        Points whose working point an earlier study had found.
+    """
+    write_chunk(directory, name, rows, schema)
+    failed = sum(row["status"] != "ok" for row in rows)
+    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
+
+
+def planned_rows(plan: Plan, directory: Path, schema: pa.Schema) -> list[dict[str, Any]]:
+    """Rows of all points of the plan, in its order.
+
+    Raises
+    ------
+    ResultsError
+        Where a point of the plan is in no chunk.
+    """
+    ids = [task.point_id for task in plan.tasks]
+    found = read_chunks(directory, set(ids), schema)
+    missing = sum(i not in found for i in ids)
+    if missing:
+        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
+    return [found[i] for i in ids]
+
+
+def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
+    """One row a design point: HEAD, its parameters, then `fields` of its chunk row."""
+    parameters = plan.study.shown_parameters
+    filled = [
+        {**row, **{p: float(values[p]) for p in parameters}}
+        for row, values in zip(rows, plan.shown_values, strict=True)
+    ]
+    schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
+    return pa.Table.from_pylist(filled, schema=schema)
