@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import squealstudy
 from squealstudy.analysis.tables.crossings import line_crossings
+from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError, ResultsError
@@ -165,6 +166,39 @@ def test_a_mode_that_vanishes_is_said_so():
     stable = Samples(0.0, hulten(0.0, (0.1, 0.1)), 0.1, hulten(0.1, (0.1, 0.1)), hulten)
     with pytest.raises(ConvergenceError, match="does not cross"):
         refine_onset(stable, 0, 0, 0.0, 1e-4)
+
+
+# -- four neighbouring points
+
+
+@given(st.floats(-1.0, 1.0), st.floats(0.2, 3.0), st.floats(-0.5, 0.5), st.floats(0.05, 0.95))
+def test_the_cubic_onset_is_within_its_error_of_a_smooth_one(at, rate, bend, part):
+    """f = -sinh(rate (x - at)) with a bend: the true error is below the estimate."""
+    h = 0.05
+    x = at + h * (np.arange(4.0) - 1.0 - part)
+    f = -np.sinh(rate * (x - at)) + bend * rate**2 * (x - at) ** 2
+    (value,), (error,) = cubic_onsets(x[None], f[None])
+    assert x[1] < value < x[2]
+    assert abs(value - at) <= error + 1e-15
+    assert error < 0.05 * h
+
+
+def test_no_cubic_onset_where_the_damping_ratio_falls_like_a_root_or_jumps():
+    x = np.linspace(0.0, 0.3, 4)
+    root = np.where(x > 0.14, -np.sqrt(np.maximum(x - 0.14, 0.0)), 1e-9)
+    jump = np.where(x > 0.14, -0.02, 0.01)
+    _, error = cubic_onsets(np.array([x, x]), np.array([root, jump]))
+    assert (error > 0.01).all()
+
+
+def test_fine_grids_tell_smooth_onsets_without_more_points(tmp_path):
+    damped = "[parameters]\ndamping_ratio = 0.02\n"
+    results = run(study(num=401).replace("[[sweep]]", damped + "[[sweep]]"), tmp_path / "r")
+    (row,) = results.onsets.to_dict("records")
+    exact = damped_threshold(2 * 0.02 * W1, 2 * 0.02 * W2)
+    assert (row["status"], row["evaluations"]) == ("cubic", 0)
+    assert abs(row["onset"] - exact) <= row["error_estimate"] <= 1e-4
+    assert results.rank(by="threshold")["threshold"].tolist() == [row["onset"]]
 
 
 # -- studies

@@ -16,17 +16,20 @@ class FamilyModes:
     def __init__(self, prepared: PreparedFamily, V: np.ndarray | None) -> None:
         self._prepared, self._V = prepared, V
 
+    def shapes(self, X: np.ndarray) -> np.ndarray:
+        """Unit coordinates (m, k) complex64 of right vectors."""
+        return self._prepared.shapes(X if self._V is None else self._V @ X)
+
     def read(self, found: PointRoots) -> PointModes:
         """The modes of a solved point, oscillating ones first; they have no energies."""
         order = np.argsort(found.lam.imag == 0, kind="stable")
         lam, X = found.lam[order], found.X[:, order]
-        psi = X if self._V is None else self._V @ X
         return PointModes(
             lam,
             lam.imag == 0,
             found.residual[order],
             np.zeros((0, len(lam))),
-            self._prepared.shapes(psi),
+            self.shapes(X),
             NO_WORKING_POINT,
             found.error[order],
             found.method,

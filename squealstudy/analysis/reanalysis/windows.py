@@ -31,7 +31,7 @@ from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
 from squealstudy.errors import ConvergenceError
 
-DEGREE = {1: 5, 2: 3}  # of the interpolation; in more dimensions 2
+DEGREE = {1: 5, 2: 4}  # of the interpolation; in more dimensions 2
 PAYS = 1.5  # design points a node for a patch to pay
 BATCH = 32
 MOST_EXCEEDING = 0.1  # share of points beyond the tolerance from which on a patch is halved
@@ -75,9 +75,8 @@ class Windows:
         tried = _tight(box, theta[rows])
         patch = self._patch(tried, grid)
         if isinstance(patch, FollowedPatch):
-            solved = list(self._points(patch, theta, rows))
-            exceeding = [p for p in solved if not self.good(p)]
-            if len(exceeding) <= max(MOST_EXCEEDING * len(rows), 1):
+            solved = self._served(patch, theta, rows)
+            if solved:
                 yield from (p if self.good(p) else self.alone(theta[p.row], p.row) for p in solved)
                 return
             slope = patch.slope
@@ -86,6 +85,20 @@ class Windows:
         axis = int(np.argmax(np.where(tried.high > tried.low, slope, -np.inf)))
         for half in _halves(tried, axis, theta[rows]):
             yield from self._divide(half[0], theta, rows[half[1]], depth + 1)
+
+    def _served(
+        self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
+    ) -> list[PointRoots]:
+        """Points of a patch; none where too many exceed the tolerance, a few of them or all."""
+        most = 2 * len(patch.patch.grid.nodes)  # those of both halves cost about as much
+        spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
+        solved: list[PointRoots] = []
+        for part in (rows[spread], rows[~spread]):
+            solved += self._points(patch, theta, part)
+            exceeding = sum(not self.good(p) for p in solved)
+            if exceeding > max(min(MOST_EXCEEDING * len(solved), most), 1):
+                return []
+        return solved
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
         """A patch over a box, or how much its modes mix along each direction."""

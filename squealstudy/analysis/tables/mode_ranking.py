@@ -16,7 +16,7 @@ from squealstudy.errors import ResultsError
 NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "method", "n_modes", "n_unstable"}
 NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
 NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
-REFINED = "refined"
+REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
 KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 ORDER = {  # by: column, ascending
@@ -80,7 +80,7 @@ def rank_modes(
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         interpolated on lines of constant other parameters. `threshold_kind` is "crossing",
-        "refined" (by root finding), "below range" (unstable at the first value of a line; NaN) or
+        "refined" (to 1e-4), "below range" (unstable at the first value of a line; NaN) or
         "first seen" (a track that begins unstable; an upper bound).
 
     Raises
@@ -239,7 +239,7 @@ def _refined_onsets(
     """Refined onsets by track and the rows in `points` of both ends of their brackets."""
     if onsets is None:
         return {}
-    kept = onsets[(onsets["status"] == REFINED) & (onsets["direction"] == INTO)]
+    kept = onsets[onsets["status"].isin([REFINED, CUBIC]) & (onsets["direction"] == INTO)]
     index = pd.Index(points["point_id"])
     ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
     return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes.bases import BasisTask
@@ -63,16 +62,16 @@ class Between:
         """
         try:
             with threadpool_limits(1):
-                found = self._solved(self.design_at(x))
+                return self._solved(self.design_at(x))
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+
+    def _solved(self, design: Design) -> Modes:
+        if self.basis is not None:
+            return Modes(*solve_in_basis(self.basis, design))
+        found = solve_design(prepared_any(self.prepared_key), design, self.band_hz)
         kept = ~found.overdamped
         return Modes(found.lam[kept], found.shapes[kept])
-
-    def _solved(self, design: Design) -> PointModes:
-        if self.basis is None:
-            return solve_design(prepared_any(self.prepared_key), design, self.band_hz)
-        return solve_in_basis(self.basis, design)
 
 
 class Neighbourhoods:

@@ -11,8 +11,14 @@ import pyarrow as pa
 from joblib import delayed
 
 from squealstudy.analysis.tables.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
-from squealstudy.analysis.tables.mode_ranking import REFINED, line_codes, parameter_columns
+from squealstudy.analysis.tables.mode_ranking import (
+    CUBIC,
+    REFINED,
+    line_codes,
+    parameter_columns,
+)
 from squealstudy.analysis.tracking.labels import Tracks
+from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import Onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
@@ -56,6 +62,7 @@ class OnsetSearch:
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
         self._lam = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
+        self._line = line_codes(points, along)
 
     def table(
         self, refine: bool, jobs: int, report: Progress
@@ -65,14 +72,16 @@ class OnsetSearch:
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
         ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
-        ("refined" by root finding, "interpolated", "failed" refinement of an interpolated value,
-        "below_range" for a mode that is unstable at the beginning of a line: NaN, "first_seen" for
-        a track that begins unstable: an upper bound), ``evaluations``, ``point_before``,
-        ``point_after``. Lines of one point have none.
+        ("refined" by root finding, "cubic" where four neighbouring points tell as much,
+        "interpolated" linearly, "failed" refinement of such a value, "below_range" for a mode that
+        is unstable at the beginning of a line: NaN, "first_seen" for a track that begins unstable:
+        an upper bound), ``error_estimate`` of the value (NaN where it is not estimated),
+        ``evaluations``, ``point_before``, ``point_after``. Lines of one point have none.
         """
         events = self._events()
         table = self._unrefined(events)
         if refine and len(table):
+            self._interpolate(events, table)
             self._refine(events, table, jobs, report)
         status = table["status"].value_counts()
         summary = {
@@ -84,11 +93,10 @@ class OnsetSearch:
 
     def _events(self) -> pd.DataFrame:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
-        size = np.maximum(np.abs(self._lam), 1e-300)
-        zeta = -self._lam.real / size
+        zeta = self._damping_ratio()
         unstable = zeta < -self._tolerance
         x = self._points[self._along].where(self._points["status"] == "ok")
-        line = line_codes(self._points, self._along)
+        line = self._line
         by_line = x.groupby(line)
         several = (by_line.transform("nunique") > 1).to_numpy()
         start = by_line.transform("min").to_numpy()
@@ -107,6 +115,10 @@ class OnsetSearch:
         found = events["before"] >= 0
         events.loc[found, "before"] = kept[events.loc[found, "before"]]
         return events
+
+    def _damping_ratio(self) -> np.ndarray:
+        zeta: np.ndarray = -self._lam.real / np.maximum(np.abs(self._lam), 1e-300)
+        return zeta
 
     def _unrefined(self, events: pd.DataFrame) -> pd.DataFrame:
         points, x = self._points, self._points[self._along].to_numpy()
@@ -127,16 +139,53 @@ class OnsetSearch:
         table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)
         table["direction"] = events["direction"].to_numpy()
         table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy()
+        table["error_estimate"] = np.full(len(events), np.nan)
         table["evaluations"] = np.zeros(len(events), dtype=np.int32)
         table["point_before"] = np.where(crossing, ids[p0], "")
         table["point_after"] = ids[p1]
         return table
 
+    def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+        """Crossings whose neighbours tell them to the precision, in place."""
+        crossing = np.flatnonzero((events["before"] >= 0).to_numpy())
+        ends = events[["before", "after"]].to_numpy()[crossing]
+        before, after = self._neighbours()
+        rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
+        near = self._follower.near
+        joined = [near.joined(int(a), int(b)) for a, b in self._point[rows[:, [0, -1]]]]
+        whole = (rows >= 0).all(axis=1) & np.array(joined, dtype=bool)
+        crossing, rows = crossing[whole], rows[whole]
+        x = self._plan.coordinates[:, self._column][self._point[rows]]
+        value, error = cubic_onsets(x, self._damping_ratio()[rows] + self._tolerance)
+        good = error <= self._precision()
+        for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
+            self._enter_value(table, int(row), float(at), float(off))
+            table.loc[row, "status"] = CUBIC
+
+    def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row of each mode's track at the point before and after on its line, -1 where none."""
+        x = self._plan.coordinates[:, self._column][self._point]
+        line = self._line[self._point]
+        order = np.lexsort((x, line, self._track))
+        same = (np.diff(self._track[order]) == 0) & (np.diff(line[order]) == 0)
+        same &= np.diff(x[order]) > 0
+        before, after = np.full((2, len(order)), -1)
+        before[order[1:][same]] = order[:-1][same]
+        after[order[:-1][same]] = order[1:][same]
+        return before, after
+
+    def _enter_value(self, table: pd.DataFrame, row: int, value: float, error: float) -> None:
+        """Write an onset and its error, in coordinates, to its row."""
+        log = self._follower.near.logarithmic(self._column)
+        value = float(np.exp(value)) if log else value
+        table.loc[row, "onset"] = value
+        table.loc[row, "error_estimate"] = error * value if log else error
+
     def _refine(
         self, events: pd.DataFrame, table: pd.DataFrame, jobs: int, report: Progress
     ) -> None:
         """Refine the crossings in place, the first of each track first, within the budget."""
-        brackets = self._brackets(events)
+        brackets = self._brackets(events, table)
         budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
         spent = done = 0
         while done < len(brackets) and spent < budget:
@@ -153,9 +202,9 @@ class OnsetSearch:
             done += len(batch)
         report("onsets", done, done)
 
-    def _brackets(self, events: pd.DataFrame) -> list[list[int]]:
+    def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
-        crossing = events[events["before"] >= 0]
+        crossing = events[(events["before"] >= 0) & (table["status"] != CUBIC)]
         near = self._follower.near
         ends = [
             (int(self._point[a]), int(self._point[b]))
@@ -199,8 +248,7 @@ class OnsetSearch:
         if onset is None:
             table.loc[row, "status"] = FAILED
             return 0
-        log = self._follower.near.logarithmic(self._column)
-        table.loc[row, "onset"] = np.exp(onset.value) if log else onset.value
+        self._enter_value(table, row, onset.value, 2.0 * self._precision())
         table.loc[row, "frequency_hz"] = onset.frequency_hz
         table.loc[row, "status"] = REFINED
         table.loc[row, "evaluations"] = onset.evaluations
@@ -224,6 +272,7 @@ def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:
         "frequency_hz": REAL,
         "direction": pa.string(),
         "status": pa.string(),
+        "error_estimate": REAL,
         "evaluations": pa.int32(),
         "point_before": pa.string(),
         "point_after": pa.string(),

@@ -6,6 +6,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from squealstudy.study.complex_modes.bases import BasisTask, split_boxes
 from squealstudy.study.complex_modes.chart import chart_of
 from squealstudy.study.complex_modes.window_worker import WindowTask
@@ -13,7 +15,7 @@ from squealstudy.study.design import Design
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 
-LEAST_BOX, MOST_BOX = 160, 400  # design points: enough to pay for patches, few enough to lose
+LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
 BOXES = 16
 
 
@@ -32,6 +34,8 @@ def basis_tasks(plan: Plan) -> list[BasisTask]:
 def window_tasks(plan: Plan, directory: Path, points: Sequence[PointTask]) -> list[WindowTask]:
     """Boxes of the whole design, with those of their points that are not solved yet.
 
+    Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
+    come last.
     The boxes depend on the design alone, so that a resumed study solves what it would have.
     """
     pending = {task.point_id for task in points}
@@ -56,4 +60,4 @@ def window_tasks(plan: Plan, directory: Path, points: Sequence[PointTask]) -> li
                         os.getpid(),
                     )
                 )
-    return found
+    return sorted(found, key=lambda task: -float(np.abs(task.low + task.high).sum()))

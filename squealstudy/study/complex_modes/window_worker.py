@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.analysis.reanalysis.two_step import two_step_roots
 from squealstudy.analysis.reanalysis.windows import Windows
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import ConvergenceError, SquealstudyError
 from squealstudy.study.chunks import write_chunk
 from squealstudy.study.complex_modes.bases import BasisTask, Reader, Served, served
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
@@ -107,8 +107,10 @@ def _solved(task: WindowTask, ready: Served) -> Iterator[PointRoots]:
             yield perturbed_roots(ready.problem, anchor, theta, PERTURBATION_ORDER, i)
 
 
-def solve_in_basis(task: BasisTask, design: Design) -> PointModes:
-    """One design point between those of a study, in its sweep basis.
+def solve_in_basis(task: BasisTask, design: Design) -> tuple[np.ndarray, np.ndarray]:
+    """Oscillating roots (m,) and shapes (m, k) of a point between those of a study.
+
+    In its sweep basis alone, whose own error is below the tolerance over the box.
 
     Raises
     ------
@@ -117,11 +119,13 @@ def solve_in_basis(task: BasisTask, design: Design) -> PointModes:
     """
     ready = served(task, True)
     assert ready.basis is not None
-    theta = task.chart.theta([design.values])[0]
-    found = Windows(ready.problem, ready.basis, task.tolerance).alone(theta, 0)
-    if found.failure is not None:
-        raise found.failure
-    return ready.full.read(found)
+    sample = ready.problem.samples(task.chart.theta([design.values]))[0]
+    if isinstance(sample, ConvergenceError):
+        raise sample
+    pairs = ready.basis.pairs(sample.weights)
+    pairs = pairs.take(in_band(pairs.lam, ready.problem.band, 1.0) & (pairs.lam.imag > 0))
+    pairs = pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
+    return pairs.lam, ready.reduced.shapes(pairs.X)
 
 
 def _row(point_id: str, found: PointRoots, reader: Reader, since: float) -> dict[str, Any]:
