@@ -16,6 +16,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
 from squealstudy.study.complex_modes import follow
 from squealstudy.study.complex_modes.columns import read_columns
+from squealstudy.study.complex_modes.counts import read_unstable_counts
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.tables import build_tables, modes_table
@@ -197,6 +198,22 @@ def test_tables_of_a_study(tmp_path):
     assert one["growth_rate"].tolist() == modes[2].lam.real.tolist()
     assert one["energy_mass"].tolist() == modes[2].energies[0].tolist()
     assert set(facts) == {"tracking", "onsets"}
+
+
+def test_growth_within_its_error_is_no_instability(tmp_path):
+    """The raw growth rate stays in the table; without an estimate its sign counts."""
+    plan = plan_of(2, 1)
+    errors = np.array([2.0, 0.5, np.nan, 2.0])
+    modes = modes_of(np.random.default_rng(4), 4, error_estimate=errors)
+    modes.lam.real[:] = [1.0, 1.0, 1.0, -1.0]
+    write(tmp_path, plan, {0: modes, 1: modes})
+    points, _ = build_tables(plan, tmp_path, 1, lambda *_: None)
+    table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
+    assert table["unstable"].tolist() == 2 * [False, True, True, False]
+    assert table["growth_rate"].tolist() == 2 * [1.0, 1.0, 1.0, -1.0]
+    assert points["n_unstable"].tolist() == [2, 2]
+    ids = {task.point_id for task in plan.tasks}
+    assert set(read_unstable_counts(tmp_path, ids, 0.0).values()) == {2}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

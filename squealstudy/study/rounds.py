@@ -27,7 +27,7 @@ def grown(plan: Plan, directory: Path) -> Plan:
     """
     while grows(plan.study):
         grid = BoundaryGrid.of(plan.study)
-        finished = read_roots(directory, [t.point_id for t in plan.tasks])
+        finished = read_roots(directory, [t.point_id for t in plan.tasks], neutral=True)
         if len(finished) < len(plan.tasks):
             break
         roots = {

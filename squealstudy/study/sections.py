@@ -150,7 +150,8 @@ class ModesSection(Section):
         default=1e-7,
         ge=0,
         le=1,
-        description="a mode is unstable where its damping ratio is below minus this",
+        description="a mode is unstable where its damping ratio is below minus this and its growth "
+        "rate above its error estimate",
     )
     method: Literal[
         "auto", "full", "dense", "two_step", "sweep_basis", "windows", "perturbation"

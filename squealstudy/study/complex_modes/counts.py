@@ -11,11 +11,11 @@ import pyarrow as pa
 from squealstudy.study.chunks import read_tables
 from squealstudy.study.complex_modes.rows import SCHEMA
 
-COLUMNS = ("point_id", "status", "re", "im", "overdamped")
+COLUMNS = ("point_id", "status", "re", "im", "error_estimate", "overdamped")
 
 
 def read_roots(
-    directory: Path, wanted: Collection[str], overdamped: bool = False
+    directory: Path, wanted: Collection[str], overdamped: bool = False, neutral: bool = False
 ) -> dict[str, np.ndarray | None]:
     """Roots of the finished points among those wanted; None where one failed.
 
@@ -23,22 +23,26 @@ def read_roots(
     -------
     dict of id -> ndarray (m,) complex or None
         rad/s; the oscillating roots, and those of static divergence (real and growing); with
-        `overdamped` all.
+        `overdamped` all. With `neutral` growth within its error is none (`settled`).
     """
     ids = set(wanted)
     found: dict[str, np.ndarray | None] = {}
     for table in read_tables(directory, SCHEMA, COLUMNS):
         for batch in table.to_batches():
-            found.update(_batch_roots(batch, ids, overdamped))
+            found.update(_batch_roots(batch, ids, overdamped, neutral))
     return found
 
 
-def _batch_roots(batch: pa.RecordBatch, ids: set[str], every: bool) -> dict[str, np.ndarray | None]:
+def _batch_roots(
+    batch: pa.RecordBatch, ids: set[str], every: bool, neutral: bool
+) -> dict[str, np.ndarray | None]:
     names = batch.column("point_id").to_pylist()
     ok = [status == "ok" for status in batch.column("status").to_pylist()]
-    re, im, real = (batch.column(name) for name in COLUMNS[2:])
+    re, im, error, real = (batch.column(name) for name in COLUMNS[2:])
     ends = np.append(0, np.cumsum(re.value_lengths().to_numpy()))
     lam = re.flatten().to_numpy() + 1j * im.flatten().to_numpy()
+    if neutral:
+        lam = settled(lam, error.flatten().to_numpy())
     kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
     found: dict[str, np.ndarray | None] = {}
     for i, name in enumerate(names):
@@ -46,6 +50,16 @@ def _batch_roots(batch: pa.RecordBatch, ids: set[str], every: bool) -> dict[str,
             part = slice(ends[i], ends[i + 1])
             found[name] = lam[part][kept[part]] if ok[i] else None
     return found
+
+
+def settled(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Roots (m,) for judging their stability: those that grow by less than their error are neutral.
+
+    A model without damping has roots on the imaginary axis, which an approximate method moves to
+    either side of it.
+    """
+    neutral = (lam.real > 0) & (lam.real <= error)  # an error of NaN is none
+    return np.where(neutral, 1j * lam.imag, lam)
 
 
 def damping_ratios(lam: np.ndarray) -> np.ndarray:
@@ -63,7 +77,7 @@ def read_unstable_counts(
     directory: Path, wanted: Collection[str], tolerance: float
 ) -> dict[str, int | None]:
     """Number of unstable modes of the finished points; None where a point failed."""
-    roots = read_roots(directory, wanted)
+    roots = read_roots(directory, wanted, neutral=True)
     return {
         name: None if lam is None else len(unstable_roots(lam, tolerance))
         for name, lam in roots.items()

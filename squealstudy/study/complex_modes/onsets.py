@@ -21,6 +21,7 @@ from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import Onset
 from squealstudy.analysis.tracking.refinement import Modes
+from squealstudy.study.complex_modes.counts import damping_ratios
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
 from squealstudy.study.kind import Progress
@@ -49,10 +50,18 @@ class OnsetSearch:
         The points' table.
     along : str
         The parameter, one of the swept ones.
+    lam : ndarray (N,) complex
+        Oscillating roots of all points as they are judged (`settled`), rad/s.
     """
 
     def __init__(
-        self, plan: Plan, follower: Follower, tracks: Tracks, points: pd.DataFrame, along: str
+        self,
+        plan: Plan,
+        follower: Follower,
+        tracks: Tracks,
+        points: pd.DataFrame,
+        along: str,
+        lam: np.ndarray,
     ) -> None:
         self._plan, self._follower, self._points, self._along = plan, follower, points, along
         self._tolerance = plan.study.definition.modes.stability_tolerance
@@ -61,7 +70,7 @@ class OnsetSearch:
         self._point = np.repeat(np.arange(len(counts)), counts)
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
-        self._lam = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
+        self._lam, self._zeta = lam, damping_ratios(lam)
         self._line = line_codes(points, along)
 
     def table(
@@ -93,7 +102,7 @@ class OnsetSearch:
 
     def _events(self) -> pd.DataFrame:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
-        zeta = self._damping_ratio()
+        zeta = self._zeta
         unstable = zeta < -self._tolerance
         x = self._points[self._along].where(self._points["status"] == "ok")
         line = self._line
@@ -115,10 +124,6 @@ class OnsetSearch:
         found = events["before"] >= 0
         events.loc[found, "before"] = kept[events.loc[found, "before"]]
         return events
-
-    def _damping_ratio(self) -> np.ndarray:
-        zeta: np.ndarray = -self._lam.real / np.maximum(np.abs(self._lam), 1e-300)
-        return zeta
 
     def _unrefined(self, events: pd.DataFrame) -> pd.DataFrame:
         points, x = self._points, self._points[self._along].to_numpy()
@@ -156,7 +161,7 @@ class OnsetSearch:
         whole = (rows >= 0).all(axis=1) & np.array(joined, dtype=bool)
         crossing, rows = crossing[whole], rows[whole]
         x = self._plan.coordinates[:, self._column][self._point[rows]]
-        value, error = cubic_onsets(x, self._damping_ratio()[rows] + self._tolerance)
+        value, error = cubic_onsets(x, self._zeta[rows] + self._tolerance)
         good = error <= self._precision()
         for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
             self._enter_value(table, int(row), float(at), float(off))

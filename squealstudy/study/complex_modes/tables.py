@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.study.complex_modes.columns import ModeColumns, read_columns
+from squealstudy.study.complex_modes.counts import damping_ratios, settled
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.onsets import OnsetSearch, onsets_arrow
 from squealstudy.study.complex_modes.reference import read_references
@@ -35,7 +36,8 @@ def build_tables(
     """
     section = plan.study.definition.modes
     columns = read_columns(directory, [task.point_id for task in plan.tasks], section.track)
-    unstable = _damping_ratio(columns.lam) < -section.stability_tolerance
+    judged = settled(columns.lam, columns.error_estimate)
+    unstable = damping_ratios(judged) < -section.stability_tolerance
     points = _points_table(plan, columns, unstable, read_references(directory))
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
@@ -45,7 +47,9 @@ def build_tables(
             follower = Follower(plan, columns, jobs)
             tracks, summary["tracking"] = follower.follow(section.refine_tracking, report)
             if along is not None:
-                search = OnsetSearch(plan, follower, tracks, points, along)
+                search = OnsetSearch(
+                    plan, follower, tracks, points, along, judged[~columns.overdamped]
+                )
                 onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
     finally:
         if columns.shapes is not None:
@@ -55,12 +59,6 @@ def build_tables(
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     write_parquet(directory / MODES, modes_table(columns, tracks, unstable, names))
     return points, summary
-
-
-def _damping_ratio(lam: np.ndarray) -> np.ndarray:
-    size = np.abs(lam)
-    zeta: np.ndarray = -lam.real / np.where(size > 0, size, 1.0)
-    return zeta
 
 
 def modes_table(
@@ -79,7 +77,7 @@ def modes_table(
         "track_ambiguous": ambiguous,
         "frequency_hz": np.abs(columns.lam) / (2 * np.pi),
         "growth_rate": columns.lam.real,
-        "damping_ratio": _damping_ratio(columns.lam),
+        "damping_ratio": damping_ratios(columns.lam),
         "unstable": unstable,
         "overdamped": columns.overdamped,
         "residual": columns.residual,
