@@ -25,7 +25,7 @@ from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
 
 from .measure import timed
-from .rungs import cover
+from .rungs import Cover, Holds, cover, ritz_hold, values_hold
 
 STUDY = Path(__file__).resolve().parents[2] / "m0_speed.toml"
 LOW, HIGH = 2 * np.pi, 40 * np.pi
@@ -33,6 +33,7 @@ REGION_GROWTH, REGION_TOP = -7.0, 4e4  # the published region, 1/s and rad/s
 TRAINED_GROWTH = -12.0  # modes a little below: at another speed they are in the region
 BAND_HZ = (200.0, 6400.0)
 REPEATS = 15
+BATCH = 32  # points timed together: that is how they come in a study
 RESOLVED = 1e-10  # relative: below it the full-order roots are no reference
 TRUSTED = 1e-3  # estimated relative error up to which a root of a projection is taken for one
 
@@ -183,34 +184,45 @@ class M0:
         rows = [M0Row(f"sweep_basis {name}", trained, r, basis.seconds)]
         self._run(rows[0], lambda w: all_roots(*(A[0] for A in basis.small.matrices([w]))))
         rows[0].note = coverage(self._basis_ratios(problem, basis))
-        started = time.perf_counter()
         solver = Windows(problem, basis, tolerance)
-        patches = cover(solver, theta)
-        seconds = basis.seconds + time.perf_counter() - started
-        fast, ritz = (
-            M0Row(f"windows {kind} {name}", trained, r, seconds, note=f"{len(patches)} patches")
-            for kind in ("values", "Ritz")
-        )
+        fast = self._interpolated(solver, theta, f"windows values {name}")
+        return [*rows, fast, self._ritz(solver, theta, f"windows Ritz {name}")]
+
+    def _interpolated(self, solver: Windows, theta: np.ndarray, name: str) -> M0Row:
+        row, patches = self._covered(solver, theta, name, values_hold(solver))
+        for followed, own in patches:
+            lam = interpolated_roots(followed.patch, theta[own])
+            many = np.resize(theta[own], (BATCH, 1))
+            _, ms = timed(lambda p=followed.patch, t=many: interpolated_roots(p, t))
+            for k, i in enumerate(own):
+                row.add(self.exact[0][i], lam[k], ms / BATCH)
+        return row
+
+    def _ritz(self, solver: Windows, theta: np.ndarray, name: str) -> M0Row:
+        row, patches = self._covered(solver, theta, name, ritz_hold(solver, theta))
         ratios: list[float] = []
         for followed, own in patches:
             for point in solver._points(followed, theta, np.array(own)):
                 ratios += true_to_estimate(self.exact[0][point.row], point.lam, point.error)
-            patch, batch = followed.patch, [self.weights[i] for i in own]
-            # a batch of 32: that is how points come in a study
-            many, own_weights = np.resize(theta[own], (32, 1)), (batch * 32)[:32]
-            lam, _ = timed(lambda p=patch, t=theta[own]: interpolated_roots(p, t))
-            _, ms = timed(lambda p=patch, t=many: interpolated_roots(p, t))
-            roots = ritz_roots(patch, basis, theta[own], batch)
-            _, slow = timed(lambda p=patch, t=many, w=own_weights: ritz_roots(p, basis, t, w))
+            batch = [self.weights[i] for i in own]
+            lam = ritz_roots(followed.patch, solver.basis, theta[own], batch).lam
+            many = np.resize(theta[own], (BATCH, 1)), (batch * BATCH)[:BATCH]
+            _, ms = timed(lambda p=followed.patch, m=many: ritz_roots(p, solver.basis, *m))
             for k, i in enumerate(own):
-                exact = self.exact[0][i]
-                fast.add(exact, lam[k], ms / 32)
-                ritz.add(exact, roots.lam[k], slow / 32)
-        ritz.note += f"; {coverage(ratios)}"
-        served = sum(len(own) for _, own in patches)
-        for row in (fast, ritz):
-            row.note += f", {len(theta) - served} speeds left" if served < len(theta) else ""
-        return [*rows, fast, ritz] if patches else rows
+                row.add(self.exact[0][i], lam[k], ms / BATCH)
+        row.note += f"; {coverage(ratios)}"
+        return row
+
+    def _covered(
+        self, solver: Windows, theta: np.ndarray, name: str, holds: Holds
+    ) -> tuple[M0Row, Cover]:
+        started = time.perf_counter()
+        patches = cover(solver, theta, holds)
+        seconds = solver.basis.seconds + time.perf_counter() - started
+        left = len(theta) - sum(len(own) for _, own in patches)
+        note = f"{len(patches)} patches" + (f", {left} speeds left" if left else "")
+        trained, r = len(solver.basis.trained), solver.basis.V.shape[1]
+        return M0Row(name, trained, r, seconds, note=note), patches
 
     def _basis_ratios(self, problem: FamilyProblem, basis: SweepBasis) -> list[float]:
         ratios = []

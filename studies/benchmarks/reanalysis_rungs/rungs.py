@@ -120,12 +120,8 @@ def windows(
 
 def _interpolated(solver: Windows, points: Points) -> Measured:
     """Roots of interpolated small matrices alone."""
-
-    def holds(followed: FollowedPatch, _: Sequence[int]) -> bool:
-        return interpolation_error(solver, followed) <= PART * solver.tolerance
-
     name = f"windows values {solver.tolerance:.0e}"
-    row, patches = _covered(solver, points, name, holds)
+    row, patches = _covered(solver, points, name, values_hold(solver))
     for followed, rows in patches:
         patch, theta = followed.patch, points.theta[rows]
         interpolated_roots(patch, theta[:1])  # the first call sets nothing up that it should pay
@@ -138,12 +134,8 @@ def _interpolated(solver: Windows, points: Points) -> Measured:
 
 def _ritz(solver: Windows, points: Points) -> Measured:
     """Two-sided Ritz values with both vectors and the estimates of their errors."""
-
-    def holds(followed: FollowedPatch, rows: Sequence[int]) -> bool:
-        return all(solver.good(p) for p in solver._points(followed, points.theta, np.array(rows)))
-
     name = f"windows Ritz {solver.tolerance:.0e}"
-    row, patches = _covered(solver, points, name, holds)
+    row, patches = _covered(solver, points, name, ritz_hold(solver, points.theta))
     for followed, rows in patches:
         batch = [points.weights[i] for i in rows]
         where = followed.patch, solver.basis, points.theta[rows], batch
@@ -153,6 +145,21 @@ def _ritz(solver: Windows, points: Points) -> Measured:
         for p in solver._points(followed, points.theta, np.array(rows)):
             row.compare(points.exact[p.row], p.lam, p.error)
     return row
+
+
+Holds = Callable[[FollowedPatch, list[int]], bool]
+
+
+def values_hold(solver: Windows) -> Holds:
+    """Whether the interpolated roots of a patch are within the tolerance of its Ritz values."""
+    return lambda followed, _: interpolation_error(solver, followed) <= PART * solver.tolerance
+
+
+def ritz_hold(solver: Windows, theta: np.ndarray) -> Holds:
+    """Whether the estimates of the points of a patch are within the tolerance."""
+    return lambda followed, rows: all(
+        solver.good(p) for p in solver._points(followed, theta, np.array(rows))
+    )
 
 
 def interpolation_error(solver: Windows, followed: FollowedPatch) -> float:
@@ -175,9 +182,7 @@ def interpolation_error(solver: Windows, followed: FollowedPatch) -> float:
 Cover = list[tuple[FollowedPatch, list[int]]]
 
 
-def _covered(
-    solver: Windows, points: Points, name: str, holds: Callable[[FollowedPatch, list[int]], bool]
-) -> tuple[Measured, Cover]:
+def _covered(solver: Windows, points: Points, name: str, holds: Holds) -> tuple[Measured, Cover]:
     started = time.perf_counter()
     patches = cover(solver, points.theta, holds)
     setup = time.perf_counter() - started
@@ -189,7 +194,7 @@ def _covered(
 def cover(
     solver: Windows,
     theta: np.ndarray,
-    holds: Callable[[FollowedPatch, list[int]], bool],
+    holds: Holds,
     deepest: int = 10,
 ) -> Cover:
     """Patches of the box with the points each serves, halved until they hold.
