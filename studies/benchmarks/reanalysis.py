@@ -7,6 +7,7 @@ Run:  python studies/benchmarks/reanalysis.py --mesh medium --top 16000 --box mu
                                      0.1 to 3 m/s too
       --m0                           the brake M0 over disc speed instead
       --quick                        few points, loose tolerances
+      --tolerances 1e-4 1e-5         of the bases and windows
       --study N                      time N random points as a study too, patches counted
 
 One process, one core: set OMP_NUM_THREADS=1 and OPENBLAS_NUM_THREADS=1. Points are random, no basis
@@ -67,7 +68,7 @@ def brake(arguments: argparse.Namespace) -> None:
     for order in (1, 2):
         add(rungs.perturbation(problem, points, order))
     studies = []
-    for tolerance in TOLERANCES[:2] if arguments.quick else TOLERANCES:
+    for tolerance in arguments.tolerances:
         basis, row = rungs.sweep_basis(problem, points, tolerance / 3, MOST[d])
         add(row, *rungs.windows(problem, basis, points, tolerance))
         if arguments.study:
@@ -136,11 +137,13 @@ def main() -> None:
     parser.add_argument("--box", choices=tuple(BOXES), default="mu")
     parser.add_argument("--m0", action="store_true")
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES)
     parser.add_argument("--study", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("results") / "reanalysis")
     arguments = parser.parse_args()
     if arguments.quick:
         arguments.points = min(arguments.points, 4)
+        arguments.tolerances = TOLERANCES[:2]
     if arguments.m0:
         m0_brake(arguments)
     else:
