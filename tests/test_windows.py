@@ -379,6 +379,36 @@ def test_many_overdamped_roots(couple):
     assert any((p.lam.imag == 0).any() for p in found)
 
 
+def strongly_damped(n, dampers, seed=6):
+    """Overdamped roots run through decades: friction-like coupling and damping by theta_0."""
+    rng = np.random.default_rng(seed)
+    K, C = oscillators(np.sort(rng.uniform(250.0, 6000.0, n)))
+    B = rng.standard_normal((dampers, n)) * np.sqrt(2 * HZ * 300) / 2
+    Q, A, root = mixed(n), rng.standard_normal((n, n)), np.sqrt(K)
+    coupling = 0.1 * root @ (A - A.T) @ root / np.sqrt(n)
+    stiffness = [(K, constant()), (coupling, lambda t: 1 + t[0]), (0.2 * K, lambda t: t[1])]
+    damping = [(C, constant()), (B.T @ B, lambda t: 1.1 + t[0])]
+    return SyntheticProblem(
+        in_coordinates(Q, stiffness), in_coordinates(Q, damping), 2, (200.0, 2000.0)
+    )
+
+
+@pytest.mark.parametrize("dampers", [2, 3])
+def test_estimates_of_heavily_damped_roots(dampers):
+    """They hold, and are not so large that patches are divided without need."""
+    problem = strongly_damped(30, dampers)
+    theta = np.random.default_rng(1).uniform(-1, 1, (150, 2))
+    windows, found = audited(problem, theta, 1e-3)
+    assert share(found, WINDOWS) > 0.95
+    assert windows.counts["nodes"] < len(theta)
+    audit = Audit(problem, theta, found, 1e-3)
+    seen = audit.heavy_true > 1e-9
+    ratio = audit.heavy_true[seen] / audit.heavy_estimate[seen]
+    assert len(ratio) > 100
+    assert ratio.max() <= 5.0
+    assert (ratio <= 2.0).mean() >= 0.95
+
+
 # -- points that fail, points that need more -------------------------------------------------
 def refused_beyond(limit):
     def refused(theta):
