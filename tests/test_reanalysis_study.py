@@ -156,17 +156,32 @@ def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pr
     assert "points" in plan.method.reason
 
 
-def test_auto_keeps_to_dense_with_modal_damping(tmp_path):
-    text = BRAKE.format(friction=41, pressure=20) + "\n[parameters]\ndamping_ratio = 0.005\n"
-    plan = plan_of(text, tmp_path)
+DAMPED = "\n[parameters]\n{name} = 0.005\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [("damping_ratio", "windows"), ('"modes[3].damping_ratio"', "dense")]
+)
+def test_auto_keeps_to_dense_with_damping_of_single_assembly_modes(tmp_path, name, method):
+    plan = plan_of(BRAKE.format(friction=41, pressure=20) + DAMPED.format(name=name), tmp_path)
+    assert plan.method.name == method
+    assert (name.strip('"') in plan.method.reason) == (method == "dense")
+
+
+def test_auto_keeps_to_dense_with_modal_damping_over_many_parameters(tmp_path):
+    more = '[[sweep]]\nparameter = "{}"\nvalues = [{}, {}]\n'
+    sweeps = more.format("contact.lambda", 4e5, 6e5) + more.format("sliding_speed", 0.5, 1.0)
+    text = BRAKE.format(friction=41, pressure=20).replace("[modes]", sweeps + "[modes]")
+    assert plan_of(text, tmp_path).method.name == "sweep_basis"
+    plan = plan_of(text + DAMPED.format(name="damping_ratio"), tmp_path)
     assert plan.method.name == "dense"
     assert "damping_ratio" in plan.method.reason
 
 
-def test_windows_with_modal_damping_are_refused(tmp_path):
+def test_windows_with_damping_of_single_assembly_modes_are_refused(tmp_path):
     text = BRAKE.format(friction=4, pressure=2)
-    text += 'method = "windows"\n\n[parameters]\ndamping_ratio = 0.005\n'
-    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*modal"):
+    text += 'method = "windows"\n' + DAMPED.format(name='"modes[3].damping_ratio"')
+    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*single"):
         plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
 
 

@@ -192,6 +192,32 @@ def test_no_unstable_mode_is_missed_or_made_up(prepared, map_problem, map_basis)
     covered(true, estimate, 1e-7)
 
 
+def damped_map(theta):
+    """Modal damping of all assembly modes, which rises with the friction."""
+    return replace(friction_pressure(theta), damping_ratio=0.004 * (1.5 + 0.5 * theta[0]))
+
+
+def test_modal_damping_over_friction_and_pressure(prepared):
+    """Its matrix has no terms of its own: it is interpolated, and no error estimate sees that."""
+    problem = BrakeProblem(prepared, 2, damped_map, BAND)
+    assert problem.modal_damping_error() < 0.1 * TOLERANCE
+    basis = build_sweep_basis(problem, TOLERANCE / 3)
+    part = Box(np.array([-1.0, -1.0]), np.array([0.0, 0.0]))
+    theta = part.place(random_points(60, 2, seed=8))
+    found = list(Windows(problem, basis, TOLERANCE).solve(part, theta))
+    assert any(p.method == "windows" for p in found)
+    true, _ = compared(prepared, problem, theta, found[::6], TOLERANCE)
+    assert true.max() <= 2 * TOLERANCE
+    _, exact = problem.pairs(theta[0], 1.0)
+    point = dense(prepared, damped_map(theta[0]))
+    assert np.abs(exact.lam[:, None] - point).min(axis=1).max() < 1e-8 * problem.band[1]
+
+
+def test_undamped_problems_have_no_modal_damping(map_problem):
+    assert map_problem.modal_damping is None
+    assert map_problem.modal_damping_error() == 0.0
+
+
 @pytest.mark.parametrize(
     ("middle", "half", "share", "change"), [(0.35, 0.35, 0.15, 0.01), (2.4, 0.5, 0.5, 0.3)]
 )

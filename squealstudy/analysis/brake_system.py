@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from squealstudy.analysis.design_state import DesignState
@@ -18,10 +20,14 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
 
-def brake_system(model: ReducedModel) -> ParametricSystem:
+def brake_system(model: ReducedModel, modal_damping: Sequence[np.ndarray] = ()) -> ParametricSystem:
     """Terms of a component-mode model (theory.md section 1), stiffness damping beside stiffness.
 
-    Modal damping of the assembly is no term: it needs the real modes of each design point.
+    Parameters
+    ----------
+    model : ReducedModel
+    modal_damping : sequence of ndarray (n, n)
+        Matrices of the assembly's modal damping; their weights follow those of `brake_weights`.
     """
     one, springs = None, model.K_springs
     terms = (
@@ -36,11 +42,12 @@ def brake_system(model: ReducedModel) -> ParametricSystem:
         Term(DAMPING, model.T_perp, model.T_perp),
         Term(DAMPING, model.T, model.T),
     )
-    return ParametricSystem(model.n, terms)
+    more = tuple(Term(DAMPING, one, A) for A in modal_damping)
+    return ParametricSystem(model.n, terms + more)
 
 
 def brake_weights(model: ReducedModel, point: WorkingPoint, state: DesignState) -> Weights:
-    """Weights of `brake_system` at a working point, in the order of its terms."""
+    """Weights of `brake_system` at a working point, without those of modal damping."""
     omega = component_frequencies(model)
     k_el = np.array(model.k_el)
     for key, change in state.stiffness_changes(omega).items():

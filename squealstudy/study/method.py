@@ -56,18 +56,18 @@ def choose_method(
         A method that cannot serve this study.
     """
     section = study.definition.modes
-    damped = _modally_damped(study, swept)
+    single = _single_mode_damping(study, swept)
     if section.method != AUTO and study.definition.study.kind != "complex_modes":
         raise SourceText(study.path, study.text).error(
             ("modes", "method"),
             f"a {study.definition.study.kind} study has no choice of method: leave the key out",
         )
     if section.method != AUTO:
-        if section.method in APPROXIMATE and damped:
+        if section.method in APPROXIMATE and single:
             raise SourceText(study.path, study.text).error(
                 ("modes", "method"),
-                f"{section.method} has no modal damping of the assembly ({damped} is not zero): "
-                "expected dense, or stiffness_damping in its place",
+                f"{section.method} has no damping of single modes of the assembly ({single} is not "
+                "zero): expected dense, or damping_ratio in its place",
             )
         if section.method == DENSE and exact == FULL:
             raise SourceText(study.path, study.text).error(
@@ -76,7 +76,7 @@ def choose_method(
                 "sweep_basis or windows",
             )
         return Method(section.method, section.tolerance, "as the study says")
-    return _cheapest(study, swept, structural, exact, damped)
+    return _cheapest(study, swept, structural, exact, single)
 
 
 def _cheapest(
@@ -84,13 +84,13 @@ def _cheapest(
     swept: Sequence[Mapping[str, float]],
     structural: Sequence[str],
     exact: str,
-    damped: str,
+    single: str,
 ) -> Method:
     tolerance = study.definition.modes.tolerance
     if study.definition.study.kind != "complex_modes":
         return Method(exact, tolerance, "the only one of this kind of study")
-    if damped:
-        return Method(exact, tolerance, f"{damped}: modal damping needs all real modes of a point")
+    if single:
+        return Method(exact, tolerance, f"{single} needs the real modes of each point")
     if study.definition.design.type == "boundary":
         return Method(exact, tolerance, "a boundary design has few points")
     if exact == DENSE and "mesh" not in study.options:
@@ -103,17 +103,22 @@ def _cheapest(
         return Method(exact, tolerance, "nothing varies that a basis could serve")
     if varied in PAYS_FROM and each >= PAYS_FROM[varied]:
         return Method(WINDOWS, tolerance, f"{each} points a structure pay for a basis and patches")
+    if varied not in PAYS_FROM and (damped := _not_zero(study, swept, [DAMPING_RATIO])):
+        return Method(exact, tolerance, f"{damped} is not interpolated over {varied} parameters")
     if varied not in PAYS_FROM and each >= BASIS_PAYS_FROM:
         return Method(SWEEP_BASIS, tolerance, f"{each} points a structure pay for a basis")
     return Method(exact, tolerance, f"{each} points a structure do not pay for a basis")
 
 
-def _modally_damped(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
-    """Name of a parameter of the assembly's modal damping that is not zero somewhere, or ''."""
-    values = dict(study.values)
-    names = [n for n in values if n == DAMPING_RATIO or n.startswith("modes[")]
-    names += [s.name for s in study.sweeps if s.name == DAMPING_RATIO or s.name[:6] == "modes["]
-    for name in dict.fromkeys(names):
-        if any(point.get(name, values.get(name, 0.0)) for point in swept):
+def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
+    """Name of a damping ratio of a single mode of the assembly that is not zero, or ''."""
+    names = [*study.values, *(s.name for s in study.sweeps)]
+    return _not_zero(study, swept, [name for name in names if name.startswith("modes[")])
+
+
+def _not_zero(study: Study, swept: Sequence[Mapping[str, float]], names: Sequence[str]) -> str:
+    """The first of some parameters that is not zero at some design point, or ''."""
+    for name in names:
+        if any(point.get(name, study.values.get(name, 0.0)) for point in swept):
             return name
     return ""

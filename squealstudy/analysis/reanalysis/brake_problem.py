@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
 from squealstudy.analysis.design_state import DesignState, ModeKey
-from squealstudy.analysis.linearise import component_frequencies
+from squealstudy.analysis.linearise import component_frequencies, modal_damping
 from squealstudy.analysis.parametric import ParametricSystem, Weights
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.modal_damping_field import (
+    ModalDampingField,
+    modal_damping_field,
+)
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.analysis.reanalysis.problem import Sample
@@ -27,6 +32,7 @@ from squealstudy.reduction.working_point_field import (
     anchor_at,
 )
 
+DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
 FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2
 
 
@@ -59,7 +65,54 @@ class BrakeProblem:
     @cached_property
     def system(self) -> ParametricSystem:
         """Terms of the component-mode model."""
-        return brake_system(self.prepared.model)
+        damping = self.modal_damping
+        return brake_system(self.prepared.model, () if damping is None else tuple(damping.matrices))
+
+    @cached_property
+    def modal_damping(self) -> ModalDampingField | None:
+        """One damping ratio of all real modes, where a design point of the box has one.
+
+        Raises
+        ------
+        ConvergenceError
+            Where a node of its interpolation has no working point.
+        """
+        if not self._has_modal_damping():
+            return None
+        degree = FIELD_DEGREE.get(self.dimension, 2)
+        grid = interpolation(degree if self.dimension else 0, self.dimension)
+        stiffness = [self._symmetric_stiffness(theta) for theta in grid.nodes]
+        return modal_damping_field(stiffness, grid.cardinals)
+
+    def _has_modal_damping(self) -> bool:
+        """By the middle and the ends of each parameter: it varies along one of them, or not."""
+        middle, axes = np.zeros((1, self.dimension)), np.eye(self.dimension)
+        looked_at = np.vstack([middle, axes, -axes])
+        return any(self.state_at(theta).damping_ratio for theta in looked_at)
+
+    def modal_damping_error(self) -> float:
+        """Largest error of a damping ratio by the interpolation of modal damping, at some points.
+
+        Raises
+        ------
+        ConvergenceError
+            As `modal_damping`.
+        """
+        field, worst = self.modal_damping, 0.0
+        if field is None:
+            return worst
+        for theta in np.random.default_rng(3).uniform(-1, 1, (DAMPING_CHECKS, self.dimension)):
+            zeta = self.state_at(theta).damping_ratio
+            K = self._symmetric_stiffness(theta)
+            worst = max(worst, zeta * field.error(theta, K, self.band[1]))
+        return worst
+
+    def _symmetric_stiffness(self, theta: np.ndarray) -> np.ndarray:
+        point = self.working_points(theta[None])[0]
+        if isinstance(point, ConvergenceError):
+            raise point
+        model = self.prepared.model
+        return symmetric_stiffness(model, brake_weights(model, point, self.state_at(theta)))
 
     @cached_property
     def field(self) -> WorkingPointField | None:
@@ -131,12 +184,16 @@ class BrakeProblem:
         """Weights and working points at theta (b, d); the reason where there is none."""
         found: list[Sample | ConvergenceError] = []
         points = self.working_points(theta, field)
-        for row, point in zip(theta, points, strict=True):
+        damping = self.modal_damping
+        modal = np.zeros((len(theta), 0)) if damping is None else damping.weights(theta)
+        for row, point, roots in zip(theta, points, modal, strict=True):
             if isinstance(point, ConvergenceError):
                 found.append(point)
             else:
-                weights = brake_weights(self.prepared.model, point, self.state_at(row))
-                found.append(Sample(weights, point))
+                state = self.state_at(row)
+                weights = brake_weights(self.prepared.model, point, state)
+                more = tuple(2.0 * state.damping_ratio * w for w in roots)
+                found.append(Sample(weights + more, point))
         return found
 
     def weights(self, theta: np.ndarray) -> Weights:
@@ -149,9 +206,19 @@ class BrakeProblem:
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
         """Exact pairs by the dense companion form."""
         weights = self.weights(theta)
-        _, C, K = self.system.matrices(weights)
+        if self.modal_damping is None:
+            _, C, K = self.system.matrices(weights)
+        else:
+            C, K = self._with_exact_damping(theta, weights)
         found = all_pairs(C, K)
         return weights, found.take(in_band(found.lam, self.band, reach))
+
+    def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
+        model = self.prepared.model
+        modal = len(weights) - len(brake_system(model).terms)
+        _, C, K = self.system.matrices(weights[: len(weights) - modal] + (0.0,) * modal)
+        zeta = np.full(model.n, self.state_at(theta).damping_ratio)
+        return C + modal_damping(symmetric_stiffness(model, weights), zeta), K
 
     @cached_property
     def _factor(self) -> np.ndarray:

@@ -17,6 +17,7 @@ from squealstudy.analysis.reanalysis.family_modes import FamilyModes
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
 from squealstudy.analysis.reanalysis.problem import Problem
 from squealstudy.analysis.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
+from squealstudy.errors import ConvergenceError
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.complex_modes.chart import Chart
@@ -27,6 +28,7 @@ from squealstudy.study.keys import content_hash, source_hash
 MOST_KEPT = 2  # bases a process holds
 Reader = BrakeModes | FamilyModes
 SHARE = 1 / 3  # of the tolerance that the basis may use up
+DAMPING_SHARE = 0.1  # and the interpolation of modal damping
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,22 @@ def make_basis(task: BasisTask, report: Report) -> SweepBasis:
     """The basis of a task, read where it is there, made and kept where it is not."""
     if task.path.is_file():
         return load_basis(task.path)
-    basis = build_sweep_basis(problem_of(task), SHARE * task.tolerance, report=report)
+    problem = problem_of(task)
+    _check_modal_damping(problem, task.tolerance)
+    basis = build_sweep_basis(problem, SHARE * task.tolerance, report=report)
     _save(task.path, basis)
     return basis
+
+
+def _check_modal_damping(problem: Problem, tolerance: float) -> None:
+    """ConvergenceError where its interpolation, which no estimate sees, is not good enough."""
+    if not isinstance(problem, BrakeProblem):
+        return
+    error = problem.modal_damping_error()
+    if error > DAMPING_SHARE * tolerance:
+        raise ConvergenceError(
+            "not_converged", f"interpolated modal damping is wrong by {error:.0e} in damping ratio"
+        )
 
 
 class Served(NamedTuple):
