@@ -8,13 +8,11 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.analysis.point import PointModes
+from squealstudy.study.rows import HEAD, head
 
 DENSE = "dense"
 POINT_FIELDS = (
-    ("point_id", pa.string()),
-    ("status", pa.string()),
-    ("message", pa.string()),
-    ("wall_s", pa.float64()),
+    *HEAD,
     ("method", pa.string()),
     ("working_point_residual", pa.float64()),
     ("open_share", pa.float64()),
@@ -39,11 +37,7 @@ def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any
     point = modes.working_point
     estimate = getattr(modes, "error_estimate", None)
     unknown = np.full(len(modes.lam), np.nan)
-    return {
-        "point_id": point_id,
-        "status": "ok",
-        "message": "",
-        "wall_s": wall_s,
+    return head(point_id, wall_s) | {
         "method": getattr(modes, "method", DENSE),
         "working_point_residual": np.nan if point is None else point.residual,
         "open_share": np.nan if point is None else point.open_share,
@@ -59,11 +53,7 @@ def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any
 
 def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
     """Chunk row of a point that has no modes."""
-    return {
-        "point_id": point_id,
-        "status": status,
-        "message": message,
-        "wall_s": wall_s,
+    return head(point_id, wall_s, status, message) | {
         "method": "",
         "working_point_residual": np.nan,
         "open_share": np.nan,

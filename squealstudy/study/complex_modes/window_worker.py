@@ -18,18 +18,17 @@ from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.analysis.reanalysis.two_step import two_step_roots
 from squealstudy.analysis.reanalysis.windows import Windows
-from squealstudy.errors import ConvergenceError, SquealstudyError
-from squealstudy.study.chunks import write_chunk
+from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes.bases import BasisTask, Reader, Served, served
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_alone
 from squealstudy.study.design import Design
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.method import OVER_A_BASIS, TWO_STEP, WINDOWS
-from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.process import watch_parent
+from squealstudy.study.rows import FAILURES, write_rows
 from squealstudy.study.tasks import ChunkReport, PointTask
 
-NUMERICAL = (np.linalg.LinAlgError, FloatingPointError, ValueError)
 TWO_STEP_FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
 PERTURBATION_ORDER = 2
 ANCHOR_REACH = 4.0  # second-order terms run through the modes of the band widened by this
@@ -70,7 +69,7 @@ def solve_box(task: WindowTask) -> ChunkReport:
     rows: list[dict[str, Any]] = []
     with threadpool_limits(1):
         ready = served(task.basis, task.method in OVER_A_BASIS)
-        with contextlib.suppress(SquealstudyError, *NUMERICAL):
+        with contextlib.suppress(*FAILURES):
             for point in _solved(task, ready):
                 point_id = task.points[point.row].point_id
                 reader = ready.full if point.full else ready.reduced
@@ -78,9 +77,7 @@ def solve_box(task: WindowTask) -> ChunkReport:
                 last = time.perf_counter()
         rows += _left(task, {row["point_id"] for row in rows})
     name = chunk_id(p.point_id for p in task.points)
-    write_chunk(task.directory, name, rows, SCHEMA)
-    failed = sum(row["status"] != "ok" for row in rows)
-    return ChunkReport(len(rows), failed, 0, time.perf_counter() - started, peak_memory_mb())
+    return write_rows(task.directory, name, rows, SCHEMA, started)
 
 
 def _left(task: WindowTask, done: set[str]) -> list[dict[str, Any]]:

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.errors import SquealstudyError
-from squealstudy.study.chunks import write_chunk
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import peak_memory_mb, watch_parent
+from squealstudy.study.process import watch_parent
+from squealstudy.study.rows import FAILURES, reason, write_rows
 from squealstudy.study.tasks import ChunkReport, PointTask
 from squealstudy.study.working_points import NewGaps, known_gap
 
@@ -50,10 +49,9 @@ def solve_chunk(task: ChunkTask) -> ChunkReport:
             if gap is None and found is not None and task.keep_gaps:
                 new_gaps.add(point.prepared_key, point.design, found)
     name = chunk_id(p.point_id for p in task.points)
-    write_chunk(task.directory, name, rows, SCHEMA)
+    report = write_rows(task.directory, name, rows, SCHEMA, started, known)
     new_gaps.save(name)
-    failed = sum(row["status"] != "ok" for row in rows)
-    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
+    return report
 
 
 def solve_alone(
@@ -67,13 +65,8 @@ def solve_alone(
         else:
             prepared = prepared_any(point.prepared_key)
             modes = solve_design(prepared, point.design, task.band_hz, known)
-    except SquealstudyError as error:
-        status = getattr(error, "status", "failed")
+    except FAILURES as error:
         wall = time.perf_counter() - started
-        return failed_row(point.point_id, wall, status, str(error)), None
-    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
-        wall = time.perf_counter() - started
-        message = f"{type(error).__name__}: {error}"
-        return failed_row(point.point_id, wall, "failed", message), None
+        return failed_row(point.point_id, wall, *reason(error)), None
     wall = time.perf_counter() - started
     return solved_row(point.point_id, wall, modes), modes.working_point.gap
