@@ -183,12 +183,22 @@ def test_the_cubic_onset_is_within_its_error_of_a_smooth_one(at, rate, bend, par
     assert error < 0.05 * h
 
 
-def test_no_cubic_onset_where_the_damping_ratio_falls_like_a_root_or_jumps():
+@given(st.floats(0.001, 0.999))
+def test_no_cubic_onset_where_the_damping_ratio_falls_like_a_root_or_a_kink_or_jumps(part):
+    """Wherever between the points that is: the third difference vanishes at some places."""
     x = np.linspace(0.0, 0.3, 4)
-    root = np.where(x > 0.14, -np.sqrt(np.maximum(x - 0.14, 0.0)), 1e-9)
-    jump = np.where(x > 0.14, -0.02, 0.01)
-    _, error = cubic_onsets(np.array([x, x]), np.array([root, jump]))
-    assert (error > 0.01).all()
+    beyond = np.maximum(x - 0.1 - 0.1 * part, 0.0)
+    jump = np.where(beyond > 0, -0.02, 0.01)
+    f = np.array([1e-9 - np.sqrt(beyond), 1e-9 - beyond, jump])
+    _, error = cubic_onsets(np.array([x, x, x]), f)
+    assert np.isinf(error).all()
+
+
+@pytest.mark.parametrize("num", [97, 121, 251, 601])
+def test_fine_grids_do_not_take_an_undamped_lock_in_for_a_smooth_onset(tmp_path, num):
+    (row,) = run(study(num=num), tmp_path / "r").onsets.to_dict("records")
+    assert row["status"] == "refined"
+    assert row["onset"] == pytest.approx(MU_C, abs=1e-4)
 
 
 def test_fine_grids_tell_smooth_onsets_without_more_points(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,11 @@ from squealstudy import open_results
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.study.complex_modes.bases import split_boxes
 from squealstudy.study.complex_modes.chart import chart_of
-from squealstudy.study.complex_modes.window_tasks import window_tasks
+from squealstudy.study.complex_modes.kind import ComplexModes
+from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
 from squealstudy.study.complex_modes.window_worker import solve_box
 from squealstudy.study.definition import parse_study
+from squealstudy.study.method import Method
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
 
@@ -63,6 +66,7 @@ scale = "log"
 [modes]
 """
 W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+MU_C = (W1**2 - W2**2) / (2 * W1 * W2)
 
 
 def plan_of(text, tmp_path):
@@ -178,6 +182,59 @@ def test_auto_keeps_to_dense_with_modal_damping_over_many_parameters(tmp_path):
     assert "damping_ratio" in plan.method.reason
 
 
+def test_a_single_mode_without_the_damping_of_all_is_seen(tmp_path):
+    text = BRAKE.format(friction=41, pressure=20) + DAMPED.format(name="damping_ratio")
+    assert plan_of(text, tmp_path).method.name == "windows"
+    same = plan_of(text + '"modes[1].damping_ratio" = 0.005\n', tmp_path)
+    assert same.method.name == "windows"
+    other = plan_of(text + '"modes[1].damping_ratio" = 0.0\n', tmp_path)
+    assert other.method.name == "dense"
+    assert "modes[1].damping_ratio" in other.method.reason
+
+
+@pytest.mark.parametrize("method", ["two_step", "perturbation"])
+def test_rungs_for_comparison_refuse_modal_damping(tmp_path, method):
+    text = BRAKE.format(friction=4, pressure=2) + f'method = "{method}"\n'
+    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*modal"):
+        plan_of(text + DAMPED.format(name="damping_ratio"), tmp_path).tasks  # noqa: B018
+
+
+@pytest.mark.parametrize("method", ["windows", "sweep_basis"])
+def test_a_band_without_modes_has_no_basis(tmp_path, method):
+    text = HULTEN.replace("[1.0, 1000.0]", "[300.0, 400.0]") + f'method = "{method}"\n'
+    with pytest.raises(StudyFileError, match=r"line \d+, key 'modes.method': .*no mode lies"):
+        run(text, tmp_path)
+
+
+def test_a_study_narrowed_in_its_directory_makes_the_basis_of_its_smaller_box(tmp_path):
+    """All its points are there; those in between, which tracking and onsets ask for, are not."""
+    values = [round(0.05 * i, 2) for i in range(13)]
+    for used in (values, values[:8]):
+        text = HULTEN.replace("start = 0.0\nstop = 0.6\nnum = 41", f"values = {used}")
+        results = run(text + 'method = "sweep_basis"\n', tmp_path)
+        assert len(results.points) == len(used)
+        assert results.onsets["onset"].tolist() == pytest.approx([MU_C], abs=1e-3)
+    assert results.manifest["timings"]["points_solved"] == 0
+
+
+def test_without_a_basis_auto_solves_all_points_exactly(tmp_path, monkeypatch):
+    def refuse(task, report):
+        raise ConvergenceError("not_converged", "nothing is smooth here")
+
+    def windows_anyway(study, *_):
+        return Method("windows", study.definition.modes.tolerance, "for the test")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", refuse)
+    monkeypatch.setattr("squealstudy.study.method._cheapest", windows_anyway)
+    text = HULTEN.replace("num = 41", "num = 17") + "tolerance = 3.7e-5\n"  # a box of its own
+    results = run(text, tmp_path)
+    assert set(results.points["method"]) == {"dense"}
+    assert (results.points["status"] == "ok").all()
+    assert "nothing is smooth here" in results.manifest["method"]["reason"]
+    with pytest.raises(StudyFileError, match="nothing is smooth here"):
+        run(text + 'method = "windows"\n', tmp_path, "other")
+
+
 def test_windows_with_damping_of_single_assembly_modes_are_refused(tmp_path):
     text = BRAKE.format(friction=4, pressure=2)
     text += 'method = "windows"\n' + DAMPED.format(name='"modes[3].damping_ratio"')
@@ -247,3 +304,17 @@ def test_a_method_in_another_kind_of_study_is_refused(tmp_path):
     text = HULTEN.replace('"complex_modes"', '"transient"') + 'method = "windows"\n'
     with pytest.raises(StudyFileError, match=r"key 'modes.method': a transient study"):
         plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
+
+
+def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
+    """Its points are failed rows already; the others get theirs."""
+    plan = plan_of(HULTEN + 'method = "windows"\ntolerance = 3.9e-5\n', tmp_path)
+    (task,) = basis_tasks(plan)
+    unbuilt = replace(task, key="0" * 16)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("squealstudy.study.complex_modes.kind.basis_tasks", lambda _: [unbuilt])
+        ComplexModes().prepare(plan, lambda *_: None, 1)
+    assert not unbuilt.path.is_file()
+    build_structures(plan, 1, lambda *_: None)
+    ComplexModes().prepare(plan, lambda *_: None, 1)
+    assert task.path.is_file()

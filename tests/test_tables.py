@@ -201,19 +201,23 @@ def test_tables_of_a_study(tmp_path):
 
 
 def test_growth_within_its_error_is_no_instability(tmp_path):
-    """The raw growth rate stays in the table; without an estimate its sign counts."""
+    """The raw growth rate stays in the table; without an estimate, or beyond the tolerance, its
+    sign counts."""
     plan = plan_of(2, 1)
-    errors = np.array([2.0, 0.5, np.nan, 2.0])
-    modes = modes_of(np.random.default_rng(4), 4, error_estimate=errors)
-    modes.lam.real[:] = [1.0, 1.0, 1.0, -1.0]
+    modes = modes_of(np.random.default_rng(4), 5)
+    beyond = 2.0 * plan.method.tolerance * np.abs(modes.lam[4])
+    errors = np.array([0.2, 0.05, np.nan, 0.2, beyond])
+    object.__setattr__(modes, "error_estimate", errors)
+    modes.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
     write(tmp_path, plan, {0: modes, 1: modes})
     points, _ = build_tables(plan, tmp_path, 1, lambda *_: None)
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
-    assert table["unstable"].tolist() == 2 * [False, True, True, False]
-    assert table["growth_rate"].tolist() == 2 * [1.0, 1.0, 1.0, -1.0]
-    assert points["n_unstable"].tolist() == [2, 2]
+    assert table["unstable"].tolist() == 2 * [False, True, True, False, True]
+    assert table["growth_rate"].tolist() == 2 * [0.1, 0.1, 0.1, -0.1, 0.1]
+    assert points["n_unstable"].tolist() == [3, 3]
     ids = {task.point_id for task in plan.tasks}
-    assert set(read_unstable_counts(tmp_path, ids, 0.0).values()) == {2}
+    counts = read_unstable_counts(tmp_path, ids, 0.0, plan.method.tolerance)
+    assert set(counts.values()) == {3}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -13,7 +13,8 @@ AUTO, FULL, DENSE = "auto", "full", "dense"
 SWEEP_BASIS, WINDOWS = "sweep_basis", "windows"
 TWO_STEP, PERTURBATION = "two_step", "perturbation"
 OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
-APPROXIMATE = (*OVER_A_BASIS, TWO_STEP, PERTURBATION)
+FOR_COMPARISON = (TWO_STEP, PERTURBATION)
+APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
 # design points of one structure from which on windows cost less than dense points, by the number
 # of parameters that vary: a rough count of exact solves for a basis and of nodes for patches
 PAYS_FROM = {1: 80, 2: 400, 3: 1500}
@@ -69,6 +70,12 @@ def choose_method(
                 f"{section.method} has no damping of single modes of the assembly ({single} is not "
                 "zero): expected dense, or damping_ratio in its place",
             )
+        if section.method in FOR_COMPARISON and _not_zero(study, swept, [DAMPING_RATIO]):
+            raise SourceText(study.path, study.text).error(
+                ("modes", "method"),
+                f"{section.method} has no modal damping of the assembly ({DAMPING_RATIO} is not "
+                "zero): expected dense, sweep_basis or windows",
+            )
         if section.method == DENSE and exact == FULL:
             raise SourceText(study.path, study.text).error(
                 ("modes", "method"),
@@ -111,14 +118,21 @@ def _cheapest(
 
 
 def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
-    """Name of a damping ratio of a single mode of the assembly that is not zero, or ''."""
+    """Name of a damping ratio of a single assembly mode that is not that of all modes, or ''."""
     names = [*study.values, *(s.name for s in study.sweeps)]
-    return _not_zero(study, swept, [name for name in names if name.startswith("modes[")])
+    for name in (n for n in names if n.startswith("modes[")):
+        if any(_at(study, point, name) != _at(study, point, DAMPING_RATIO) for point in swept):
+            return name
+    return ""
+
+
+def _at(study: Study, point: Mapping[str, float], name: str) -> float:
+    return point.get(name, study.values.get(name, 0.0))
 
 
 def _not_zero(study: Study, swept: Sequence[Mapping[str, float]], names: Sequence[str]) -> str:
     """The first of some parameters that is not zero at some design point, or ''."""
     for name in names:
-        if any(point.get(name, study.values.get(name, 0.0)) for point in swept):
+        if any(_at(study, point, name) for point in swept):
             return name
     return ""

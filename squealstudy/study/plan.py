@@ -17,7 +17,7 @@ from squealstudy.study.definition import Study
 from squealstudy.study.design import Design
 from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
-from squealstudy.study.method import DENSE, FULL, Method, choose_method
+from squealstudy.study.method import APPROXIMATE, DENSE, FULL, Method, choose_method
 from squealstudy.study.sampling import design_points, grid_shape
 from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
@@ -29,6 +29,7 @@ LAW_OPTION = "contact_law"
 MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
+REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 TRANSIENT_SOURCES = ("study/transient",)  # they decide what is sampled and trained
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
@@ -141,7 +142,7 @@ class Plan:
         ]
         return content_hash(
             {
-                "source": source_hash(STRUCTURE_SOURCES),
+                "source": source_hash(),
                 "terms": terms,
                 "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
                 "band": list(self.band_hz),
@@ -225,6 +226,7 @@ class Plan:
                 *self.in_time,
                 *self.in_sensitivity,
                 *self.method.identity,
+                *([source_hash(REANALYSIS_SOURCES)] if self.method.name in APPROXIMATE else []),
             ]
         )
 

@@ -27,7 +27,8 @@ def grown(plan: Plan, directory: Path) -> Plan:
     """
     while grows(plan.study):
         grid = BoundaryGrid.of(plan.study)
-        finished = read_roots(directory, [t.point_id for t in plan.tasks], neutral=True)
+        ids = [t.point_id for t in plan.tasks]
+        finished = read_roots(directory, ids, tolerance=plan.method.tolerance)
         if len(finished) < len(plan.tasks):
             break
         roots = {

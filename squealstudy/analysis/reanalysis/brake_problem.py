@@ -22,7 +22,7 @@ from squealstudy.analysis.reanalysis.modal_damping_field import (
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.analysis.reanalysis.sweep_basis import corners, in_band
 from squealstudy.errors import ConvergenceError
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint
@@ -101,7 +101,8 @@ class BrakeProblem:
         field, worst = self.modal_damping, 0.0
         if field is None:
             return worst
-        for theta in np.random.default_rng(3).uniform(-1, 1, (DAMPING_CHECKS, self.dimension)):
+        inside = np.random.default_rng(3).uniform(-1, 1, (DAMPING_CHECKS, self.dimension))
+        for theta in np.vstack([corners(self.dimension), inside]):
             zeta = self.state_at(theta).damping_ratio
             K = self._symmetric_stiffness(theta)
             worst = max(worst, zeta * field.error(theta, K, self.band[1]))

@@ -150,6 +150,8 @@ def build_sweep_basis(
         report(len(trained), most)
         if not blocks:
             raise ConvergenceError("working_point", "no working point at the ends of the sweeps")
+        if not sum(block.shape[1] for block in blocks):
+            raise ConvergenceError("no_modes", "no mode lies in the band at the ends of the sweeps")
         V, flexibility = _truncated(problem, np.hstack(blocks), cut)
         small = collocate(problem.system, samples, V, V, limit)
         basis = SweepBasis(V, flexibility, small, np.inf, np.array(trained))

@@ -6,6 +6,7 @@ import numpy as np
 
 HALVINGS = 50
 LOOKED_AT = 9  # places between both ends
+STEADY = 0.5  # largest change of the slope between neighbouring pairs of points, as its share
 
 
 def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -23,8 +24,8 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     value : ndarray (n,)
     error : ndarray (n,)
         Largest distance of the parabolas through three of the points from the cubic, anywhere in
-        the interval, over its least slope there: large at a square-root onset and for a mode
-        wrongly followed, infinite where the cubic turns.
+        the interval, over its least slope there; infinite where the slope between the points
+        changes by more than STEADY: at a kink, a square-root onset, a mode wrongly followed.
     """
     c = _divided_differences(x, f)
     value = _zero(x, c)
@@ -35,8 +36,18 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     slope = np.diff(_evaluated(x[:, :, None], c[:, :, None], v), axis=1) / np.diff(v, axis=1)
     least = np.abs(slope).min(axis=1)
     turns = (np.sign(slope) != np.sign(slope[:, :1])).any(axis=1) | (least == 0)
+    turns |= ~_steady(x, f)
     error = np.abs(c[:, 3]) * product.max(axis=1) / np.where(turns, 1.0, least)
     return value, np.where(turns, np.inf, error)
+
+
+def _steady(x: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Whether the three secants agree (n,): a third difference may vanish at a kink by chance."""
+    secants = np.diff(f, axis=1) / np.diff(x, axis=1)
+    size = np.abs(secants).min(axis=1)
+    same = (np.sign(secants) == np.sign(secants[:, :1])).all(axis=1)
+    steady: np.ndarray = same & (np.abs(np.diff(secants, axis=1)).max(axis=1) <= STEADY * size)
+    return steady
 
 
 def _zero(x: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -44,8 +44,14 @@ class BasisTask:
     def path(self) -> Path:
         """Where the basis is kept."""
         chart, law = self.chart.identity(), self.chart.design.law_kind
-        content = [source_hash(), chart, law, self.band_hz, self.tolerance]
+        code = [source_hash(), source_hash(("study/complex_modes",))]
+        content = [code, chart, law, self.band_hz, self.tolerance]
         return prepared_path(self.key) / "sweep_bases" / f"{content_hash(content)}.npz"
+
+    @property
+    def refusal(self) -> Path:
+        """Where it is said why there is no basis over this box."""
+        return self.path.with_suffix(".reason")
 
 
 def problem_of(task: BasisTask) -> Problem:
@@ -83,6 +89,15 @@ def make_basis(task: BasisTask, report: Report) -> SweepBasis:
     basis = build_sweep_basis(problem, SHARE * task.tolerance, report=report)
     _save(task.path, basis)
     return basis
+
+
+def refuse_basis(task: BasisTask, why: str) -> None:
+    """Keep why a task has no basis, so that it is not tried again."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_text(why)
+
+    write_atomic(task.refusal, write)
 
 
 def _check_modal_damping(problem: Problem, tolerance: float) -> None:

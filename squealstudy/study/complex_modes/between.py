@@ -80,7 +80,8 @@ class Neighbourhoods:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         over_basis = plan.method.name in OVER_A_BASIS
-        self._bases = {b.key: b for b in basis_tasks(plan)} if over_basis else {}
+        bases = basis_tasks(plan) if over_basis else []
+        self._bases = {b.key: b for b in bases if b.path.is_file()}
         self._sweeps = tuple(
             (s.name, s.scale == "log" and all(point[s.name] > 0 for point in plan.swept))
             for s in plan.study.sweeps

@@ -15,7 +15,10 @@ COLUMNS = ("point_id", "status", "re", "im", "error_estimate", "overdamped")
 
 
 def read_roots(
-    directory: Path, wanted: Collection[str], overdamped: bool = False, neutral: bool = False
+    directory: Path,
+    wanted: Collection[str],
+    overdamped: bool = False,
+    tolerance: float | None = None,
 ) -> dict[str, np.ndarray | None]:
     """Roots of the finished points among those wanted; None where one failed.
 
@@ -23,26 +26,27 @@ def read_roots(
     -------
     dict of id -> ndarray (m,) complex or None
         rad/s; the oscillating roots, and those of static divergence (real and growing); with
-        `overdamped` all. With `neutral` growth within its error is none (`settled`).
+        `overdamped` all. With a `tolerance` growth within its error is none
+        (`settled`).
     """
     ids = set(wanted)
     found: dict[str, np.ndarray | None] = {}
     for table in read_tables(directory, SCHEMA, COLUMNS):
         for batch in table.to_batches():
-            found.update(_batch_roots(batch, ids, overdamped, neutral))
+            found.update(_batch_roots(batch, ids, overdamped, tolerance))
     return found
 
 
 def _batch_roots(
-    batch: pa.RecordBatch, ids: set[str], every: bool, neutral: bool
+    batch: pa.RecordBatch, ids: set[str], every: bool, tolerance: float | None
 ) -> dict[str, np.ndarray | None]:
     names = batch.column("point_id").to_pylist()
     ok = [status == "ok" for status in batch.column("status").to_pylist()]
     re, im, error, real = (batch.column(name) for name in COLUMNS[2:])
     ends = np.append(0, np.cumsum(re.value_lengths().to_numpy()))
     lam = re.flatten().to_numpy() + 1j * im.flatten().to_numpy()
-    if neutral:
-        lam = settled(lam, error.flatten().to_numpy())
+    if tolerance is not None:
+        lam = settled(lam, error.flatten().to_numpy(), tolerance)
     kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
     found: dict[str, np.ndarray | None] = {}
     for i, name in enumerate(names):
@@ -52,13 +56,13 @@ def _batch_roots(
     return found
 
 
-def settled(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
+def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
     """Roots (m,) for judging their stability: those that grow by less than their error are neutral.
 
     A model without damping has roots on the imaginary axis, which an approximate method moves to
-    either side of it.
+    either side of it. Errors beyond the tolerance, relative to |lambda|, excuse no growth.
     """
-    neutral = (lam.real > 0) & (lam.real <= error)  # an error of NaN is none
+    neutral = (lam.real > 0) & (lam.real <= error) & (error <= tolerance * np.abs(lam))
     return np.where(neutral, 1j * lam.imag, lam)
 
 
@@ -74,11 +78,11 @@ def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def read_unstable_counts(
-    directory: Path, wanted: Collection[str], tolerance: float
+    directory: Path, wanted: Collection[str], stability_tolerance: float, tolerance: float
 ) -> dict[str, int | None]:
     """Number of unstable modes of the finished points; None where a point failed."""
-    roots = read_roots(directory, wanted, neutral=True)
+    roots = read_roots(directory, wanted, tolerance=tolerance)
     return {
-        name: None if lam is None else len(unstable_roots(lam, tolerance))
+        name: None if lam is None else len(unstable_roots(lam, stability_tolerance))
         for name, lam in roots.items()
     }

@@ -8,15 +8,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.study.cache import is_prepared
 from squealstudy.study.complex_modes import rows
 from squealstudy.study.complex_modes.audit import audited
-from squealstudy.study.complex_modes.bases import BasisTask, make_basis
+from squealstudy.study.complex_modes.bases import BasisTask, make_basis, refuse_basis
 from squealstudy.study.complex_modes.counts import read_roots
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.reference import (
@@ -32,7 +34,7 @@ from squealstudy.study.complex_modes.window_worker import WindowTask, solve_box
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Progress
-from squealstudy.study.method import APPROXIMATE, FULL, OVER_A_BASIS
+from squealstudy.study.method import APPROXIMATE, AUTO, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
 from squealstudy.study.plan import Plan, checked_points
@@ -59,13 +61,20 @@ class ComplexModes:
         if plan.method.name in OVER_A_BASIS:
             with threadpool_limits(jobs):
                 for task in basis_tasks(plan):
-                    self._make_basis(plan, task, report)
+                    if is_prepared(task.key):
+                        self._make_basis(plan, task, report)
 
     @staticmethod
     def _make_basis(plan: Plan, task: BasisTask, report: Progress) -> None:
+        chosen = plan.study.definition.modes.method != AUTO
+        if task.refusal.is_file() and not chosen:
+            return
         try:
             make_basis(task, lambda done, most: report("sweep basis", done, most))
-        except ConvergenceError as error:
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            if not chosen:  # all its points are then exact
+                refuse_basis(task, str(error))
+                return
             raise plan.error_at(
                 ("modes", "method"),
                 f"no sweep basis for {plan.method.name} can be made over this box ({error}): "
@@ -74,16 +83,27 @@ class ComplexModes:
 
     def tasks(
         self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
-    ) -> list[ChunkTask] | list[WindowTask]:
+    ) -> list[ChunkTask | WindowTask]:
         """Chunks of consecutive points, or boxes of neighbouring ones."""
+        boxed: list[PointTask] = []
         if plan.method.name in APPROXIMATE:
-            return window_tasks(plan, directory, points)
+            without = {task.key for task in self._without_basis(plan)}
+            boxed = [point for point in points if point.prepared_key not in without]
+            points = [point for point in points if point.prepared_key in without]
         keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
         full = FullRung(plan.study.options, plan.settings) if plan.method.name == FULL else None
-        return [
+        chunks = [
             ChunkTask(directory, plan.band_hz, tuple(part), keep, os.getpid(), full)
             for part in split_chunks(points, jobs)
         ]
+        return [*(window_tasks(plan, directory, boxed) if boxed else []), *chunks]
+
+    @staticmethod
+    def _without_basis(plan: Plan) -> list[BasisTask]:
+        """Structures over whose design points no basis could be made."""
+        if plan.method.name not in OVER_A_BASIS:
+            return []
+        return [task for task in basis_tasks(plan) if not task.path.is_file()]
 
     def solve(self, task: ChunkTask | WindowTask) -> ChunkReport:
         """Solve one chunk in a worker."""
@@ -126,12 +146,19 @@ class ComplexModes:
         self, plan: Plan, directory: Path, jobs: int, report: Progress
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
+        if plan.study.definition.modes.track:  # which solves points in between
+            self.prepare(plan, report, jobs)
         points, facts = build_tables(plan, directory, jobs, report)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
         if plan.study.definition.modes.audit:
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]
             facts["audit"] = audited(directory, ids, read_references(directory))
-        method = {"chosen": plan.method.name, "reason": plan.method.reason, "points": served}
+        reason = plan.method.reason
+        for task in self._without_basis(plan):
+            if task.refusal.is_file():
+                reason += f"; no basis, all points are exact: {task.refusal.read_text()}"
+                break
+        method = {"chosen": plan.method.name, "reason": reason, "points": served}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:

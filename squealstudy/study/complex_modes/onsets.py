@@ -52,6 +52,8 @@ class OnsetSearch:
         The parameter, one of the swept ones.
     lam : ndarray (N,) complex
         Oscillating roots of all points as they are judged (`settled`), rad/s.
+    error : ndarray (N,)
+        Their estimated errors, rad/s; NaN where there is none.
     """
 
     def __init__(
@@ -62,11 +64,14 @@ class OnsetSearch:
         points: pd.DataFrame,
         along: str,
         lam: np.ndarray,
+        error: np.ndarray,
     ) -> None:
         self._plan, self._follower, self._points, self._along = plan, follower, points, along
         self._tolerance = plan.study.definition.modes.stability_tolerance
         self._column = [s.name for s in plan.study.sweeps].index(along)
-        counts = [len(lam) for lam in follower.lams]
+        counts = [len(roots) for roots in follower.lams]
+        self._judged = np.split(lam, np.cumsum(counts)[:-1])
+        self._error = np.nan_to_num(error) / np.maximum(np.abs(lam), 1e-300)
         self._point = np.repeat(np.arange(len(counts)), counts)
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
@@ -84,7 +89,8 @@ class OnsetSearch:
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
         "interpolated" linearly, "failed" refinement of such a value, "below_range" for a mode that
         is unstable at the beginning of a line: NaN, "first_seen" for a track that begins unstable:
-        an upper bound), ``error_estimate`` of the value (NaN where it is not estimated),
+        an upper bound), ``error_estimate`` of the value (that of root finding or of the
+        interpolation, and what the errors of the roots make of it; NaN where there is none),
         ``evaluations``, ``point_before``, ``point_after``. Lines of one point have none.
         """
         events = self._events()
@@ -163,6 +169,7 @@ class OnsetSearch:
         x = self._plan.coordinates[:, self._column][self._point[rows]]
         value, error = cubic_onsets(x, self._zeta[rows] + self._tolerance)
         good = error <= self._precision()
+        error += self._shift(ends[:, 0], ends[:, 1])[whole]
         for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
             self._enter_value(table, int(row), float(at), float(off))
             table.loc[row, "status"] = CUBIC
@@ -203,7 +210,7 @@ class OnsetSearch:
             tasks = [delayed(refine_task)(self._task(events, rows)) for rows in batch]
             for results in in_parallel(jobs, tasks):
                 for row, onset in results:
-                    spent += self._enter(table, row, onset)
+                    spent += self._enter(table, row, onset, events.loc[row])
             done += len(batch)
         report("onsets", done, done)
 
@@ -235,8 +242,8 @@ class OnsetSearch:
             follower.near.of(a),
             self._column,
             float(x[b]),
-            Modes(follower.lams[a], follower.raw(a)),
-            Modes(follower.lams[b], follower.raw(b)),
+            Modes(self._judged[a], follower.raw(a)),
+            Modes(self._judged[b], follower.raw(b)),
             self._tolerance,
             self._precision(),
             os.getpid(),
@@ -248,12 +255,23 @@ class OnsetSearch:
             return PRECISION / 2
         return PRECISION / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
 
-    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | None) -> int:
+    def _shift(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """How far errors of roots move crossings between two rows each (n,), in coordinates."""
+        x = self._plan.coordinates[:, self._column]
+        steep = self._zeta[after] - self._zeta[before]
+        step = x[self._point[after]] - x[self._point[before]]
+        worse = np.maximum(self._error[before], self._error[after])
+        shift: np.ndarray = np.abs(worse * step / np.where(steep == 0, np.inf, steep))
+        return np.minimum(shift, np.abs(step))
+
+    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | None, event: pd.Series) -> int:
         """Write a refined onset to its row; the number of evaluations."""
         if onset is None:
             table.loc[row, "status"] = FAILED
             return 0
-        self._enter_value(table, row, onset.value, 2.0 * self._precision())
+        ends = np.array([[event["before"]], [event["after"]]])
+        error = 2.0 * self._precision() + float(self._shift(*ends)[0])
+        self._enter_value(table, row, onset.value, error)
         table.loc[row, "frequency_hz"] = onset.frequency_hz
         table.loc[row, "status"] = REFINED
         table.loc[row, "evaluations"] = onset.evaluations

@@ -36,7 +36,7 @@ def build_tables(
     """
     section = plan.study.definition.modes
     columns = read_columns(directory, [task.point_id for task in plan.tasks], section.track)
-    judged = settled(columns.lam, columns.error_estimate)
+    judged = settled(columns.lam, columns.error_estimate, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     points = _points_table(plan, columns, unstable, read_references(directory))
     tracks, onsets = None, None
@@ -47,9 +47,9 @@ def build_tables(
             follower = Follower(plan, columns, jobs)
             tracks, summary["tracking"] = follower.follow(section.refine_tracking, report)
             if along is not None:
-                search = OnsetSearch(
-                    plan, follower, tracks, points, along, judged[~columns.overdamped]
-                )
+                kept = ~columns.overdamped
+                lam, error = judged[kept], columns.error_estimate[kept]
+                search = OnsetSearch(plan, follower, tracks, points, along, lam, error)
                 onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
     finally:
         if columns.shapes is not None:

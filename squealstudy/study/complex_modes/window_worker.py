@@ -107,7 +107,7 @@ def _solved(task: WindowTask, ready: Served) -> Iterator[PointRoots]:
 def solve_in_basis(task: BasisTask, design: Design) -> tuple[np.ndarray, np.ndarray]:
     """Oscillating roots (m,) and shapes (m, k) of a point between those of a study.
 
-    In its sweep basis alone, whose own error is below the tolerance over the box.
+    In its sweep basis alone, without an estimate.
 
     Raises
     ------

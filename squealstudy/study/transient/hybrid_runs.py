@@ -24,7 +24,7 @@ from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.files import write_atomic
-from squealstudy.study.keys import content_hash
+from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes, settings_of
 from squealstudy.study.transient.modal_runs import Finished
 from squealstudy.study.transient.ready import Ready
@@ -52,7 +52,8 @@ def _model(task: BatchTask) -> HybridModel:
     """The hybrid model of the batch's structure, from the cache or made now."""
     key = task.points[0].prepared_key
     layers = task.section.layers
-    name = content_hash([task.cutoff_hz, layers, task.component_modes, repr(task.operating)])
+    content = [task.cutoff_hz, layers, task.component_modes, repr(task.operating)]
+    name = content_hash([source_hash(), *content])
     path = prepared_path(key) / "hybrid" / f"{name}.pickle"
     if path.is_file():
         with path.open("rb") as handle:
