@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -218,6 +219,22 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     ids = {task.point_id for task in plan.tasks}
     counts = read_unstable_counts(tmp_path, ids, 0.0, plan.method.tolerance)
     assert set(counts.values()) == {3}
+
+
+def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
+    plan = plan_of(4, 1)
+    base = modes_of(np.random.default_rng(6), 1, error_estimate=np.array([0.2]))
+    base.lam.imag[:] = 2 * np.pi * 1000.0
+    modes = {}
+    for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):
+        modes[i] = replace(base, lam=growth + 1j * base.lam.imag)
+    write(tmp_path, plan, modes)
+    build_tables(plan, tmp_path, 1, lambda *_: None)
+    (row,) = pq.read_table(tmp_path / "onsets.parquet").to_pandas().to_dict("records")
+    x = plan.coordinates[:, 0].tolist()
+    assert (row["bracket_low"], row["bracket_high"]) == (x[1], x[2])
+    assert (row["status"], row["onset"]) == ("interpolated", x[1])
+    assert row["error_estimate"] == pytest.approx(0.2 / 3.0 * (x[2] - x[1]), rel=1e-3)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

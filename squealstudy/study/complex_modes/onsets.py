@@ -76,6 +76,8 @@ class OnsetSearch:
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
         self._lam, self._zeta = lam, damping_ratios(lam)
+        raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
+        self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
 
     def table(
@@ -87,14 +89,16 @@ class OnsetSearch:
         ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
-        "interpolated" linearly, "failed" refinement of such a value, "below_range" for a mode that
-        is unstable at the beginning of a line: NaN, "first_seen" for a track that begins unstable:
-        an upper bound), ``error_estimate`` of the value (that of root finding or of the
-        interpolation, and what the errors of the roots make of it; NaN where there is none),
-        ``evaluations``, ``point_before``, ``point_after``. Lines of one point have none.
+        "interpolated" linearly, or put at a point that grows by less than its error, "failed"
+        refinement of such a value, "below_range" for a mode that is unstable at the beginning of a
+        line: NaN, "first_seen" for a track that begins unstable: an upper bound),
+        ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
+        errors of the roots make of it; NaN where there is none), ``evaluations``,
+        ``point_before``, ``point_after``. Lines of one point have none.
         """
         events = self._events()
         table = self._unrefined(events)
+        self._place_neutral(events, table)
         if refine and len(table):
             self._interpolate(events, table)
             self._refine(events, table, jobs, report)
@@ -156,9 +160,20 @@ class OnsetSearch:
         table["point_after"] = ids[p1]
         return table
 
+    def _place_neutral(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+        """Crossings at an end that grows by less than its error: there, as far as can be told."""
+        into = (events["direction"] == INTO).to_numpy()
+        crossing = (events["before"] >= 0).to_numpy()
+        stable = np.where(into, events["before"], events["after"])
+        rows = np.flatnonzero(crossing & self._neutral[np.where(crossing, stable, 0)])
+        ends = events[["before", "after"]].to_numpy()[rows]
+        x = self._plan.coordinates[:, self._column][self._point[stable[rows]]]
+        for row, at, off in zip(rows, x, self._shift(ends[:, 0], ends[:, 1]), strict=True):
+            self._enter_value(table, int(row), float(at), float(off))
+
     def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
-        crossing = np.flatnonzero((events["before"] >= 0).to_numpy())
+        crossing = np.flatnonzero((events["before"] >= 0) & table["error_estimate"].isna())
         ends = events[["before", "after"]].to_numpy()[crossing]
         before, after = self._neighbours()
         rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
@@ -216,7 +231,7 @@ class OnsetSearch:
 
     def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
-        crossing = events[(events["before"] >= 0) & (table["status"] != CUBIC)]
+        crossing = events[(events["before"] >= 0) & table["error_estimate"].isna()]
         near = self._follower.near
         ends = [
             (int(self._point[a]), int(self._point[b]))
