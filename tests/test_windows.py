@@ -22,6 +22,7 @@ from squealstudy.analysis.point import DENSE
 from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
+from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, light
 from squealstudy.analysis.reanalysis.windows import SWEEP_BASIS, WINDOWS, Windows
 from squealstudy.errors import ConvergenceError
@@ -407,6 +408,22 @@ def test_estimates_of_heavily_damped_roots(dampers):
     assert len(ratio) > 100
     assert ratio.max() <= 5.0
     assert (ratio <= 2.0).mean() >= 0.95
+
+
+def test_heavy_roots_are_bounded_by_their_first_order_distance():
+    """Where the second-order estimate is far above it: overdamped roots that collide."""
+    problem = strongly_damped(30, 5)
+    basis = build_sweep_basis(problem, 1e-4)
+    box = Box(np.array([-1.0, -1.0]), np.array([-0.7, -0.7]))
+    followed = Windows(problem, basis, 1e-3)._patch(box, interpolation(4, 2))
+    theta = box.place(np.random.default_rng(2).uniform(-1, 1, (40, 2)))
+    roots = ritz_roots(followed.patch, basis, theta, [problem.weights(t) for t in theta])
+    first = interpolated_roots(followed.patch, theta)
+    distance = np.abs(roots.lam[:, :, None] - first[:, None, :]).min(axis=2)
+    heavy = ~light(roots.lam)
+    assert heavy.sum() > 300
+    allowed = 2.1 * distance + 1e-8 * np.abs(roots.lam)  # roots are shifted once more
+    assert (roots.error <= allowed)[heavy].all()
 
 
 # -- points that fail, points that need more -------------------------------------------------

@@ -216,7 +216,7 @@ class BrakeProblem:
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
         model = self.prepared.model
-        modal = len(weights) - len(brake_system(model).terms)
+        modal = 0 if self.modal_damping is None else len(self.modal_damping.matrices)
         _, C, K = self.system.matrices(weights[: len(weights) - modal] + (0.0,) * modal)
         zeta = np.full(model.n, self.state_at(theta).damping_ratio)
         return C + modal_damping(symmetric_stiffness(model, weights), zeta), K
