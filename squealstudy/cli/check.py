@@ -9,11 +9,12 @@ import sys
 from pathlib import Path
 
 from squealstudy.cli import screen
+from squealstudy.cli.experiment import check_experiment_command
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
-from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
+from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
@@ -29,7 +30,11 @@ from squealstudy.study.schema import study_schema
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
-    plan = Plan(load_study(path))
+    loaded = load_any(path)
+    if isinstance(loaded, Experiment):
+        check_experiment_command(loaded, output)
+        return
+    plan = Plan(loaded)
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
     check_ownership(directory, plan)

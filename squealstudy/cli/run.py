@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
 from squealstudy.cli import screen, sensitivity_screen, transient_screen
+from squealstudy.cli.experiment import run_experiment_command
 from squealstudy.cli.pictures import draw_pictures
 from squealstudy.models.matrix_family import NAME as MATRICES
-from squealstudy.study.definition import load_study
+from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
 
-INTERRUPTED = 130
 LISTED = 12  # modes in the ranking that a run prints
 
 
@@ -23,15 +22,15 @@ def run_command(
     study: Path, output: Path | None, jobs: int | None, yes: bool, pictures: bool
 ) -> None:
     """Run, rank, draw, and say where everything is."""
-    plan = Plan(load_study(study))
+    loaded = load_any(study)
+    jobs = jobs or os.cpu_count() or 1
+    if isinstance(loaded, Experiment):
+        run_experiment_command(loaded, output, jobs, pictures)
+        return
+    plan = Plan(loaded)
     directory = output or default_directory(plan)
-    try:
-        with screen.progress_bars() as progress:
-            jobs = jobs or os.cpu_count() or 1
-            report = run_study(plan, directory, jobs, yes, progress, screen.warning)
-    except KeyboardInterrupt:
-        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
-        raise SystemExit(INTERRUPTED) from None
+    with screen.interruptible(), screen.progress_bars() as progress:
+        report = run_study(plan, directory, jobs, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
     screen.console.print()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from squealstudy.analysis.runs.summary import ModalRun
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
 from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes, settings_of
 from squealstudy.study.transient.ready import Ready
 
@@ -24,8 +27,26 @@ class Finished:
     n_coordinates: int
 
 
+class Integrate(Protocol):
+    """Something that integrates as `analysis.transient.simulate.simulate` does."""
+
+    def __call__(
+        self,
+        system: ModalSystem,
+        designs: Sequence[TransientDesign],
+        settings: TransientSettings,
+        q0: np.ndarray,
+        v0: np.ndarray,
+    ) -> list[TransientResult]:
+        """Results in the order of the designs."""
+        ...
+
+
 def modal_runs(
-    task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
+    task: BatchTask,
+    reference: ReferenceModes,
+    ready: Sequence[Ready],
+    integrate: Integrate = simulate,
 ) -> list[Finished]:
     """Integrate design points together; final states are in component-mode coordinates."""
     n = reference.system.n
@@ -33,7 +54,7 @@ def modal_runs(
     growth = [r.point.growth_rows.reshape(-1, n) for r in ready]
     system = replace(reference.system, sensors=np.vstack([np.eye(n)[modes - 1], *growth]))
     q, v = _continued(task, reference)
-    results = simulate(
+    results = integrate(
         system,
         [r.point.design for r in ready],
         settings_of(task.section, sampling(task.section, task.band_hz)),
