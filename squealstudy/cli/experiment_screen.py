@@ -13,6 +13,17 @@ from squealstudy.cli.screen import console
 from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.results import Results
 
+SHORT = {
+    "frequency": "df/f",
+    "damping_ratio": "d zeta",
+    "unstable_frequency": "unst. df/f",
+    "unstable_damping_ratio": "unst. d zeta",
+    "growth_rate": "growth",
+    "torque_mean": "mean",
+    "torque_rms": "RMS",
+    "dominant_frequency": "line",
+    "energy_share": "shares",
+}
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
@@ -35,9 +46,9 @@ def experiment_figures(results: Results) -> Iterator[tuple[str, Figure]]:
 def _measurements(results: Results) -> None:
     quantities = results.manifest["quantities"]
     grid = Table(box=None, pad_edge=False, header_style="bold")
-    grid.add_column("method", overflow="fold", min_width=30)
+    grid.add_column("method", overflow="fold", min_width=24)
     for title in ("s a point", "set-up s", "MB", "passes", *quantities, "status"):
-        grid.add_column(title.replace("_", " "), justify="right", overflow="fold")
+        grid.add_column(SHORT.get(title, title), justify="right", overflow="fold")
     for row in results.measurements.to_dict("records"):
         bad = [f"{row[k]} {k}" for k in ("missed", "spurious") if row[k]]
         grid.add_row(

@@ -16,21 +16,24 @@ from squealstudy.study.chunks import read_chunks, write_chunk
 from squealstudy.study.experiments.definition import Experiment
 from squealstudy.study.experiments.sections import FREQUENCY_QUANTITIES, TIME_QUANTITIES
 from squealstudy.study.experiments.work_precision import rows
-from squealstudy.study.experiments.work_precision.frequency_domain import measure_modes
-from squealstudy.study.experiments.work_precision.integrator import check_integrator
+from squealstudy.study.experiments.work_precision.integrator import (
+    check_integrator,
+    chosen_integrator,
+)
 from squealstudy.study.experiments.work_precision.tables import measurement_tables
-from squealstudy.study.experiments.work_precision.time_domain import measure_runs
 from squealstudy.study.experiments.work_precision.variants import Variant, make_variants
 from squealstudy.study.files import write_parquet
 from squealstudy.study.keys import content_hash
 from squealstudy.study.kind import Progress
 from squealstudy.study.kinds import kind_named
+from squealstudy.study.measure.frequency_domain import measure_modes
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.time_domain import measure_runs
 from squealstudy.study.names import ERRORS, MEASUREMENTS
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.runner import build_structures
 from squealstudy.study.sampling import count_points
 
-MEASURES = {"complex_modes": measure_modes, "transient": measure_runs}
 QUANTITIES = {"complex_modes": FREQUENCY_QUANTITIES, "transient": TIME_QUANTITIES}
 JUDGED = {  # where the file names no quantities
     "complex_modes": ("frequency", "damping_ratio"),
@@ -66,8 +69,8 @@ class WorkPrecision:
 
     def _check(self) -> None:
         """StudyFileError for what the sections alone do not show."""
-        if self.base_kind not in MEASURES:
-            kinds = " or ".join(MEASURES)
+        if self.base_kind not in QUANTITIES:
+            kinds = " or ".join(QUANTITIES)
             raise self.experiment.error(
                 ("work_precision", "base"),
                 f"expected a study of kind {kinds}, got {self.base_kind}",
@@ -138,7 +141,7 @@ class WorkPrecision:
         """Run one measurement and write its row; its status."""
         started = time.perf_counter()
         try:
-            made = MEASURES[self.base_kind](variant)
+            made = self._measured(variant)
         except FAILURES as error:
             wall = time.perf_counter() - started
             row = rows.failed_row(name, variant.identity, number, wall, *reason(error))
@@ -147,6 +150,14 @@ class WorkPrecision:
             row = rows.row(name, variant.identity, number, wall, made)
         write_chunk(directory, name, [row], self.schema)
         return str(row["status"])
+
+    def _measured(self, variant: Variant) -> Measurement:
+        if self.base_kind == "complex_modes":
+            return measure_modes(variant.plan, variant.measured)
+        if not variant.integrator:
+            return measure_runs(variant.plan, variant.measured)
+        chosen = chosen_integrator(variant.integrator, variant.options)
+        return measure_runs(variant.plan, variant.measured, chosen)
 
     @property
     def schema(self) -> pa.Schema:

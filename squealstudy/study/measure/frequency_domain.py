@@ -19,9 +19,8 @@ from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.rows import SCHEMA
 from squealstudy.study.complex_modes.window_worker import WindowTask
 from squealstudy.study.complex_modes.worker import ChunkTask
-from squealstudy.study.experiments.work_precision.rows import Measurement
-from squealstudy.study.experiments.work_precision.variants import Variant
 from squealstudy.study.family_cache import load_any
+from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.method import PERTURBATION, WINDOWS
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
@@ -30,12 +29,20 @@ from squealstudy.study.process import memory_above
 TOGETHER = (WINDOWS, PERTURBATION)
 
 
-def measure_modes(variant: Variant) -> Measurement:
-    """Solve the measured points of a complex-mode study by its method, in a scratch directory."""
-    kind, plan = ComplexModes(), variant.plan
+def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
+    """Solve chosen points of a complex-mode study by its method, in a scratch directory.
+
+    Parameters
+    ----------
+    plan : Plan
+        Its structures are in the cache.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    """
+    kind = ComplexModes()
     with threadpool_limits(1):
         kind.prepare(plan, lambda stage, done, total: None, 1)
-    chosen = [plan.tasks[i] for i in variant.measured]
+    chosen = [plan.tasks[i] for i in measured]
     solved = plan.tasks if plan.method.name in TOGETHER else chosen
     with tempfile.TemporaryDirectory() as scratch:
         tasks = kind.tasks(plan, Path(scratch), solved, 1)

@@ -12,11 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.summary import summarise
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
-from squealstudy.study.experiments.work_precision.frequency_domain import reduction_seconds
-from squealstudy.study.experiments.work_precision.integrator import chosen_integrator
-from squealstudy.study.experiments.work_precision.rows import Measurement
-from squealstudy.study.experiments.work_precision.variants import Variant
+from squealstudy.study.measure.frequency_domain import reduction_seconds
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.tasks import PointTask
@@ -24,7 +24,7 @@ from squealstudy.study.transient import forecast
 from squealstudy.study.transient.basis import full_choice
 from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of
 from squealstudy.study.transient.hybrid_runs import hybrid_runs
-from squealstudy.study.transient.modal_runs import Finished, modal_runs
+from squealstudy.study.transient.modal_runs import Finished, Integrate, modal_runs
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.transient.training import make_training_runs, training_seconds
 from squealstudy.study.working_points import NewGaps
@@ -37,22 +37,32 @@ PLAIN = {"torque_mean": "torque_mean", "dominant_frequency": "dominant_frequency
 SCALES = {"torque_static": "torque_static"}
 
 
-def measure_runs(variant: Variant) -> Measurement:
-    """Run the measured points of a transient study; only the integration is timed as theirs.
+def measure_runs(
+    plan: Plan, measured: Sequence[int], integrate: Integrate = simulate
+) -> Measurement:
+    """Run chosen points of a transient study; only the integration is timed as theirs.
 
     Working points, forecasts and summaries are the same for all methods of a basis.
+
+    Parameters
+    ----------
+    plan : Plan
+        Its structures are in the cache.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    integrate : callable
+        In place of the study's own integrator (modal representation only).
     """
-    plan = variant.plan
     section = plan.study.definition.transient
     forecast.warm(section)
     with threadpool_limits(1):
         make_training_runs(plan, lambda stage, done, total: None)
         findings: dict[str, dict[str, Any]] = {}
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
-        chosen = [plan.tasks[i] for i in variant.measured]
+        chosen = [plan.tasks[i] for i in measured]
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
-            found, seconds, memory, finished = _batch(variant, part)
+            found, seconds, memory, finished = _batch(plan, part, integrate)
             findings |= {str(first + n): one for n, one in enumerate(found)}
             spent += seconds
             memory_mb = max(memory_mb, memory)
@@ -64,11 +74,11 @@ def measure_runs(variant: Variant) -> Measurement:
 
 
 def _batch(
-    variant: Variant, part: tuple[PointTask, ...]
+    plan: Plan, part: tuple[PointTask, ...], integrate: Integrate
 ) -> tuple[list[dict[str, Any]], float, float, list[Finished]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
-    choice = full_choice(variant.plan, part[0].prepared_key)
-    task = batch_task(variant.plan, Path(), part, choice)
+    choice = full_choice(plan, part[0].prepared_key)
+    task = batch_task(plan, Path(), part, choice)
     try:
         reference = reference_of(task)
     except SquealstudyError as error:
@@ -79,7 +89,7 @@ def _batch(
     with memory_above() as memory:
         started = time.perf_counter()
         try:
-            finished = _integrated(variant, task, reference, ready) if ready else []
+            finished = _integrated(integrate, task, reference, ready) if ready else []
         except FAILURES as error:
             message = reason(error)
         seconds = time.perf_counter() - started
@@ -96,15 +106,11 @@ def _batch(
 
 
 def _integrated(
-    variant: Variant, task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
+    integrate: Integrate, task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
 ) -> list[Finished]:
     if task.section.representation == "hybrid":
         return hybrid_runs(task, reference, ready)
-    if variant.integrator:
-        return modal_runs(
-            task, reference, ready, chosen_integrator(variant.integrator, variant.options)
-        )
-    return modal_runs(task, reference, ready)
+    return modal_runs(task, reference, ready, integrate)
 
 
 def _failed(status: str, message: str) -> dict[str, Any]:
