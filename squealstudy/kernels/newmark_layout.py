@@ -18,7 +18,8 @@ START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
 # columns of Work.counts
 STATUS, MODE, STEP, POSITION, LEVEL, ITERATION = 0, 1, 2, 3, 4, 5
 STEP_PASSES, PASSES, MAX_PASSES, HALVINGS, NEWTON_STEPS, SAVED = 6, 7, 8, 9, 10, 11
-N_COUNT = 12
+PAUSE = 12  # the step after which the kernel returns; it must be later before the next call
+N_COUNT = 13
 
 # columns of Work.real: sub-step and the one before s; Aitken factor; squared residual of the
 # iteration before; square of the smallest force that means anything; Newton's damping; largest

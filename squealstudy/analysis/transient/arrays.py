@@ -131,12 +131,14 @@ def work_arrays(modal: layout.Modal, options: layout.Settings, B: np.ndarray) ->
     panel = max(1, PANEL_BYTES // (8 * n * ROWS))
     real = np.zeros((nb, layout.N_REAL))
     real[:, layout.STORED_END] = np.nan
+    counts = np.zeros((nb, layout.N_COUNT), dtype=np.int64)
+    counts[:, layout.PAUSE] = options.n_steps
     return layout.Work(
         aligned_zeros(nb, layout.N_ROWS, n),
         np.zeros((nb, layout.N_POINT, modal.points.shape[2])),
         np.empty((n_matrices, n, n)),
         np.full((n_matrices, n), NOT_FACTORED, dtype=np.int64),
-        np.zeros((nb, layout.N_COUNT), dtype=np.int64),
+        counts,
         real,
         aligned_zeros(panel, LANES, ROWS),
         aligned_zeros(3, n, LANES),
