@@ -75,7 +75,7 @@ def _facts(
         *rows,
         (
             "time",
-            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers",
+            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers{_bound(plan)}",
         ),
         (
             "memory",
@@ -92,6 +92,14 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     kept = f", to {method.tolerance:g}" if method.identity else ""
     bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
     return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+
+
+def _bound(plan: Plan) -> str:
+    """Runs that may end early are timed as if they did not."""
+    definition = plan.study.definition
+    if definition.study.kind != "transient" or definition.transient.stop == "end":
+        return ""
+    return "; an upper bound, for runs end once their outcome is known"
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:

@@ -63,6 +63,7 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
             f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        *transient_screen.ended_early(manifest),
         *_method(manifest),
         ("error", error_statement(report.directory, manifest)),
         ("tables", ", ".join(str(report.directory / n) for n in TABLES[manifest["kind"]])),

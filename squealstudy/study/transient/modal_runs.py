@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from squealstudy.analysis.runs.outcome import known_outcome
 from squealstudy.analysis.runs.summary import ModalRun
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.watch import Watch
 from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes, settings_of
 from squealstudy.study.transient.ready import Ready
+
+LOOKS = 20  # at a run, evenly over its duration
 
 
 @dataclass(frozen=True)
@@ -32,33 +37,47 @@ def modal_runs(
     modes = sensed_modes(task.section, reference.system.omega2[: reference.n_exact], task.band_hz)
     growth = [r.point.growth_rows.reshape(-1, n) for r in ready]
     system = replace(reference.system, sensors=np.vstack([np.eye(n)[modes - 1], *growth]))
+    omega = np.sqrt(np.maximum(reference.system.omega2[modes - 1], 0.0))
+    ends = len(modes) + np.cumsum([0, *(len(g) for g in growth)])
+
+    def run_of(k: int, result: TransientResult) -> ModalRun:
+        own, sensed = slice(ends[k], ends[k + 1]), slice(len(modes))
+        q, v = result.displacement, result.velocity
+        rows = (q[:, sensed], v[:, sensed], q[:, own], v[:, own])
+        return ModalRun(result, ready[k].point, modes, omega, *rows, task.start is not None)
+
+    settings = settings_of(task.section, sampling(task.section, task.band_hz))
     q, v = _continued(task, reference)
     results = simulate(
         system,
         [r.point.design for r in ready],
-        settings_of(task.section, sampling(task.section, task.band_hz)),
+        settings,
         np.array([r.q0 + q for r in ready]),
         np.array([r.v0 + v for r in ready]),
+        _watch(task, settings, len(ready), run_of),
     )
-    omega = np.sqrt(np.maximum(reference.system.omega2[modes - 1], 0.0))
-    ends = len(modes) + np.cumsum([0, *(len(g) for g in growth)])
     finished = []
-    for k, (one, result) in enumerate(zip(ready, results, strict=True)):
-        own = slice(ends[k], ends[k + 1])
-        run = ModalRun(
-            result,
-            one.point,
-            modes,
-            omega,
-            result.displacement[:, : len(modes)],
-            result.velocity[:, : len(modes)],
-            result.displacement[:, own],
-            result.velocity[:, own],
-            task.start is not None,
-        )
+    for k, result in enumerate(results):
         final = reference.phi @ np.stack([result.q, result.v], axis=1)
-        finished.append(Finished(run, final[:, 0], final[:, 1], n))
+        finished.append(Finished(run_of(k, result), final[:, 0], final[:, 1], n))
     return finished
+
+
+def _watch(
+    task: BatchTask,
+    settings: TransientSettings,
+    count: int,
+    run_of: Callable[[int, TransientResult], ModalRun],
+) -> Watch | None:
+    """Stops runs whose outcome is known, where the study asks for that."""
+    section = task.section
+    if section.stop == "end":
+        return None
+
+    def judge(k: int, result: TransientResult) -> str:
+        return known_outcome(run_of(k, result), section.duration, section.settle_tolerance)
+
+    return Watch([max(1, settings.n_steps // LOOKS)] * count, judge)
 
 
 def _continued(task: BatchTask, reference: ReferenceModes) -> tuple[np.ndarray, np.ndarray]:
