@@ -19,7 +19,7 @@ from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.analysis.transient.watch import Watch
 from squealstudy.cli.app import main
-from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.models.law import ContactLaw
 from squealstudy.study.definition import parse_study
@@ -141,6 +141,21 @@ def test_a_failed_design_does_not_stop_the_others(lively):
     assert runs[1].message
     assert seen == {0, 2}
     assert runs[2].time == pytest.approx(SHORT.duration)
+
+
+def test_a_design_has_sensors_of_its_own(lively):
+    """They come after those of the system, and no other design of the batch has them."""
+    system, designs, kick = lively
+    own = np.arange(2.0 * N).reshape(2, N)
+    some = [replace(designs[0], sensors=own), designs[1]]
+    runs = simulate(system, some, replace(SHORT, save_q=True), 0 * kick, kick)
+    assert [r.displacement.shape[1] for r in runs] == [5, 3]
+    rows = np.vstack([system.sensors, own])
+    for run, seen in zip(runs, (rows, system.sensors), strict=True):
+        np.testing.assert_allclose(run.displacement, run.q_history @ seen.T, atol=1e-15)
+        np.testing.assert_allclose(run.velocity[-1], seen @ run.v, atol=1e-12)
+    with pytest.raises(ModelError, match="'sensors' needs rows of 10 finite values"):
+        simulate(system, [replace(designs[0], sensors=own[:, 1:])], SHORT, kick, kick)
 
 
 def test_watches_that_cannot_look(lively):

@@ -69,7 +69,7 @@ class Modal(NamedTuple):
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     tuned: np.ndarray  # (nb, 2, m) d, s
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
-    sensors: np.ndarray  # (ns, n)
+    sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
     compliance: np.ndarray  # (2 nc, 2 nc) T D^-1 T^T, D the diagonal Jacobian of the first design
     own: np.ndarray  # (nc,) the larger diagonal entry of each point there

@@ -79,10 +79,11 @@ def simulate(
     _set_out(work, system.n, q0, v0)
     saved = saved_arrays(modal, system.n, settings)
     stopped = [""] * len(designs)
+    seen = [(system.n, len(x.sensor_rows(system))) for x in designs]
 
     def look(k: int) -> bool:
         if watch is not None:
-            so_far = _result(work, saved, settings, k, system.n, np.asarray)
+            so_far = _result(work, saved, settings, k, seen[k], np.asarray)
             stopped[k] = watch.judge(k, so_far)
         return bool(stopped[k])
 
@@ -96,7 +97,7 @@ def simulate(
                 stop(work, saved, k)
             work.counts[k, layout.PAUSE] += blocks[k]
         kernel(B, modal, options, work, saved)
-    finished = [_result(work, saved, settings, k, system.n) for k in range(len(designs))]
+    finished = [_result(work, saved, settings, k, x) for k, x in enumerate(seen)]
     return [replace(r, stopped=why) for r, why in zip(finished, stopped, strict=True)]
 
 
@@ -115,10 +116,14 @@ def _result(
     saved: layout.Saved,
     settings: TransientSettings,
     k: int,
-    n: int,
+    sizes: tuple[int, int],
     take: Callable[[np.ndarray], np.ndarray] = np.copy,
 ) -> TransientResult:
-    """One design's part of the working arrays; `take` copies it or leaves it where it is."""
+    """One design's part of the working arrays, `sizes` its modes and sensors.
+
+    `take` copies it or leaves it where it is.
+    """
+    n, ns = sizes
     count, real = work.counts[k], work.real[k]
     status = int(count[layout.STATUS])
     done = status in (layout.DONE, layout.RUNNING)
@@ -135,8 +140,8 @@ def _result(
         take(work.x[k, layout.Q, :n]),
         take(work.x[k, layout.V, :n]),
         history,
-        take(saved.sensed[k, :rows, 0]),
-        take(saved.sensed[k, :rows, 1]),
+        take(saved.sensed[k, :rows, 0, :ns]),
+        take(saved.sensed[k, :rows, 1, :ns]),
         take(saved.q[k, :rows]),
         float(count[layout.PASSES] / max(count[layout.STEP], 1)),
         int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),

@@ -35,22 +35,21 @@ def modal_runs(
     """Integrate design points together; final states are in component-mode coordinates."""
     n = reference.system.n
     modes = sensed_modes(task.section, reference.system.omega2[: reference.n_exact], task.band_hz)
-    growth = [r.point.growth_rows.reshape(-1, n) for r in ready]
-    system = replace(reference.system, sensors=np.vstack([np.eye(n)[modes - 1], *growth]))
+    system = replace(reference.system, sensors=np.eye(n)[modes - 1])
+    designs = [replace(r.point.design, sensors=r.point.growth_rows.reshape(-1, n)) for r in ready]
     omega = np.sqrt(np.maximum(reference.system.omega2[modes - 1], 0.0))
-    ends = len(modes) + np.cumsum([0, *(len(g) for g in growth)])
+    m = len(modes)
 
     def run_of(k: int, result: TransientResult) -> ModalRun:
-        own, sensed = slice(ends[k], ends[k + 1]), slice(len(modes))
         q, v = result.displacement, result.velocity
-        rows = (q[:, sensed], v[:, sensed], q[:, own], v[:, own])
+        rows = (q[:, :m], v[:, :m], q[:, m:], v[:, m:])
         return ModalRun(result, ready[k].point, modes, omega, *rows, task.start is not None)
 
     settings = settings_of(task.section, sampling(task.section, task.band_hz))
     q, v = _continued(task, reference)
     results = simulate(
         system,
-        [r.point.design for r in ready],
+        designs,
         settings,
         np.array([r.q0 + q for r in ready]),
         np.array([r.v0 + v for r in ready]),
