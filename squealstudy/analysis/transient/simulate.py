@@ -80,20 +80,14 @@ def simulate(
     saved = saved_arrays(modal, system.n, settings)
     stopped = [""] * len(designs)
     seen = [(system.n, len(x.sensor_rows(system))) for x in designs]
-
-    def look(k: int) -> bool:
-        if watch is not None:
-            so_far = _result(work, saved, settings, k, seen[k], np.asarray)
-            stopped[k] = watch.judge(k, so_far)
-        return bool(stopped[k])
-
     kernel = newmark if len(designs) == 1 else newmark_batch
     blocks = block_steps(watch, len(designs), settings)
     work.counts[:, layout.PAUSE] = blocks
     kernel(B, modal, options, work, saved)
-    while len(at_pause := paused(work)):
+    while watch is not None and (at_pause := paused(work)):
         for k in at_pause:
-            if look(k):
+            stopped[k] = watch.judge(k, _result(work, saved, settings, k, seen[k], np.asarray))
+            if stopped[k]:
                 stop(work, saved, k)
             work.counts[k, layout.PAUSE] += blocks[k]
         kernel(B, modal, options, work, saved)
