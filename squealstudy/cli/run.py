@@ -6,11 +6,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import screen, sensitivity_screen, transient_screen
+from squealstudy.cli import fidelity_screen, screen, sensitivity_screen, transient_screen
 from squealstudy.cli.experiment import run_experiment_command
 from squealstudy.cli.pictures import draw_pictures
 from squealstudy.models.matrix_family import NAME as MATRICES
 from squealstudy.study.experiments.definition import Experiment, load_any
+from squealstudy.study.fidelity.run import resolve, run_resolved
+from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
@@ -30,7 +32,12 @@ def run_command(
     plan = Plan(loaded)
     directory = output or default_directory(plan)
     with screen.interruptible(), screen.progress_bars() as progress:
-        report = run_study(plan, directory, jobs, yes, progress, screen.warning)
+        if loaded.definition.fidelity is None:
+            report = run_study(plan, directory, jobs, yes, progress, screen.warning)
+        else:
+            check_ownership(directory, plan)
+            chosen = resolve(loaded, jobs, progress)
+            report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
     screen.console.print()
@@ -62,6 +69,8 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
             f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        *transient_screen.ended_early(manifest),
+        *fidelity_screen.facts(manifest.get("fidelity")),
         *_method(manifest),
         ("error", error_statement(report.directory, manifest)),
         ("tables", ", ".join(str(report.directory / n) for n in TABLES[manifest["kind"]])),

@@ -50,7 +50,7 @@ def root_errors(
     Modes are paired by their distance in the complex plane, one to one.
     """
     lam, ref = _roots(found), _roots(truth)
-    light = ref[np.abs(ref.real) < LIGHT * np.abs(ref)]
+    light = ref[ref.real > -LIGHT * np.abs(ref)]  # the unstable ones too, however fast they grow
     partner = _paired(light, lam)
     errors: list[FoundError] = []
     missed = 0

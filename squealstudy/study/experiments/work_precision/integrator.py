@@ -11,6 +11,7 @@ import numpy as np
 from squealstudy.analysis.transient.settings import METHODS, TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
+from squealstudy.analysis.transient.watch import Watch
 from squealstudy.errors import ParameterError
 from squealstudy.study.transient.modal_runs import Integrate
 
@@ -34,7 +35,9 @@ def chosen_integrator(name: str, options: Mapping[str, Any]) -> Integrate:
         settings: TransientSettings,
         q0: np.ndarray,
         v0: np.ndarray,
+        watch: Watch | None,
     ) -> list[TransientResult]:
-        return simulate(system, designs, replace(settings, method=name, **options), q0, v0)
+        chosen = replace(settings, method=name, **options)
+        return simulate(system, designs, chosen, q0, v0, watch)
 
     return run
