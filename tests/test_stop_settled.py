@@ -95,6 +95,19 @@ def test_pauses_change_nothing(lively, count):
     np.testing.assert_allclose(first, 2e-6 * np.arange(40, 600, 40))  # 37 steps are 8 rows
 
 
+@pytest.mark.parametrize("changes", [{"method": "newmark_newton"}, {"contact_factor": 4.0}])
+def test_pauses_change_nothing_of_factored_jacobians(lively, changes):
+    system, designs, kick = lively
+    settings = replace(SHORT, duration=2e-4, **changes)
+    whole = simulate(system, designs[:2], settings, 0 * kick, kick)
+    looked_at = simulate(system, designs[:2], settings, 0 * kick, kick, Watch([10, 25], never))
+    for a, b in zip(whole, looked_at, strict=True):
+        assert a.outcome == "ok"
+        assert same(a, b)
+        assert np.array_equal(a.v, b.v)
+        assert a.newton_steps == b.newton_steps
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_stopped_run_is_the_shorter_run(lively, count):
     system, designs, kick = lively
