@@ -131,11 +131,3 @@ class WorkPrecisionDefinition(Section):
     method: Annotated[tuple[MethodSection, ...], Strict(False)] = Field(
         min_length=1, description="lines of the chart"
     )
-
-    @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        names = [m.name for m in self.method]
-        twice = next((n for n in names if names.count(n) > 1), None)
-        if twice is not None:
-            raise ValueError(f"two methods are called '{twice}'")
-        return self

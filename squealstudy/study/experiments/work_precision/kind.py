@@ -75,6 +75,12 @@ class WorkPrecision:
                 ("work_precision", "base"),
                 f"expected a study of kind {kinds}, got {self.base_kind}",
             )
+        names = [method.name for method in self.experiment.definition.method]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise self.experiment.error(
+                    ("method", i, "name"), f"two methods are called '{name}'"
+                )
         known = QUANTITIES[self.base_kind]
         for name in self.quantities:
             if name not in known:
