@@ -91,12 +91,10 @@ def choose(
         chosen, reason = min(good, key=lambda c: c.cost), "meets the tolerance"
     elif affordable:
         chosen = min(affordable, key=lambda c: c.error)
-        reason = "the budget" if any(c.error <= tolerance for c in front) else "no setting tried"
-        reason = (
-            f"{reason} does not meet the tolerance of {tolerance:g}: this is the least error"
-            if reason.startswith("no")
-            else f"{reason} buys an error of {chosen.error:.1e}, not {tolerance:g}"
-        )
+        if any(c.error <= tolerance for c in front):
+            reason = f"the budget buys an error of {chosen.error:.1e}, not {tolerance:g}"
+        else:
+            reason = f"no setting tried meets the tolerance of {tolerance:g}: this errs least"
     else:
         chosen = min(front, key=lambda c: c.cost)
         reason = f"the budget of {budget:g} s buys not even the cheapest setting"

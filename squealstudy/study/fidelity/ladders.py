@@ -14,7 +14,8 @@ REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
 REDUCTIONS = ((1.1, 1e-3), (1.25, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 STANDARD = 2  # the rung that a study has by itself
-STEPS = (8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7)
+STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
+STEPS_A_PERIOD = 62.5
 BASES = ((1.0, 50), (1.0, 120), (2.0, 50))  # modes up to so many tops of the band, POD vectors
 CONTACT_POINTS = (2, 3, 4)
 
@@ -81,8 +82,8 @@ def _reductions() -> Ladder:
 def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model the step alone; a continued run keeps the contact points it has."""
     section = study.definition.transient
-    factor = 1.0 if has_mesh(study) else section.step / STEPS[2]
-    steps = tuple(Rung(f"step {h * factor:.3g} s", {"transient.step": h * factor}) for h in STEPS)
+    unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+    steps = tuple(Rung(f"step {n * unit:.3g} s", {"transient.step": n * unit}) for n in STEPS)
     ladders = [Ladder(STEP, steps)]
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))

@@ -80,39 +80,28 @@ class RunSearch:
         self._keep(BASIS, found)
 
     def try_contact_points(self, ladder: Ladder) -> None:
-        """More points against fewer: the error of a rung is the change to the next.
-
-        The last rung keeps a quarter of the change that led to it.
-        """
-        made = [self.measure(ladder.rungs[0].changes)]
-        found: list[Tried] = []
-        for rung, finer in zip(ladder.rungs, ladder.rungs[1:], strict=False):
-            made.append(self.measure(finer.changes))
-            error = self.scene.error(made[-2], made[-1])
-            found.append(Tried(rung.label, rung.changes, error, made[-2].seconds))
-            if error <= self.share:
-                break
-        else:
-            last = ladder.rungs[-1]
-            rest = 0.25 * found[-1].error
-            found.append(Tried(last.label, last.changes, rest, made[-1].seconds))
-        self._keep(CONTACT, found)
+        """More points against fewer: the error of a rung is the change to the next."""
+        self._keep(CONTACT, self._refined(ladder, 1.0))
 
     def try_steps(self, ladder: Ladder) -> None:
         """Halved steps until the change to the next, extrapolated, is within its share."""
+        self._keep(STEP, self._refined(ladder, RICHARDSON))
+
+    def _refined(self, ladder: Ladder, factor: float) -> list[Tried]:
+        """Rungs up to the first whose change to the next is within its share, and that next one.
+
+        What is left after the last one tried is taken for a quarter of the change that led to it.
+        """
         found: list[Tried] = []
         coarse = self.measure(ladder.rungs[0].changes)
         for rung, finer in zip(ladder.rungs, ladder.rungs[1:], strict=False):
             fine = self.measure(finer.changes)
-            error = RICHARDSON * self.scene.error(coarse, fine)
+            error = factor * self.scene.error(coarse, fine)
             found.append(Tried(rung.label, rung.changes, error, coarse.seconds))
             coarse = fine
             if error <= self.share:
                 break
-        else:
-            last = ladder.rungs[-1]
-            found.append(Tried(last.label, last.changes, found[-1].error / 4, coarse.seconds))
-        self._keep(STEP, found)
+        return [*found, Tried(finer.label, finer.changes, error / 4, coarse.seconds)]
 
     def _keep(self, name: str, found: list[Tried]) -> None:
         """Go on with the cheapest of a ladder that is good enough, else with its best."""

@@ -21,7 +21,11 @@ from squealstudy.study.experiments.work_precision.integrator import (
     chosen_integrator,
 )
 from squealstudy.study.experiments.work_precision.tables import measurement_tables
-from squealstudy.study.experiments.work_precision.variants import Variant, make_variants
+from squealstudy.study.experiments.work_precision.variants import (
+    Variant,
+    common_study,
+    make_variants,
+)
 from squealstudy.study.files import write_parquet
 from squealstudy.study.keys import content_hash
 from squealstudy.study.kind import Progress
@@ -65,7 +69,7 @@ class WorkPrecision:
     def over(self) -> int:
         """Design points that share a set-up."""
         asked = self.experiment.definition.work_precision.over
-        return asked or count_points(self.experiment.base.study)
+        return asked or count_points(common_study(self.experiment))
 
     def _check(self) -> None:
         """StudyFileError for what the sections alone do not show."""

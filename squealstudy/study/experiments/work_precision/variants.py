@@ -124,9 +124,18 @@ def _variant(
     )
 
 
+def common_study(experiment: Experiment) -> Study:
+    """The base study with what is changed for all methods; StudyFileError."""
+    try:
+        return experiment.base.variant(experiment.definition.work_precision.set)
+    except StudyFileError as error:
+        keys = ("work_precision", "set")
+        raise experiment.error(keys, f"{error.key or 'base'}: {error.message}") from None
+
+
 def measured_points(experiment: Experiment) -> list[dict[str, float]]:
     """Swept values of the design points at which errors are measured."""
-    section, study = experiment.definition.work_precision, experiment.base.study
+    section, study = experiment.definition.work_precision, common_study(experiment)
     own = design_points(study)
     if not section.points or not study.sweeps:
         return own
