@@ -52,14 +52,20 @@ def test_missed_and_spurious_instabilities_are_counted(roots, count):
     assert root_errors(found(roots), found(TRUE))[1] == count
 
 
-def run(rms, bounds=(None, None), growth=10.0, shares=None, line=3000.0):
+def run(rms, bounds=(None, None), growth=10.0, shares=None, line=3000.0, what="limit_cycle"):
     values = {
         "growth_rate": [growth, growth, growth],
         "torque_rms": [rms, *(b if b is not None else rms for b in bounds)],
         "torque_mean": [350.0, 350.0, 350.0],
         "dominant_frequency": [line, line, line],
     }
-    return {"values": values, "torque_static": 357.0, "energy_share": shares or {"3": 1.0}}
+    return {
+        "values": values,
+        "class": what,
+        "torque_static": 357.0,
+        "predicted_frequency_hz": 3000.0,
+        "energy_share": shares or {"3": 1.0},
+    }
 
 
 def test_levels_with_bounds_are_compared_as_intervals():
@@ -76,6 +82,18 @@ def test_a_quiet_run_where_the_reference_squeals_is_missed():
     assert count == (1, 0)
     assert "dominant_frequency" not in {e.quantity for e in errors}  # nothing to compare
     assert run_errors(run(40.0), run(0.0))[1] == (0, 1)
+
+
+def test_a_run_that_still_grows_has_no_level():
+    errors, count = run_errors(run(40.0, what="growing"), run(30.0, what="growing"))
+    assert count == (0, 0)
+    assert {e.quantity for e in errors} == {"growth_rate", "torque_mean", "dominant_frequency"}
+
+
+def test_faint_growth_is_compared_on_the_scale_of_its_frequency():
+    errors, _ = run_errors(run(40.0, growth=3.0), run(40.0, growth=1.0))
+    growth = next(e for e in errors if e.quantity == "growth_rate")
+    assert growth.error == pytest.approx(2.0 / (2 * np.pi * 3.0))
 
 
 def test_shares_of_modes_that_only_one_hears():

@@ -34,7 +34,6 @@ WITH_BOUNDS = {
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
 PLAIN = {"torque_mean": "torque_mean", "dominant_frequency": "dominant_frequency_hz"}
-SCALES = {"torque_static": "torque_static"}
 
 
 def measure_runs(
@@ -135,6 +134,7 @@ def _found(done: Finished) -> dict[str, Any]:
         "message": "",
         "class": point["class"],
         "torque_static": float(point["torque_static"]),
+        "predicted_frequency_hz": float(np.nan_to_num(point["predicted_frequency_hz"])),
         "energy_balance": float(point["energy_balance"]),
         "values": values,
         "energy_share": shares,
