@@ -115,7 +115,7 @@ def run_errors(
     slow = max(SLOW, FAINT * 2 * np.pi * truth["predicted_frequency_hz"])
     scales = {"growth_rate": slow, "torque_rms": level, "torque_mean": level}
     loud, loud_ref = (_upper(f, "torque_rms") > level for f in (found, truth))
-    left_out = () if loud and loud_ref else ("dominant_frequency",)
+    left_out: tuple[str, ...] = () if loud and loud_ref else ("dominant_frequency",)
     left_out += () if truth["class"] in LASTING else ("torque_rms",)
     errors = []
     for name, numbers in truth["values"].items():
