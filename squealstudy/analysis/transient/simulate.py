@@ -29,12 +29,14 @@ OUTCOMES = {
     layout.NOT_CONVERGED: "not_converged",
     layout.NOT_FINITE: "not_finite",
     layout.SINGULAR: "singular_jacobian",
+    layout.BLOWN_UP: "blown_up",
 }
 REASONS = {
     layout.DONE: "",
     layout.NOT_CONVERGED: "the contact iteration did not converge",
     layout.NOT_FINITE: "the forces are not finite",
     layout.SINGULAR: "the Jacobian is singular",
+    layout.BLOWN_UP: "far more kinetic energy than was ever put in",
 }
 
 
@@ -77,13 +79,13 @@ def simulate(
     saved = saved_arrays(modal, system.n, settings)
     kernel = newmark if len(designs) == 1 else newmark_batch
     kernel(B, modal, options, work, saved)
-    return [_result(work, saved, settings, k, system.n) for k in range(len(designs))]
+    return [result_of(work, saved, settings, k, system.n) for k in range(len(designs))]
 
 
-def _result(
+def result_of(
     work: layout.Work, saved: layout.Saved, settings: TransientSettings, k: int, n: int
 ) -> TransientResult:
-    """One design's part of the working arrays."""
+    """One design's part of the working arrays of a kernel that came to an end."""
     count, real = work.counts[k], work.real[k]
     status = int(count[layout.STATUS])
     steps = count[layout.STEP] + count[layout.POSITION] / 2**settings.max_halvings
@@ -91,7 +93,7 @@ def _result(
     message = "" if status == layout.DONE else f"t = {time:.9g} s: {REASONS[status]}"
     rows = int(count[layout.SAVED])
     history = {name: saved.history[k, :rows, i].copy() for i, name in enumerate(layout.HISTORY)}
-    energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD :]))
+    energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL]))
     return TransientResult(
         OUTCOMES[status],
         message,
@@ -108,4 +110,5 @@ def _result(
         int(count[layout.NEWTON_STEPS]),
         float(real[layout.CONTRACTION]),
         energy,
+        int(count[layout.STEP]),
     )
