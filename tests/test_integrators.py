@@ -18,8 +18,9 @@ from squealstudy.analysis.integrators.fixed_step import arrays
 from squealstudy.analysis.integrators.integrate import INTEGRATORS, integrate
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.kernels.gradient_pass import quotient
 from squealstudy.models.law import ContactLaw
 
 ORDERS = {
@@ -29,6 +30,7 @@ ORDERS = {
     "central_difference": 2,
     "exponential_2": 2,
     "exponential_3": 3,
+    "exponential_implicit": 2,
 }
 EXPLICIT = ("central_difference", "exponential_2", "exponential_3")
 SHARP = {"tolerance": 1e-11, "tolerance_t": 1e-10}
@@ -175,9 +177,11 @@ def test_exponential_steps_are_exact_without_contact():
         A = np.array([[0, 1, 0], [-w2[k], -c[k], load[k]], [0, 0, 0]])
         ends.append((la.expm(0.3 * A) @ [q0[k], v0[k], 1.0])[:2])
     q, v = np.array(ends).T
-    for name in ("exponential_2", "exponential_3"):
+    cases = {"exponential_2": {}, "exponential_3": {}, "exponential_implicit": {"limit": 1e9}}
+    for name, options in cases.items():
         for step in (0.3, 0.1, 1e-3):
-            r = run(name, system, design, TransientSettings(0.3, step, 0), q0, v0)
+            settings = TransientSettings(0.3, step, 0)
+            r = run(name, system, design, settings, q0, v0, **options)
             assert r.outcome == "ok"
             np.testing.assert_allclose(r.v, v, rtol=1e-8, atol=1e-9)
             np.testing.assert_allclose(r.q, q, rtol=1e-8, atol=1e-11)
@@ -239,6 +243,21 @@ def test_energy_from_nowhere_is_no_success():
     r = run("newmark", system, design, settings, np.zeros(5), np.ones(5))
     assert r.outcome == "blown_up"
     assert "kinetic energy" in r.message
+
+
+@pytest.mark.parametrize("d", [0.0, 1e-12, 0.9e-6, 1.1e-6, 3e-4, 1.9e-3, 5e-3, -0.9e-6, -5e-3])
+@pytest.mark.parametrize(("code", "b"), [(1, 1.0), (2, 2.0), (2, 3.0), (3, 1.0)])
+def test_difference_quotient_is_the_mean_pressure(code, b, d):
+    a, g = 3e9, -1e-3
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    half, middle = abs(d) / 2, g
+    if g + half > 0 and code != 3:  # open over the rest of the step
+        half, middle = (half - g) / 2, (g - half) / 2
+    at = middle + half * nodes
+    p = -a * at if code == 3 else a * (-at) ** b
+    share = half / (abs(d) / 2) if d else 1.0
+    python = getattr(quotient, "py_func", quotient)
+    assert python(code, a, b, g, d) == pytest.approx(share * weights @ p / 2, rel=1e-10)
 
 
 @pytest.fixture(scope="module")
@@ -327,19 +346,62 @@ def test_twins(rough):
             assert r.mean_iterations == r.max_iterations == 1.0
 
 
-def test_members_of_the_alpha_family_that_are_newmark(rough):
+def test_members_of_families_that_are_newmark(rough):
     system, design, _, _ = rough
     settings = TransientSettings(2e-4, 1e-6, 0, **SHARP)
     ours = run("newmark", system, design, settings, np.zeros(12), KICK)
-    r = run("hht_alpha", system, design, settings, np.zeros(12), KICK, alpha=0.0)
-    np.testing.assert_allclose(r.v, ours.v, rtol=1e-7, atol=1e-7)
+    for name, options in (("hht_alpha", {"alpha": 0.0}), ("exponential_implicit", {"limit": 0.0})):
+        r = run(name, system, design, settings, np.zeros(12), KICK, **options)
+        np.testing.assert_allclose(r.v, ours.v, rtol=1e-7, atol=1e-7)
     damped = run("hht_alpha", system, design, settings, np.zeros(12), KICK, alpha=-0.3)
     assert la.norm(damped.v - ours.v) > 1e-4 * la.norm(ours.v)
 
 
+def wide_system(n=40, nc=24):
+    """As random_system with modes to 200 kHz, as a brake's reduced model has them."""
+    rng = np.random.default_rng(3)
+    w2 = (2 * np.pi * np.geomspace(800, 200e3, n)) ** 2
+    area = rng.uniform(0.5, 1.5, nc) * 1e-2 / nc
+    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    p = rng.uniform(0.5, 1.5, nc) * 1e6
+    k = area * p * law.lam
+    shapes = rng.normal(size=(3, nc, n)) * np.sqrt(0.04 * w2 / k.sum())
+    values, phi = la.eigh(np.diag(w2) + shapes[0].T @ (k[:, None] * shapes[0]))
+    N, T1, T2 = shapes @ phi
+    gap = np.array([law.gap_at(x) for x in p])
+    force = np.column_stack([area * p, -0.5 * area * p, 0 * p])
+    one = np.ones(nc)
+    system = ModalSystem(values, N, T1, T2, area, one, 0.1 * one, gap, k, force)
+    friction = FrictionLaw(0.5, 0.5, 0.5 * p.max() / 0.01)
+    v = rng.normal(size=n) / (1 + (np.sqrt(values) / (2 * np.pi * 4e3)) ** 3)
+    v *= 0.6 / np.hypot(T1 @ v, T2 @ v).max()
+    return system, TransientDesign(law, friction, 0.5, 0.01 * np.sqrt(values)), v
+
+
+def test_exact_resolved_modes_beat_average_acceleration():
+    # stick, lift-off and omega h to 2.6: all modes exact resonate with the changes of contact
+    system, design, v0 = wide_system()
+    settings = TransientSettings(1e-3, 2e-6, 10)
+    rest = np.zeros(len(v0))
+    reference = run("dop853", system, design, settings, rest, v0, rtol=1e-9)
+    assert reference.history["stick"].max() > 0.1
+    assert reference.history["open"].max() > 0.1
+    assert math.sqrt(system.omega2[-1]) * settings.step > 2.5
+
+    def error(name, **options):
+        r = run(name, system, design, settings, rest, v0, **options)
+        assert r.outcome == "ok"
+        return la.norm(r.v - reference.v) / la.norm(reference.v)
+
+    limited = error("exponential_implicit")
+    assert limited < 0.1 * error("newmark")
+    assert limited < 0.1 * error("exponential_implicit", limit=1e9)
+
+
 def test_predictor_held_constant_reaches_the_same_state(rough):
     system, design, _, _ = rough
-    for name in ("newmark", "newmark_newton", "generalised_alpha", "discrete_gradient"):
+    names = ("newmark", "newmark_newton", "generalised_alpha", "discrete_gradient")
+    for name in (*names, "exponential_implicit"):
         sharp = {"tolerance": 1e-5, "tolerance_t": 1e-4} if name == "newmark_newton" else SHARP
         settings = TransientSettings(2e-4, 1e-6, 0, **sharp)
         one = run(name, system, design, settings, np.zeros(12), KICK)
@@ -351,7 +413,8 @@ def test_predictor_held_constant_reaches_the_same_state(rough):
 def test_mockup_shortens_the_iteration_of_sticking_points():
     system, design = belt(0.5, k_t=1e5)
     settings = TransientSettings(5, 1e-3, 0)
-    for name in ("hht_alpha", "generalised_alpha", "discrete_gradient"):
+    names = ("hht_alpha", "generalised_alpha", "discrete_gradient", "exponential_implicit")
+    for name in names:
         with_it, without = (
             run(name, system, design, settings, 1.2, 0.4, mockup=x) for x in ("auto", "never")
         )

@@ -88,6 +88,16 @@ INTEGRATORS: Mapping[str, IntegratorEntry] = MappingProxyType(
             "free modes exact, contact by PEC of order 3",
             {"start_parts": Option(16, "parts of the first step, of order 2", 1, 1000)},
         ),
+        "exponential_implicit": IntegratorEntry(
+            "exponential, implicit",
+            "resolved free modes exact, contact by the trapezoidal rule, iterated as Newmark's",
+            {
+                "limit": Option(
+                    2.0, "omega h beyond which a mode moves by average acceleration", 0.0
+                ),
+                **ITERATION,
+            },
+        ),
         "dop853": IntegratorEntry(
             "DOP853", "explicit Runge-Kutta of order 8, adaptive (Hairer)", ADAPTIVE
         ),

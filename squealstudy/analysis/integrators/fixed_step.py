@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.analysis.integrators.options import Value
-from squealstudy.analysis.integrators.propagators import propagators
+from squealstudy.analysis.integrators.propagators import propagators, with_limit
 from squealstudy.analysis.transient.arrays import (
     kernel_settings,
     modal_arrays,
@@ -24,8 +24,11 @@ from squealstudy.kernels import integrator_layout
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.alpha_method import alpha_method
 from squealstudy.kernels.central_difference import central_difference
+from squealstudy.kernels.exponential_implicit import exponential_implicit
 from squealstudy.kernels.exponential_steps import exponential_steps
-from squealstudy.kernels.integrator_layout import N_COEFFICIENT, Scheme
+from squealstudy.kernels.integrator_layout import N_COEFFICIENT, P2_V, Scheme
+
+STIFFEST = 1e-9  # answer of a mode to a force, over the step, below which it counts as this
 
 
 @dataclass(frozen=True)
@@ -120,17 +123,20 @@ def own_settings(settings: TransientSettings, options: Mapping[str, Value]) -> T
 
 def run_alpha(case: Arrays, scheme: Scheme) -> TransientResult:
     """HHT, generalised alpha and the discrete gradient."""
-    modal, h = case.modal, case.settings.step
-    if modal.own.size:
-        share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
-        modes = modal.modes[0]
-        D = 1.0 + share * scheme.gamma * h * modes[layout.C]
-        D += share * scheme.beta * h * h * modes[layout.W2]
-        compliance = np.ascontiguousarray((modal.tangential / D) @ modal.tangential.T)
-        own = compliance.diagonal().reshape(-1, 2).max(axis=1)
-        modal = modal._replace(compliance=compliance, own=own)
+    h, modes = case.settings.step, case.modal.modes[0]
+    share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
+    D = 1.0 + share * scheme.gamma * h * modes[layout.C]
+    D += share * scheme.beta * h * h * modes[layout.W2]
+    modal = with_compliance(case.modal, D)
     alpha_method(case.B, modal, case.options, scheme, case.work, case.saved)
     return case.result()
+
+
+def with_compliance(modal: layout.Modal, D: np.ndarray) -> layout.Modal:
+    """The same with the compliance of the points T D^-1 T^T, D (n,) the diagonal Jacobian."""
+    compliance = np.ascontiguousarray((modal.tangential / D) @ modal.tangential.T)
+    own = compliance.diagonal().reshape(-1, 2).max(axis=1)
+    return modal._replace(compliance=compliance, own=own)
 
 
 def hht(alpha: float) -> Scheme:
@@ -161,4 +167,20 @@ def run_exponential(case: Arrays, parts: int) -> TransientResult:
     if parts > 0:
         E[1] = propagators(w2, c, h / parts)
     exponential_steps(case.B, case.modal, case.options, E, parts, case.work, case.saved)
+    return case.result()
+
+
+def run_exponential_implicit(case: Arrays, limit: float) -> TransientResult:
+    """The exponential trapezoidal rule for modes with omega h up to a limit; Newmark's beyond."""
+    modal, h = case.modal, case.settings.step
+    w2, c = modal.modes[0, layout.W2], modal.modes[0, layout.C]
+    levels = case.settings.max_halvings + 1
+    E, D = aligned_zeros(levels, N_COEFFICIENT, len(w2)), aligned_zeros(levels, len(w2))
+    for level in range(levels):
+        part = h / 2**level
+        E[level] = with_limit(propagators(w2, c, part), w2, c, part, limit)
+        # fast modes may not answer at all; free ones answer with h/2
+        D[level] = 0.5 * part / np.maximum(E[level, P2_V], STIFFEST * part) - 1.0
+    like = with_compliance(modal._replace(modes=np.zeros_like(modal.modes)), 1.0 + D[0])
+    exponential_implicit(case.B, modal, like, case.options, E, D, case.work, case.saved)
     return case.result()

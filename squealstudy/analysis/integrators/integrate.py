@@ -18,6 +18,7 @@ from squealstudy.analysis.integrators.fixed_step import (
     run_alpha,
     run_central,
     run_exponential,
+    run_exponential_implicit,
 )
 from squealstudy.analysis.integrators.options import Value
 from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
@@ -36,6 +37,7 @@ FIXED_STEP: Mapping[str, Callable[[Arrays, Mapping[str, Any]], TransientResult]]
     "discrete_gradient": lambda case, x: run_alpha(case, generalised(1.0, gradient=True)),
     "central_difference": lambda case, x: run_central(case, x["velocity"] == "lagged"),
     "exponential_2": lambda case, x: run_exponential(case, 0),
+    "exponential_implicit": lambda case, x: run_exponential_implicit(case, x["limit"]),
     "exponential_3": lambda case, x: run_exponential(case, int(x["start_parts"])),
 }
 

@@ -42,3 +42,30 @@ def propagators(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
     for k in range(3):
         rows[4 + 2 * k], rows[5 + 2 * k] = h * X[:, 0, 2 + k] / rate, h * X[:, 1, 2 + k]
     return rows
+
+
+def with_limit(
+    rows: np.ndarray, w2: np.ndarray, c: np.ndarray, h: float, limit: float
+) -> np.ndarray:
+    """`rows` of `propagators` with average acceleration for modes whose omega h exceeds a limit.
+
+    Newmark's step with forces f_0, f_1 beyond the mode has q_1 = q_0 + h (v_0 + v_1) / 2 and
+    v_1 = v_0 + h (a_0 + a_1) / 2, whose answer to a force is half to either end.
+    """
+    D = 1.0 + 0.5 * h * c + 0.25 * h * h * w2
+    base_q, base_v = 1.0 - 0.25 * h * h * w2 + 0.5 * h * c, 1.0 - 0.5 * h * c - 0.25 * h * h * w2
+    newmark = np.array(
+        [
+            base_q / D,
+            h / D,
+            -h * w2 / D,
+            base_v / D,
+            0.5 * h * h / D,
+            h / D,
+            0.25 * h * h / D,
+            0.5 * h / D,
+            np.zeros_like(w2),
+            np.zeros_like(w2),
+        ]
+    )
+    return np.where(np.sqrt(np.abs(w2)) * h > limit, newmark, rows)
