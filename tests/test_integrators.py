@@ -16,6 +16,7 @@ from test_newmark import KICK, belt, linear_case, point_system, random_system
 from squealstudy.analysis.integrators.adaptive import SOLVERS, Equations
 from squealstudy.analysis.integrators.fixed_step import arrays
 from squealstudy.analysis.integrators.integrate import INTEGRATORS, integrate
+from squealstudy.analysis.integrators.warmup import warm_integrators
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
@@ -504,9 +505,9 @@ def test_options_are_checked(stick_slip, name, options, key, message):
 def test_initial_states_are_checked(stick_slip):
     system, design, settings, _ = stick_slip
     for name in INTEGRATORS:
-        for q0 in (np.zeros(2), np.array([np.inf])):
+        for q0 in (np.zeros(2), np.zeros((1, 1)), np.array([np.inf])):
             with pytest.raises(ModelError, match="initial state"):
-                run(name, system, design, settings, q0, 0.0)
+                integrate(name, system, design, settings, q0, np.zeros(1), {})
 
 
 def test_catalogue_has_words_and_allowed_defaults():
@@ -517,3 +518,9 @@ def test_catalogue_has_words_and_allowed_defaults():
         for option in entry.options.values():
             assert option.description
             assert option.takes(option.default)
+
+
+def test_warming_runs_every_integrator():
+    assert warm_integrators() >= 0.0
+    with pytest.raises(ParameterError, match="none of newmark"):
+        warm_integrators(["euler"])

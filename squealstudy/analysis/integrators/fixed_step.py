@@ -65,6 +65,13 @@ class Arrays:
         return result_of(self.work, self.saved, self.settings, 0, self.n)
 
 
+def check_state(system: ModalSystem, q0: np.ndarray, v0: np.ndarray) -> None:
+    """ModelError for an initial state that does not fit or is not finite."""
+    for initial in (q0, v0):
+        if np.shape(initial) != (system.n,) or not np.isfinite(initial).all():
+            raise ModelError(f"an initial state needs {system.n} finite values")
+
+
 def arrays(
     system: ModalSystem,
     design: TransientDesign,
@@ -78,7 +85,7 @@ def arrays(
     Raises
     ------
     ModelError
-        A design that does not fit the system, or an initial state that is not finite.
+        A design that does not fit the system.
     """
     settings = own_settings(settings, options)
     modal, _ = modal_arrays(system, [design], settings)
@@ -93,8 +100,6 @@ def arrays(
         (layout.Q, layout.Q_TRIAL, q0),
         (layout.V, layout.V_TRIAL, v0),
     ):
-        if np.shape(initial) != (system.n,) or not np.isfinite(initial).all():
-            raise ModelError(f"an initial state needs {system.n} finite values")
         work.x[0, row, : system.n] = initial
         work.x[0, trial, : system.n] = initial
     saved = saved_arrays(modal, system.n, settings)

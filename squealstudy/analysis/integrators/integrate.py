@@ -13,6 +13,7 @@ from squealstudy.analysis.integrators.catalogue import INTEGRATORS
 from squealstudy.analysis.integrators.fixed_step import (
     Arrays,
     arrays,
+    check_state,
     generalised,
     hht,
     run_alpha,
@@ -84,6 +85,7 @@ def integrate(
     if name not in INTEGRATORS:
         raise ParameterError("integrator", f"'{name}' is none of {', '.join(INTEGRATORS)}")
     values = INTEGRATORS[name].values(options)
+    check_state(system, q0, v0)
     if name in ("newmark", "newmark_newton"):
         own = newmark_settings(name, settings, values)
         return judged(simulate(system, [design], own, q0, v0)[0], system, design, q0, v0)
