@@ -15,7 +15,14 @@ import numpy as np
 
 from squealstudy.kernels.gradient_pass import pass_gradient
 from squealstudy.kernels.integrator_layout import X_START, Scheme
-from squealstudy.kernels.integrator_state import close_step, count_pass, open_run, shown
+from squealstudy.kernels.integrator_state import (
+    close_step,
+    count_pass,
+    halve,
+    open_run,
+    part_done,
+    shown,
+)
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_correct import divide, place, relax
 from squealstudy.kernels.newmark_layout import (
@@ -26,14 +33,12 @@ from squealstudy.kernels.newmark_layout import (
     DONE,
     E2_OLD,
     FLOOR2,
-    HALVINGS,
     ITERATION,
     LEVEL,
     LOAD,
     NOT_CONVERGED,
     NOT_FINITE,
     OMEGA,
-    POSITION,
     PULL,
     PULL_OLD,
     Q_BASE,
@@ -186,13 +191,7 @@ def accept(modal: Modal, settings: Settings, scheme: Scheme, work: Work) -> bool
     keep_points(point, real[SUBSTEP])
     for i in range(point.shape[1]):
         point[X_START, i] = 2.0 * point[0, i] - point[X_START, i]
-    counts[POSITION] += 1 << (settings.max_halvings - counts[LEVEL])
-    if counts[POSITION] < 1 << settings.max_halvings:
-        return False
-    counts[POSITION] = 0
-    counts[LEVEL] = 0
-    counts[STEP] += 1
-    return True
+    return part_done(settings, counts)
 
 
 @fast_kernel
@@ -225,8 +224,5 @@ def alpha_method(
                 if shown(settings, counts[STEP]):
                     show(B, modal, work)
                 close_step(modal, settings, work, saved)
-        elif counts[LEVEL] < settings.max_halvings:
-            counts[LEVEL] += 1
-            counts[HALVINGS] += 1
         else:
-            counts[STATUS] = reason
+            halve(settings, counts, reason)

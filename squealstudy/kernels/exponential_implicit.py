@@ -23,7 +23,13 @@ from squealstudy.kernels.integrator_layout import (
     P2_Q,
     P2_V,
 )
-from squealstudy.kernels.integrator_state import close_step, count_pass, open_run
+from squealstudy.kernels.integrator_state import (
+    close_step,
+    count_pass,
+    halve,
+    open_run,
+    part_done,
+)
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_correct import relax
 from squealstudy.kernels.newmark_layout import (
@@ -33,20 +39,17 @@ from squealstudy.kernels.newmark_layout import (
     E2_OLD,
     FLOOR2,
     FORCE,
-    HALVINGS,
     ITERATION,
     LEVEL,
     NOT_CONVERGED,
     NOT_FINITE,
     OMEGA,
-    POSITION,
     PULL,
     PULL_OLD,
     Q_BASE,
     Q_TRIAL,
     RUNNING,
     STATUS,
-    STEP,
     SUBSTEP,
     SUBSTEP_OLD,
     V_BASE,
@@ -170,13 +173,7 @@ def accept(modal: Modal, settings: Settings, work: Work) -> bool:
     copy(x[A_TRIAL], x[PULL])
     real[SUBSTEP_OLD] = real[SUBSTEP]
     keep_points(work.point[0], real[SUBSTEP])
-    counts[POSITION] += 1 << (settings.max_halvings - counts[LEVEL])
-    if counts[POSITION] < 1 << settings.max_halvings:
-        return False
-    counts[POSITION] = 0
-    counts[LEVEL] = 0
-    counts[STEP] += 1
-    return True
+    return part_done(settings, counts)
 
 
 @entry_kernel
@@ -214,8 +211,5 @@ def exponential_implicit(
         if reason == DONE:
             if accept(modal, settings, work):
                 close_step(modal, settings, work, saved)
-        elif counts[LEVEL] < settings.max_halvings:
-            counts[LEVEL] += 1
-            counts[HALVINGS] += 1
         else:
-            counts[STATUS] = reason
+            halve(settings, counts, reason)

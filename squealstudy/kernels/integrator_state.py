@@ -12,9 +12,12 @@ from squealstudy.kernels.newmark_layout import (
     DONE,
     FLOOR2,
     FORCE,
+    HALVINGS,
+    LEVEL,
     MAX_PASSES,
     NOT_FINITE,
     PASSES,
+    POSITION,
     STATUS,
     STEP,
     STEP_PASSES,
@@ -69,6 +72,28 @@ def count_pass(work: Work) -> None:
     """One more evaluation of the contact forces."""
     work.counts[0, STEP_PASSES] += 1
     work.counts[0, PASSES] += 1
+
+
+@fast_kernel
+def part_done(settings: Settings, counts: np.ndarray) -> bool:
+    """Count an accepted sub-step; whether it ends a whole step."""
+    counts[POSITION] += 1 << (settings.max_halvings - counts[LEVEL])
+    if counts[POSITION] < 1 << settings.max_halvings:
+        return False
+    counts[POSITION] = 0
+    counts[LEVEL] = 0
+    counts[STEP] += 1
+    return True
+
+
+@fast_kernel
+def halve(settings: Settings, counts: np.ndarray, reason: int) -> None:
+    """After a failed sub-step: try half of it, or stop with the reason."""
+    if counts[LEVEL] < settings.max_halvings:
+        counts[LEVEL] += 1
+        counts[HALVINGS] += 1
+    else:
+        counts[STATUS] = reason
 
 
 @fast_kernel
