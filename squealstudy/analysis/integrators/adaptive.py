@@ -109,7 +109,7 @@ def run_adaptive(
             solver = SOLVERS[name](equations.rate, 0.0, y0, end, rtol=rtol, atol=atol, **extra)
             course.march(solver, int(options["max_evaluations"]))
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            course.fail("solver_failed", str(error))
+            course.fail("solver_failed", str(error) or "the solver raised an error")
     return course.result()
 
 
