@@ -1,0 +1,67 @@
+"""A plain fixed-Jacobian step whose residuals are kept: what the iteration does, not what it gives.
+
+Neither halving nor Newton comes to its help: a step that would need one ends the trace.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.jit import entry_kernel
+from squealstudy.kernels.newmark_correct import place
+from squealstudy.kernels.newmark_layout import (
+    A_TRIAL,
+    E2_OLD,
+    FIXED,
+    MODE,
+    RUNNING,
+    START,
+    STATUS,
+    SUBSTEP,
+    Modal,
+    Saved,
+    Settings,
+    Work,
+)
+from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_step import advance
+from squealstudy.kernels.newmark_vector import copy
+
+
+@entry_kernel
+def newmark_trace(
+    B: np.ndarray,
+    modal: Modal,
+    settings: Settings,
+    work: Work,
+    saved: Saved,
+    first: np.ndarray,
+    squares: np.ndarray,
+) -> int:
+    """Iterate one step of design 0; how many squared residuals were written to `squares` (m,).
+
+    Parameters
+    ----------
+    B, modal, settings, work, saved
+        As of `newmark.newmark`, of one step without halvings.
+    first : ndarray (n,) or (0,)
+        Trial acceleration to start from; empty for that of the predictor.
+
+    Notes
+    -----
+    The step converged where `work.counts[0, STATUS]` is DONE; its last residual is not written.
+    """
+    counts, real, n = work.counts[0], work.real[0], 0
+    while counts[STATUS] == RUNNING and n < squares.size:
+        starts = counts[MODE] == START
+        pass_one(B, modal, work, 0)
+        advance(B, modal, settings, work, saved, 0)
+        if counts[STATUS] != RUNNING or not (starts or counts[MODE] == FIXED):
+            break
+        if starts and first.size > 0:
+            copy(first, work.x[0, A_TRIAL])
+            place(work.x[0], real[SUBSTEP])
+        elif not starts:
+            squares[n] = real[E2_OLD]
+            n += 1
+    return n
