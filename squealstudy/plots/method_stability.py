@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ CLASSES = {
 WORKS = ("converged", "slow", "recovered")
 ALARM = "#CC0066"
 FAR = 6.0  # decades of the prediction that the contour tells apart
+WIDE = 48  # characters of a line in the legend
 COLUMNS = ("outcome", "flagged", "predicted")
 
 
@@ -98,7 +100,7 @@ def method_stability_map(
         axes.set_yscale("log")
     for axis, shown in ((axes.xaxis, grid.across), (axes.yaxis, grid.up)):
         set_ticks(axis, shown, cells[shown.name])
-    handles = _draw_classes(axes, grid, cells["outcome"])
+    handles = _draw_classes(axes, grid, cells)
     handles += _draw_alarm(axes, grid, cells)
     handles += _draw_boundary(axes, grid, cells["predicted"], boundary)
     finish(axes, grid.across.label, grid.up.label)
@@ -144,20 +146,28 @@ def _grid(cells: pd.DataFrame, x: str, y: str, units: Mapping[str, str] | None) 
     return Grid(across, up, columns, rows, column, row)
 
 
-def _draw_classes(axes: Axes, grid: Grid, outcome: pd.Series) -> list[Patch | Line2D]:
+def _draw_classes(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
     """Cells by class; the legend entries of those that occur, with their number."""
+    outcome = cells["outcome"]
     axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
     names = list(CLASSES)
     table = np.ma.masked_invalid(grid.table(outcome.map(names.index).to_numpy(dtype=float)))
     edges = cell_edges(grid.x, grid.across.log), cell_edges(grid.y, grid.up.log)
     colours = ListedColormap([colour for colour, _ in CLASSES.values()])
     axes.pcolormesh(*edges, table, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
-    count = outcome.value_counts()
     return [
-        Patch(facecolor=colour, edgecolor="0.6", label=f"{text} ({count[name]})")
+        Patch(facecolor=colour, edgecolor="0.6", label=f"{text} {_counts(cells, name)}")
         for name, (colour, text) in CLASSES.items()
-        if name in count
+        if (outcome == name).any()
     ]
+
+
+def _counts(cells: pd.DataFrame, name: str) -> str:
+    """Number of cells of a class; of those recovered also by what."""
+    of_class = cells[cells["outcome"] == name]
+    if name != "recovered" or "by" not in cells:
+        return f"({len(of_class)})"
+    return "\n".join(f"by {by} ({n})" for by, n in of_class["by"].value_counts().items())
 
 
 def _draw_alarm(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
@@ -189,7 +199,7 @@ def _draw_boundary(
     value = predicted.to_numpy(dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         table = np.ma.masked_invalid(np.clip(grid.table(np.log10(value)), -FAR, FAR))
-    name = f"predicted: {boundary}" if boundary else "predicted boundary"
+    name = fill(f"predicted: {boundary}", WIDE) if boundary else "predicted boundary"
     crossed = min(table.shape) > 1 and table.count() and table.min() < 0.0 < table.max()
     if not crossed:
         side = "beyond it throughout" if table.count() and table.min() >= 0.0 else "not crossed"

@@ -8,7 +8,7 @@ sweep over pressures and laws on shared modes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -16,6 +16,7 @@ import scipy.linalg as la
 
 from squealstudy.analysis.method_stability.contract import Knob
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.kernels.contact_point import POINT_NORMAL
 from squealstudy.models.law import ContactLaw
 
 REFERENCE_PRESSURE = 1e6  # Pa
@@ -110,10 +111,12 @@ def sliding_state(values: Mapping[str, float]) -> ContactState:
 
 
 def stuck_state(values: Mapping[str, float]) -> ContactState:
-    """One point that moves with the belt."""
+    """One point that moves with the belt, about a state without friction."""
     state = sliding_state(values)
     v0 = np.array([0.0, -values["sliding_speed"] / state.system.T1[0, 1]])
-    return ContactState(state.system, state.design, state.q0, v0)
+    pressed = state.system.points(state.design)[POINT_NORMAL]
+    design = replace(state.design, force=np.column_stack([pressed, 0 * pressed, 0 * pressed]))
+    return ContactState(state.system, design, state.q0, v0)
 
 
 def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> TransientDesign:

@@ -46,9 +46,7 @@ class DefaultChain:
 
     name: str = "default_chain"
     title: str = "default chain of Newmark, six modes and eight points"
-    boundary: str = (
-        "h k_t |T|^2 / 2 = STICK_LIMIT, or lambda h v = CLOSING_LIMIT at the fastest closing point"
-    )
+    boundary: str = f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}"
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
