@@ -95,8 +95,8 @@ class Equilibrium:
         try:
             with np.errstate(all="ignore"):
                 found = working_point(space, point, start)
-        except ConvergenceError as error:
-            return Cell(FAILED, error.status, True, predicted, np.inf, np.nan, MAX_ITERATIONS)
+        except ConvergenceError as reason:
+            return Cell(FAILED, reason.status, True, predicted, np.inf, np.nan, MAX_ITERATIONS)
         exact = equilibrium_gap(lam, load, knobs["friction"])
         error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
         slow = found.iterations > SLOW_FROM
@@ -130,7 +130,7 @@ def one_point(tension: float) -> ContactSpace:
 def leaves(tangent: float, friction: float) -> bool:
     """Whether complex modes at a contact tangent [Pa/m] have a real positive root: divergence."""
     k_n = AREA * tangent
-    K = np.array([[K_XX, K_XY + friction * k_n], [K_XY, K_YY + k_n]])
+    K = np.array([[K_XX, K_XY - friction * k_n], [K_XY, K_YY + k_n]])
     lam, _ = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
     return bool(((lam.real > 0) & (lam.imag == 0)).any())
 
