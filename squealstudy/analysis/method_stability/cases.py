@@ -18,5 +18,16 @@ from squealstudy.analysis.method_stability.orthonormalisation import ORTHONORMAL
 from squealstudy.analysis.method_stability.tracking import TRACKING
 
 CASES: Mapping[str, Case] = {
-    case.name: case for case in (FIXED_JACOBIAN, FIXED_JACOBIAN_POINT, DEFAULT_CHAIN, IMPACT_ENERGY)
+    case.name: case
+    for case in (
+        FIXED_JACOBIAN,
+        FIXED_JACOBIAN_POINT,
+        DEFAULT_CHAIN,
+        IMPACT_ENERGY,
+        COALESCENCE,
+        TRACKING,
+        LINEARISATION,
+        ORTHONORMALISATION,
+        WORKING_POINT,
+    )
 }
