@@ -62,9 +62,10 @@ class Linearisation:
         lam, psi = dense_roots(C, K, (0.0, np.inf))
         error = relative_errors(lam, exact)
         limit = predicted_error(C, K, exact)
-        estimate = SAFE * estimated(C, K, lam, psi)
+        with np.errstate(over="ignore", invalid="ignore"):
+            estimate = SAFE * estimated(C, K, lam, psi)
         outcome = WRONG if error > ACCURATE else CONVERGED
-        flagged = estimate > ACCURATE
+        flagged = not estimate <= ACCURATE
         by = f"estimate {estimate:.1e}" if flagged else ""
         return Cell(outcome, by, flagged, limit / ACCURATE, error / ACCURATE, error, len(lam))
 
@@ -102,8 +103,9 @@ def predicted_error(C: np.ndarray, K: np.ndarray, exact: np.ndarray) -> float:
     size_c, size_k, size = np.linalg.norm(C, 2), np.linalg.norm(K, 2), np.abs(exact)
     scale = np.sqrt(np.linalg.norm(K) / np.sqrt(n))
     companion = size_c + size_k / scale + scale
-    change = (companion * scale + size * companion + size**2) / np.maximum(gap * size, 1e-300)
-    return float(tiny * np.maximum(change, companion / size).max())
+    change = tiny * (companion * scale + size * companion + size**2)
+    moved = change / np.maximum(gap, np.sqrt(change))  # a double root moves by the square root
+    return float((np.maximum(moved, tiny * companion) / size).max())
 
 
 def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> float:
