@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 
 from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, SLOW, WRONG
 from squealstudy.analysis.method_stability.equilibrium import (
@@ -15,7 +16,12 @@ from squealstudy.analysis.method_stability.equilibrium import (
     SOFT,
     WORKING_POINT,
     equilibrium_gap,
+    one_point,
 )
+from squealstudy.errors import ConvergenceError
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.working_point import working_point
 
 
 @pytest.mark.parametrize(("lam", "pressure"), [(1e5, 1e4), (5e5, 1e3), (1e5, 1e5), (5e5, 1e6)])
@@ -65,3 +71,13 @@ def test_the_pressed_branch_is_flagged_by_its_root():
     wrong = [x for x in cells if x.outcome == WRONG]
     assert wrong
     assert all(x.flagged and x.by == "real positive root" for x in wrong)
+
+
+def test_a_singular_jacobian_is_a_failure_with_a_name(monkeypatch):
+    def singular(*args, **options):
+        raise la.LinAlgError("singular")
+
+    monkeypatch.setattr(la, "solve", singular)
+    with pytest.raises(ConvergenceError) as caught:
+        working_point(one_point(0.0), OperatingPoint(0.5, 1e6, 1.0, ContactLaw()))
+    assert caught.value.status == "working_point"
