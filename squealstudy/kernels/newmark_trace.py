@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.jit import entry_kernel
-from squealstudy.kernels.newmark_correct import place
+from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
     A_TRIAL,
     E2_OLD,
     FIXED,
     MODE,
+    Q_BASE,
+    Q_TRIAL,
     RUNNING,
     START,
     STATUS,
     SUBSTEP,
+    V_BASE,
+    V_TRIAL,
     Modal,
     Saved,
     Settings,
@@ -25,7 +28,15 @@ from squealstudy.kernels.newmark_layout import (
 )
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import advance
-from squealstudy.kernels.newmark_vector import copy
+
+
+@fast_kernel
+def start_from(first: np.ndarray, x: np.ndarray, h: float) -> None:
+    """Trial state of a step h (beta 1/4, gamma 1/2) with the acceleration `first` (n,)."""
+    for j in range(first.size):
+        x[A_TRIAL, j] = first[j]
+        x[Q_TRIAL, j] = x[Q_BASE, j] + 0.25 * h * h * first[j]
+        x[V_TRIAL, j] = x[V_BASE, j] + 0.5 * h * first[j]
 
 
 @entry_kernel
@@ -59,8 +70,7 @@ def newmark_trace(
         if counts[STATUS] != RUNNING or not (starts or counts[MODE] == FIXED):
             break
         if starts and first.size > 0:
-            copy(first, work.x[0, A_TRIAL])
-            place(work.x[0], real[SUBSTEP])
+            start_from(first, work.x[0], real[SUBSTEP])
         elif not starts:
             squares[n] = real[E2_OLD]
             n += 1

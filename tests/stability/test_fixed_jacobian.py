@@ -40,8 +40,10 @@ def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
     own, mass = (2 * np.pi * 1e3) ** 2, 1 / system.N[0, 0] ** 2
     c = 2 * 0.01 * np.sqrt(own + k_ref / mass)
     j_lin = mass * (4 / step**2 + 2 * c / step + own)
-    k_true = crossing(diverges, 0.5, 2e2) * k_ref
-    assert k_true == pytest.approx(j_lin + 2 * contact_factor * k_ref, rel=1e-3)
+    limit = crossing(diverges, 0.5, 2e2)
+    assert limit * k_ref == pytest.approx(j_lin + 2 * contact_factor * k_ref, rel=1e-3)
+    values = {"step": step, "contact_factor": contact_factor, "preload": limit}
+    assert POINT.evaluate(values).predicted == pytest.approx(1.0, rel=2e-3)
 
 
 @pytest.mark.parametrize("step", [1e-6, 1e-5])
