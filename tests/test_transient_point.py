@@ -143,6 +143,23 @@ def test_the_start_has_the_velocity_asked_for(brake, reduced, reference):
     assert not v.any()
 
 
+def test_the_start_does_not_depend_on_signs_of_eigenvectors(brake, reduced, reference):
+    """Nor on their phases: two runs of one study must begin alike."""
+    _, made = at(brake, reduced, reference, NOMINAL_STATE)
+    assert len(made.modes.lam) > 1
+    turned = made.modes.right * np.exp(1j * np.arange(1, len(made.modes.lam) + 1))
+    signs = np.where(np.arange(reference.system.n) % 3, 1.0, -1.0)
+    names = ("N", "T1", "T2")
+    other = replace(reference.system, **{k: getattr(reference.system, k) * signs for k in names})
+    right = signs[:, None] * turned
+    point = replace(made, modes=replace(made.modes, right=right))
+    for modes in ((), (24, 25, 26)):
+        expected = perturbed_start(reference.system, made, 1e-3, modes)
+        found = perturbed_start(other, point, 1e-3, modes)
+        for a, b in zip(expected, found, strict=True):
+            np.testing.assert_allclose(signs * b, a, atol=1e-9 * np.abs(a).max())
+
+
 def test_assembly_damping_replaces_the_uniform_one(brake, reduced, reference):
     state = replace(NOMINAL_STATE, assembly_damping={25: 0.03})
     _, made = at(brake, reduced, reference, state)

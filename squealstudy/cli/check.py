@@ -8,12 +8,14 @@ import os
 import sys
 from pathlib import Path
 
-from squealstudy.cli import screen
+from squealstudy.cli import fidelity_screen, screen
+from squealstudy.cli.experiment import check_experiment_command
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
-from squealstudy.study.definition import load_study
 from squealstudy.study.estimate import Estimate, estimate
+from squealstudy.study.experiments.definition import Experiment, load_any
+from squealstudy.study.fidelity.run import resolve
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
@@ -29,7 +31,15 @@ from squealstudy.study.schema import study_schema
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
-    plan = Plan(load_study(path))
+    loaded = load_any(path)
+    if isinstance(loaded, Experiment):
+        check_experiment_command(loaded, output)
+        return
+    plan, facts = Plan(loaded), None
+    if loaded.definition.fidelity is not None:
+        with screen.progress_bars() as progress:
+            resolved = resolve(loaded, jobs or os.cpu_count() or 1, progress)
+        plan, facts = resolved.plan, resolved.facts
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
     check_ownership(directory, plan)
@@ -44,7 +54,8 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     plan = grown(plan, directory) if directory.is_dir() else plan
     done = chunks.finished_points(directory, kind.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
-    screen.facts(_facts(plan, directory, missing, jobs, estimate(plan)))
+    rows = _facts(plan, directory, missing, jobs, estimate(plan))
+    screen.facts([*rows, *fidelity_screen.facts(facts)])
     for text in kind.warnings(plan):
         screen.warning(text)
 
@@ -75,7 +86,7 @@ def _facts(
         *rows,
         (
             "time",
-            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers",
+            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers{_bound(plan)}",
         ),
         (
             "memory",
@@ -92,6 +103,14 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     kept = f", to {method.tolerance:g}" if method.identity else ""
     bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
     return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+
+
+def _bound(plan: Plan) -> str:
+    """Runs that may end early are timed as if they did not."""
+    definition = plan.study.definition
+    if definition.study.kind != "transient" or definition.transient.stop == "end":
+        return ""
+    return "; an upper bound, for runs end once their outcome is known"
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:

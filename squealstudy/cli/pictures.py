@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.cli import screen
+from squealstudy.cli.experiment_screen import experiment_figures
 from squealstudy.cli.sensitivity_screen import sensitivity_figures
 from squealstudy.cli.transient_pictures import NOT_IN_NAMES, nominal_others, transient_figures
 from squealstudy.errors import ResultsError
@@ -21,7 +22,7 @@ from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.results import SOBOL_INDICES, Results
+from squealstudy.study.results import EXPERIMENTS, SOBOL_INDICES, Results
 
 
 def plot_command(path: Path, output: Path | None, along: str | None) -> None:
@@ -48,6 +49,8 @@ def draw_pictures(results: Results, directory: Path, along: str | None = None) -
 
 
 def _named_figures(results: Results, along: str | None) -> Iterable[tuple[str, Figure]]:
+    if results.kind in EXPERIMENTS:
+        return experiment_figures(results)
     if results.kind == "transient":
         return transient_figures(results, along)
     if results.kind == "sensitivity":

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import screen, sensitivity_screen, transient_screen
+from squealstudy.cli import fidelity_screen, screen, sensitivity_screen, transient_screen
+from squealstudy.cli.experiment import run_experiment_command
 from squealstudy.cli.pictures import draw_pictures
 from squealstudy.models.matrix_family import NAME as MATRICES
-from squealstudy.study.definition import load_study
+from squealstudy.study.experiments.definition import Experiment, load_any
+from squealstudy.study.fidelity.run import resolve, run_resolved
+from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
 
-INTERRUPTED = 130
 LISTED = 12  # modes in the ranking that a run prints
 
 
@@ -23,15 +24,20 @@ def run_command(
     study: Path, output: Path | None, jobs: int | None, yes: bool, pictures: bool
 ) -> None:
     """Run, rank, draw, and say where everything is."""
-    plan = Plan(load_study(study))
+    loaded = load_any(study)
+    jobs = jobs or os.cpu_count() or 1
+    if isinstance(loaded, Experiment):
+        run_experiment_command(loaded, output, jobs, pictures)
+        return
+    plan = Plan(loaded)
     directory = output or default_directory(plan)
-    try:
-        with screen.progress_bars() as progress:
-            jobs = jobs or os.cpu_count() or 1
+    with screen.interruptible(), screen.progress_bars() as progress:
+        if loaded.definition.fidelity is None:
             report = run_study(plan, directory, jobs, yes, progress, screen.warning)
-    except KeyboardInterrupt:
-        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
-        raise SystemExit(INTERRUPTED) from None
+        else:
+            check_ownership(directory, plan)
+            chosen = resolve(loaded, jobs, progress)
+            report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
     screen.console.print()
@@ -63,6 +69,8 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
             f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        *transient_screen.ended_early(manifest),
+        *fidelity_screen.facts(manifest.get("fidelity")),
         *_method(manifest),
         ("error", error_statement(report.directory, manifest)),
         ("tables", ", ".join(str(report.directory / n) for n in TABLES[manifest["kind"]])),

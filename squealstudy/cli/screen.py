@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import sys
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any
 
@@ -21,6 +22,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+INTERRUPTED = 130
 NARROW, WIDE = 6, 30  # least column widths: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 console = Console(
@@ -105,6 +107,16 @@ def _threshold(row: dict[Hashable, Any]) -> str:
     if not isinstance(value, float) or value != value:
         return "-"
     return f"{'<= ' if kind == 'first seen' else ''}{round(value, 9):.4g}"
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Say how an interrupted run goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
+        raise SystemExit(INTERRUPTED) from None
 
 
 @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -41,6 +41,19 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     )
     if len(varied) > MOST_COLUMNS:
         _legend(table.head(LISTED), varied)
+
+
+def ended_early(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What runs that stopped once their outcome was known have saved; nothing where none may."""
+    found = manifest.get("simulated_time")
+    if found is None:
+        return []
+    share = 100 * found["saved_s"] / found["asked_s"] if found["asked_s"] else 0.0
+    text = (
+        f"{found['saved_s']:.3g} of {found['asked_s']:.3g} s not simulated ({share:.0f} %): "
+        f"{found['settled']} runs had settled, {found['decayed']} had decayed"
+    )
+    return [("ended early", text)]
 
 
 def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:

@@ -5,14 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels.jit import entry_kernel
-from squealstudy.kernels.newmark_layout import RUNNING, STATUS, Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import (
+    PAUSE,
+    RUNNING,
+    STATUS,
+    STEP,
+    Modal,
+    Saved,
+    Settings,
+    Work,
+)
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import advance
 
 
 @entry_kernel
 def newmark(B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved) -> None:
-    """Integrate design 0 to its end or failure; `work.counts` and `work.real` tell which.
+    """Integrate design 0 to its end, failure or pause; `work.counts` and `work.real` tell which.
+
+    A paused design is RUNNING; with a later PAUSE the next call goes on as if there had been none.
 
     Parameters
     ----------
@@ -24,3 +35,5 @@ def newmark(B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: 
     while work.counts[0, STATUS] == RUNNING:
         pass_one(B, modal, work, 0)
         advance(B, modal, settings, work, saved, 0)
+        if work.counts[0, STEP] == work.counts[0, PAUSE]:
+            return

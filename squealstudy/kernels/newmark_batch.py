@@ -8,9 +8,11 @@ from squealstudy.kernels.contact_point import point_forces
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
     FORCE,
+    PAUSE,
     Q_TRIAL,
     RUNNING,
     STATUS,
+    STEP,
     V_TRIAL,
     Modal,
     Saved,
@@ -101,13 +103,24 @@ def running(counts: np.ndarray, designs: np.ndarray) -> int:
     return n
 
 
+@fast_kernel
+def paused(counts: np.ndarray) -> bool:
+    """Whether a design that runs has reached the step of its pause."""
+    for k in range(counts.shape[0]):
+        if counts[k, STATUS] == RUNNING and counts[k, STEP] == counts[k, PAUSE]:
+            return True
+    return False
+
+
 @entry_kernel
 def newmark_batch(
     B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved
 ) -> None:
     """Integrate all designs to their ends or failures; arguments as of `newmark.newmark`.
 
-    A design that needs more iterations falls behind in time and goes on alone in the end.
+    A design that needs more iterations falls behind in time and goes on alone in the end. One that
+    comes to its pause stops all, the others where they are: which designs share a pass, and so
+    every rounding, is then the same as without a pause.
     """
     listed = np.zeros(work.counts.shape[0], dtype=np.int64)
     while True:
@@ -123,3 +136,5 @@ def newmark_batch(
                     pass_one(B, modal, work, k)
         for k in listed[:n]:
             advance(B, modal, settings, work, saved, k)
+        if paused(work.counts):
+            return

@@ -18,7 +18,8 @@ START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
 # columns of Work.counts
 STATUS, MODE, STEP, POSITION, LEVEL, ITERATION = 0, 1, 2, 3, 4, 5
 STEP_PASSES, PASSES, MAX_PASSES, HALVINGS, NEWTON_STEPS, SAVED = 6, 7, 8, 9, 10, 11
-N_COUNT = 12
+PAUSE = 12  # the step after which the kernel returns; it must be later before the next call
+N_COUNT = 13
 
 # columns of Work.real: sub-step and the one before s; Aitken factor; squared residual of the
 # iteration before; square of the smallest force that means anything; Newton's damping; largest
@@ -68,7 +69,7 @@ class Modal(NamedTuple):
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     tuned: np.ndarray  # (nb, 2, m) d, s
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
-    sensors: np.ndarray  # (ns, n)
+    sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
     compliance: np.ndarray  # (2 nc, 2 nc) T D^-1 T^T, D the diagonal Jacobian of the first design
     own: np.ndarray  # (nc,) the larger diagonal entry of each point there

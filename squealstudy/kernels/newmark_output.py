@@ -137,9 +137,9 @@ def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> 
         row[6 + i] = work.real[k, W_LOAD + i]
     row[10] = stored_energy(modal, work, k)
     row[11] = modal_energy(x, modal.modes[k, W2])
-    for m in range(modal.sensors.shape[0]):
-        saved.sensed[k, at, 0, m] = dot(modal.sensors[m], x[Q])
-        saved.sensed[k, at, 1, m] = dot(modal.sensors[m], x[V])
+    for m in range(modal.sensors.shape[1]):
+        saved.sensed[k, at, 0, m] = dot(modal.sensors[k, m], x[Q])
+        saved.sensed[k, at, 1, m] = dot(modal.sensors[k, m], x[V])
     if saved.q.shape[1] > 0:
         copy(x[Q], saved.q[k, at])
     counts[SAVED] += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
 from squealstudy.study.parameters import (
@@ -74,8 +74,12 @@ def load_study(path: str | Path) -> Study:
 
 def parse_study(text: str, path: Path) -> Study:
     """The study of a TOML text; `path` is for messages. Raises as `load_study`."""
-    source = SourceText(path, text)
-    definition = validate(StudyDefinition, source, parse_toml(path, text))
+    return resolve_study(SourceText(path, text), parse_toml(path, text))
+
+
+def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
+    """The study of a file's tables, perhaps with some values changed; errors are about the file."""
+    definition = validate(StudyDefinition, source, tables)
     model = _model(definition, source)
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
@@ -91,7 +95,7 @@ def parse_study(text: str, path: Path) -> Study:
     sweeps = resolve_sweeps(definition, model, source)
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
     _check_disjoint(used, source)
-    return Study(path, text, definition, model, options, values, sweeps)
+    return Study(source.path, source.text, definition, model, options, values, sweeps)
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

@@ -74,7 +74,13 @@ def parameter_unit(plan: Plan, name: str) -> str:
 
 
 def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:
-    """The manifest that is there, if this study may write here.
+    """The manifest that is there, if this study may write here; raises as `check_owner`."""
+    study = plan.study.definition.study
+    return check_owner(directory, (study.name, study.kind, plan.study.model.name))
+
+
+def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] | None:
+    """The manifest that is there, if a study of this (name, kind, model) may write here.
 
     Raises
     ------
@@ -91,8 +97,6 @@ def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:
                 "choose another with --output"
             )
         return None
-    study = plan.study
-    mine = (study.definition.study.name, study.definition.study.kind, study.model.name)
     theirs = (found.get("name"), found.get("kind"), found.get("model"))
     if mine != theirs:
         raise ResultsError(

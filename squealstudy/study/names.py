@@ -7,6 +7,7 @@ from collections.abc import Sequence
 POINTS, MODES, GROWTH = "points.parquet", "modes.parquet", "growth.parquet"
 ONSETS = "onsets.parquet"
 SENSITIVITIES = "sensitivities.parquet"
+MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 HISTORIES, STATES = "histories", "states"
 ONSET_PARAMETER = "friction"
 

@@ -96,14 +96,18 @@ class Plan:
     def training(self) -> tuple[OperatingPoint, ...]:
         """Ends of the swept pressure and contact-law ranges, the rest nominal.
 
-        Friction is not among them: another friction range reuses the reduction.
+        Friction is among them where the study asks for it: without, another friction range reuses
+        the reduction.
         """
         if not has_mesh(self.study):
             return ()
         points = []
+        trained = {"pressure", *(p.name for p in CONTACT_LAW)}
+        if self.study.definition.reduction.friction_training:
+            trained.add("friction")
         for sweep in self.study.sweeps:
             name = sweep.name
-            if name == "pressure" or name in {p.name for p in CONTACT_LAW}:
+            if name in trained:
                 swept = [point[name] for point in self.swept]
                 for value in sorted({min(swept), max(swept)}):
                     values = {**self.study.values, name: value}

@@ -14,15 +14,26 @@ import pyarrow.parquet as pq
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.names import GROWTH, MODES, ONSETS, POINTS, SENSITIVITIES, onset_parameter
+from squealstudy.study.names import (
+    ERRORS,
+    GROWTH,
+    MEASUREMENTS,
+    MODES,
+    ONSETS,
+    POINTS,
+    SENSITIVITIES,
+    onset_parameter,
+)
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
 
 SOBOL_INDICES = "sobol_indices"
+EXPERIMENTS = ("work_precision",)  # studies of methods, not of brakes
 TABLES = {
     "complex_modes": (POINTS, MODES, ONSETS),
     "transient": (POINTS, MODES, GROWTH),
     "sensitivity": (POINTS, SENSITIVITIES),
+    "work_precision": (MEASUREMENTS, ERRORS),
 }
 
 
@@ -64,12 +75,16 @@ class Results:
 
     @cached_property
     def points(self) -> pd.DataFrame:
-        """One row a design point."""
+        """One row a design point; ResultsError where the study has none."""
+        if self.kind in EXPERIMENTS:
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no design points")
         return self._read(POINTS)
 
     @cached_property
     def modes(self) -> pd.DataFrame:
-        """One row a complex mode of a design point; ResultsError in a sensitivity study."""
+        """One row a complex mode of a design point; ResultsError where the study has none."""
+        if self.kind in EXPERIMENTS:
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no table of modes")
         if self.kind == "sensitivity":
             raise ResultsError(
                 f"{self.directory}: a sensitivity study has no table of modes; 'squealstudy "
@@ -103,6 +118,18 @@ class Results:
         self._expect_transient("growth table")
         return self._read(GROWTH)
 
+    @cached_property
+    def measurements(self) -> pd.DataFrame:
+        """One row a method and knob value of a work-precision study; else ResultsError."""
+        self._expect_kind("work_precision", "measurements")
+        return self._read(MEASUREMENTS)
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """One row a quantity, mode and point of each measurement; else ResultsError."""
+        self._expect_kind("work_precision", "table of errors")
+        return self._read(ERRORS)
+
     def history(self, point_id: str) -> pd.DataFrame:
         """Torque, contact shares and modal energies of one design point over time.
 
@@ -113,7 +140,7 @@ class Results:
 
     @property
     def kind(self) -> str:
-        """``complex_modes``, ``transient`` or ``sensitivity``."""
+        """Of the study: a key of TABLES."""
         return str(self.manifest["kind"])
 
     @property
@@ -140,6 +167,8 @@ class Results:
         the energy of a transient study (analysis.tables.energy_ranking.rank_energy), which has no
         choice of `by`.
         """
+        if self.kind in EXPERIMENTS:
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no ranking of modes")
         if self.kind == "transient":
             if by != "share":
                 raise ResultsError(
@@ -235,7 +264,10 @@ class Results:
             )
 
     def _expect_transient(self, what: str) -> None:
-        if self.kind != "transient":
+        self._expect_kind("transient", what)
+
+    def _expect_kind(self, kind: str, what: str) -> None:
+        if self.kind != kind:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no {what}")
 
     def _read(self, name: str) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Strict
 
@@ -46,6 +46,7 @@ Band = Annotated[
     tuple[float, float], Strict(False), BeforeValidator(_two), AfterValidator(_ascending)
 ]
 NumberTable = Annotated[dict[str, float], BeforeValidator(_flatten)]
+Changes = Annotated[dict[str, Any], BeforeValidator(_flatten)]  # dotted keys of a study file
 
 
 class Section(BaseModel):

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, Strict, model_validator
 
+from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
 from squealstudy.study.sensitivity_section import SensitivitySection
@@ -215,6 +216,12 @@ class ReductionSection(Section):
     enrichment: bool = Field(
         default=True, description="add static responses to the friction forces"
     )
+    friction_training: bool = Field(
+        default=False,
+        description="add static responses to the change of contact stiffness at the ends of a "
+        "swept friction, as is done for pressure: smaller errors far from the nominal friction, "
+        "a reduction for each range",
+    )
 
 
 class StudyDefinition(Section):
@@ -242,6 +249,11 @@ class StudyDefinition(Section):
         default=SensitivitySection(),
         description="which derivatives are computed (kind = 'sensitivity' only)",
     )
+    fidelity: FidelitySection | None = Field(
+        default=None,
+        description="how accurate results must be: settings that are left out are then chosen "
+        "(complex_modes and transient)",
+    )
 
     @model_validator(mode="after")
     def _sections_of_the_kind(self) -> Self:
@@ -250,6 +262,8 @@ class StudyDefinition(Section):
                 raise ValueError(
                     f'a [{kind}] section needs kind = "{kind}", this is {self.study.kind}'
                 )
+        if self.fidelity is not None and self.study.kind == "sensitivity":
+            raise ValueError("a sensitivity study has no [fidelity] section")
         return self
 
     @model_validator(mode="before")

@@ -111,6 +111,17 @@ class TransientSection(Section):
     storage: Literal["double", "single"] = Field(
         default="double", description="precision in which the observation matrix is stored"
     )
+    stop: Literal["end", "settled"] = Field(
+        default="end",
+        description="'settled': a run ends before its duration once it is a limit cycle of known "
+        "level with nothing else rising, or has decayed as predicted",
+    )
+    settle_tolerance: float = Field(
+        default=0.01,
+        gt=0,
+        le=0.1,
+        description="how well the torque's RMS must be known where a run may end, relative",
+    )
     batch: int = Field(
         default=8, ge=1, le=64, description="design points that advance together in a worker"
     )
@@ -150,6 +161,10 @@ class TransientSection(Section):
             raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
         if self.representation == "hybrid" and self.modes_below is not None:
             raise ValueError("modes_below truncates the modal representation, not the hybrid one")
+        if self.representation == "hybrid" and self.stop == "settled":
+            raise ValueError('stop = "settled" is for the modal representation, not the hybrid one')
+        if self.stop == "end" and "settle_tolerance" in self.model_fields_set:
+            raise ValueError('settle_tolerance needs stop = "settled"')
         return self
 
     @property

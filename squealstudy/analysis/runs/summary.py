@@ -94,7 +94,7 @@ def summarise(run: ModalRun) -> Summary:
     if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
         return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
     growth = growth_rows(run)
-    levels, window = _levels(run)
+    levels, window = run_levels(run)
     energies = mode_energies(run.q, run.v, run.omega)
     shares = modal_shares(energies[window], run.energy[window])
     point = {
@@ -122,6 +122,7 @@ def _course(run: ModalRun) -> dict[str, Any]:
         "contraction": result.contraction,
         "energy_balance": result.energy.relative,
         "time_reached": result.time,
+        "stop_reason": result.stop_reason,
     }
 
 
@@ -205,8 +206,8 @@ def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
-    """Torque over the last window, and that window."""
+def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
+    """Torque columns of the last window, and that window."""
     torque = run.result.history["torque"]
     window = last_window(run.time, torque)
     found = torque_levels(run.time[window], torque[window])
@@ -226,17 +227,22 @@ def _levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
 def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     energy = moving_energy(run)
-    initial = 0.0 if run.continued else float(run.energy[0])
     calm, since = settled(run.time, energy, frequency_hz)
     first, last, when = transfer(run.time, energies, run.modes)
     return {
-        "class": classify(run.time, energy, initial, frequency_hz),
+        "class": run_class(run, energy, frequency_hz),
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,
         "transfer_to": last,
         "transfer_time": when,
     }
+
+
+def run_class(run: ModalRun, energy: np.ndarray, frequency_hz: float) -> str:
+    """Class of what a run has done, from its `moving_energy`."""
+    initial = 0.0 if run.continued else float(run.energy[0])
+    return classify(run.time, energy, initial, frequency_hz)
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def modal_arrays(
         _padded_rows(system.shapes, n),
         np.stack(tuned, axis=1),
         fixed,
-        _padded_rows(system.sensors, n),
+        _sensors(system, designs, n),
         *_tangential(system, modes, settings),
     )
     return modal, bool(fixed.any())
@@ -56,6 +56,15 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
     """`rows` (m, ..) with zeros up to n columns."""
     full = aligned_zeros(len(rows), n)
     full[:, : rows.shape[1]] = rows
+    return full
+
+
+def _sensors(system: ModalSystem, designs: Sequence[TransientDesign], n: int) -> np.ndarray:
+    """The system's rows and each design's own (nb, ns, n)."""
+    rows = [design.sensor_rows(system) for design in designs]
+    full = aligned_zeros(len(rows), max(len(r) for r in rows), n)
+    for k, own in enumerate(rows):
+        full[k, : len(own), : system.n] = own
     return full
 
 
@@ -131,12 +140,14 @@ def work_arrays(modal: layout.Modal, options: layout.Settings, B: np.ndarray) ->
     panel = max(1, PANEL_BYTES // (8 * n * ROWS))
     real = np.zeros((nb, layout.N_REAL))
     real[:, layout.STORED_END] = np.nan
+    counts = np.zeros((nb, layout.N_COUNT), dtype=np.int64)
+    counts[:, layout.PAUSE] = options.n_steps
     return layout.Work(
         aligned_zeros(nb, layout.N_ROWS, n),
         np.zeros((nb, layout.N_POINT, modal.points.shape[2])),
         np.empty((n_matrices, n, n)),
         np.full((n_matrices, n), NOT_FACTORED, dtype=np.int64),
-        np.zeros((nb, layout.N_COUNT), dtype=np.int64),
+        counts,
         real,
         aligned_zeros(panel, LANES, ROWS),
         aligned_zeros(3, n, LANES),
@@ -155,6 +166,6 @@ def saved_arrays(modal: layout.Modal, n: int, settings: TransientSettings) -> la
     rows = settings.n_steps // settings.save_every + 1 if settings.save_every else 0
     return layout.Saved(
         np.empty((nb, rows, len(layout.HISTORY))),
-        np.empty((nb, rows, 2, len(modal.sensors))),
+        np.empty((nb, rows, 2, modal.sensors.shape[1])),
         np.empty((nb, rows if settings.save_q else 0, n)),
     )

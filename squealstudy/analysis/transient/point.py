@@ -212,19 +212,21 @@ def perturbed_start(
     """Initial deviation and velocity (n,) whose largest velocity at a contact point is `velocity`.
 
     Spread evenly over the followed complex modes, or over the real modes `modes` (from 1), which
-    start with a velocity and no displacement.
+    start with a velocity and no displacement. The signs with which they meet are those of
+    `contact_sign`, not what an eigenvalue solver happens to give.
     """
     q0, v0 = np.zeros(system.n), np.zeros(system.n)
     if velocity == 0.0:
         return q0, v0
     if modes:
         for mode in modes:
-            v0[mode - 1] = 1.0 / contact_speed(system, np.eye(1, system.n, mode - 1)[0])
+            one = np.eye(1, system.n, mode - 1)[0]
+            v0[mode - 1] = contact_sign(system, one) / contact_speed(system, one)
     else:
         for lam, right in zip(point.modes.lam, point.modes.right.T, strict=True):
             # the phase at which the velocity is largest: the displacement is then small
             x = right * np.exp(-0.5j * np.angle(np.sum((lam * right) ** 2)))
-            size = contact_speed(system, lam * x)
+            size = contact_sign(system, (lam * x).real) * contact_speed(system, lam * x)
             q0 += x.real / size
             v0 += (lam * x).real / size
     factor = velocity / contact_speed(system, v0)
@@ -235,3 +237,14 @@ def contact_speed(system: ModalSystem, v: np.ndarray) -> float:
     """Largest relative velocity at a contact point [m/s] of modal velocities v (n,)."""
     parts = [np.abs(rows @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
     return float(np.sqrt(np.max(sum(parts), initial=0.0))) or 1.0
+
+
+def contact_sign(system: ModalSystem, v: np.ndarray) -> float:
+    """Sign of the first relative velocity at a contact point above half of the largest, 1 or -1.
+
+    Gaps first, then sliding along and across: the same in any basis of the same modes.
+    """
+    y = np.concatenate([rows @ v for rows in (system.N, system.T1, system.T2)])
+    size = np.abs(y)
+    first = int(np.argmax(size >= 0.5 * size.max(initial=0.0))) if len(size) else 0
+    return -1.0 if len(y) and y[first] < 0 else 1.0

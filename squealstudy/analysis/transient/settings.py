@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -138,6 +138,8 @@ class TransientResult:
         Largest ratio of residuals over a plain first correction.
     energy : EnergyBalance
         Of the whole run; its end is NaN after a failure.
+    stopped : str
+        Why a watch ended the run before its time; empty otherwise.
     """
 
     outcome: str
@@ -155,3 +157,9 @@ class TransientResult:
     newton_steps: int
     contraction: float
     energy: EnergyBalance
+    stopped: str = field(default="", kw_only=True)
+
+    @property
+    def stop_reason(self) -> str:
+        """``end``, ``failed`` or what the watch said."""
+        return self.stopped or ("end" if self.outcome == "ok" else "failed")

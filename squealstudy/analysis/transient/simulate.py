@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,12 +20,14 @@ from squealstudy.analysis.transient.settings import (
     TransientSettings,
 )
 from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
+from squealstudy.analysis.transient.watch import Watch, block_steps, paused, stop
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.newmark import newmark
 from squealstudy.kernels.newmark_batch import newmark_batch
 
 OUTCOMES = {
+    layout.RUNNING: "ok",  # so far
     layout.DONE: "ok",
     layout.NOT_CONVERGED: "not_converged",
     layout.NOT_FINITE: "not_finite",
@@ -44,6 +47,7 @@ def simulate(
     settings: TransientSettings,
     q0: np.ndarray,
     v0: np.ndarray,
+    watch: Watch | None = None,
 ) -> list[TransientResult]:
     """Integrate design points together; a failed one has an outcome and does not stop the others.
 
@@ -55,9 +59,14 @@ def simulate(
     settings : TransientSettings
     q0, v0 : ndarray (n,) or (nb, n)
         Initial deviation and velocity.
+    watch : Watch or None
+        None lets all run to the end. Being looked at changes nothing, to the last bit; in a batch
+        a design rounds otherwise once fewer go on beside it.
 
     Raises
     ------
+    ParameterError
+        A watch over runs that save no rows, or steps that are not positive.
     ModelError
         A design whose arrays do not fit the system, or an initial state that is not finite.
     """
@@ -67,41 +76,67 @@ def simulate(
     options = kernel_settings(settings, dense)
     B = observation(system, settings.single_storage)
     work = work_arrays(modal, options, B)
-    rows = ((layout.Q, layout.Q_TRIAL, q0), (layout.V, layout.V_TRIAL, v0))
-    for row, trial, initial in rows:
-        shapes = ((system.n,), (len(designs), system.n))
-        if np.shape(initial) not in shapes or not np.isfinite(initial).all():
-            raise ModelError(f"an initial state needs {system.n} finite values a design")
-        work.x[:, row, : system.n] = initial
-        work.x[:, trial, : system.n] = initial
+    _set_out(work, system.n, q0, v0)
     saved = saved_arrays(modal, system.n, settings)
+    stopped = [""] * len(designs)
+    seen = [(system.n, len(x.sensor_rows(system))) for x in designs]
     kernel = newmark if len(designs) == 1 else newmark_batch
+    blocks = block_steps(watch, len(designs), settings)
+    work.counts[:, layout.PAUSE] = blocks
     kernel(B, modal, options, work, saved)
-    return [_result(work, saved, settings, k, system.n) for k in range(len(designs))]
+    while watch is not None and (at_pause := paused(work)):
+        for k in at_pause:
+            stopped[k] = watch.judge(k, _result(work, saved, settings, k, seen[k], np.asarray))
+            if stopped[k]:
+                stop(work, saved, k)
+            work.counts[k, layout.PAUSE] += blocks[k]
+        kernel(B, modal, options, work, saved)
+    finished = [_result(work, saved, settings, k, x) for k, x in enumerate(seen)]
+    return [replace(r, stopped=why) for r, why in zip(finished, stopped, strict=True)]
+
+
+def _set_out(work: layout.Work, n: int, q0: np.ndarray, v0: np.ndarray) -> None:
+    """The initial state of all designs, also as their first trial state."""
+    for row, trial, initial in ((layout.Q, layout.Q_TRIAL, q0), (layout.V, layout.V_TRIAL, v0)):
+        shapes = ((n,), (len(work.x), n))
+        if np.shape(initial) not in shapes or not np.isfinite(initial).all():
+            raise ModelError(f"an initial state needs {n} finite values a design")
+        work.x[:, row, :n] = initial
+        work.x[:, trial, :n] = initial
 
 
 def _result(
-    work: layout.Work, saved: layout.Saved, settings: TransientSettings, k: int, n: int
+    work: layout.Work,
+    saved: layout.Saved,
+    settings: TransientSettings,
+    k: int,
+    sizes: tuple[int, int],
+    take: Callable[[np.ndarray], np.ndarray] = np.copy,
 ) -> TransientResult:
-    """One design's part of the working arrays."""
+    """One design's part of the working arrays, `sizes` its modes and sensors.
+
+    `take` copies it or leaves it where it is.
+    """
+    n, ns = sizes
     count, real = work.counts[k], work.real[k]
     status = int(count[layout.STATUS])
+    done = status in (layout.DONE, layout.RUNNING)
     steps = count[layout.STEP] + count[layout.POSITION] / 2**settings.max_halvings
     time = float(steps * settings.step)
-    message = "" if status == layout.DONE else f"t = {time:.9g} s: {REASONS[status]}"
+    message = "" if done else f"t = {time:.9g} s: {REASONS[status]}"
     rows = int(count[layout.SAVED])
-    history = {name: saved.history[k, :rows, i].copy() for i, name in enumerate(layout.HISTORY)}
+    history = {name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)}
     energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD :]))
     return TransientResult(
         OUTCOMES[status],
         message,
         time,
-        work.x[k, layout.Q, :n].copy(),
-        work.x[k, layout.V, :n].copy(),
+        take(work.x[k, layout.Q, :n]),
+        take(work.x[k, layout.V, :n]),
         history,
-        saved.sensed[k, :rows, 0].copy(),
-        saved.sensed[k, :rows, 1].copy(),
-        saved.q[k, :rows].copy(),
+        take(saved.sensed[k, :rows, 0, :ns]),
+        take(saved.sensed[k, :rows, 1, :ns]),
+        take(saved.q[k, :rows]),
         float(count[layout.PASSES] / max(count[layout.STEP], 1)),
         int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),
         int(count[layout.HALVINGS]),

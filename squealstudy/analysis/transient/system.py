@@ -170,6 +170,8 @@ class TransientDesign:
         At the design's own base state, m; None for the system's.
     force : ndarray (nc, 3) or None
         Normal and friction forces that the base balances, N; None for the system's.
+    sensors : ndarray (m, n) or None
+        Rows kept in the design's histories after those of the system.
     """
 
     contact: ContactLaw
@@ -181,6 +183,16 @@ class TransientDesign:
     s: np.ndarray | None = None
     gap: np.ndarray | None = None
     force: np.ndarray | None = None
+    sensors: np.ndarray | None = None
+
+    def sensor_rows(self, system: ModalSystem) -> np.ndarray:
+        """Rows (ns, n) whose products with q and q' are kept; ModelError for others than finite."""
+        if self.sensors is None:
+            return system.sensors
+        own = np.asarray(self.sensors, dtype=float)
+        if own.ndim != 2 or own.shape[1] != system.n or not np.isfinite(own).all():
+            raise ModelError(f"transient design: 'sensors' needs rows of {system.n} finite values")
+        return np.vstack([system.sensors, own])
 
     def law_row(self) -> np.ndarray:
         """(9,) for the kernels."""

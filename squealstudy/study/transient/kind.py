@@ -29,7 +29,7 @@ from squealstudy.study.transient.batch import (
 )
 from squealstudy.study.transient.start import KEY as START
 from squealstudy.study.transient.start import check_model
-from squealstudy.study.transient.tables import build_tables
+from squealstudy.study.transient.tables import build_tables, simulated_time
 from squealstudy.study.transient.training import make_training_runs
 from squealstudy.study.transient.worker import solve_batch
 
@@ -113,8 +113,12 @@ class Transient(Kind):
     def build_tables(
         self, plan: Plan, directory: Path, jobs: int, report: Progress
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points, modes and growth."""
-        return build_tables(plan, directory), {}
+        """Write points, modes and growth; what ending early has saved."""
+        points = build_tables(plan, directory)
+        section = plan.study.definition.transient
+        if section.stop == "end":
+            return points, {}
+        return points, {"simulated_time": simulated_time(points, section.duration)}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""

@@ -54,6 +54,7 @@ SUMMARY_FIELDS = (
     ("contraction", REAL),
     ("stick_number", REAL),
     ("time_reached", REAL),
+    ("stop_reason", TEXT),
     ("n_coordinates", WHOLE),
     ("n_contact_points", WHOLE),
     ("perturbation", REAL),
@@ -116,4 +117,4 @@ def row(
 
 def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
     """Chunk row of a point that has no motion."""
-    return row(point_id, wall_s, status, message, {"class": FAILED})
+    return row(point_id, wall_s, status, message, {"class": FAILED, "stop_reason": FAILED})

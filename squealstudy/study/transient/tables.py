@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
+from squealstudy.analysis.runs.outcome import DECAYED, SETTLED
 from squealstudy.study.files import write_parquet
 from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan
@@ -32,6 +33,23 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     write_parquet(directory / GROWTH, _nested(rows, "growth", GROWTH_FIELDS))
     frame: pd.DataFrame = points.to_pandas()
     return frame
+
+
+def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
+    """How many runs ended before their `duration` [s] as settled or decayed, and what that saved.
+
+    Returns
+    -------
+    dict
+        ``settled``, ``decayed``: number of runs; ``asked_s``, ``saved_s``: simulated time of the
+        runs that did not fail, s.
+    """
+    early = points[points["stop_reason"].isin([SETTLED, DECAYED])]
+    return {
+        **{name: int((early["stop_reason"] == name).sum()) for name in (SETTLED, DECAYED)},
+        "asked_s": float(duration * (points["status"] == "ok").sum()),
+        "saved_s": float((duration - early["time_reached"]).sum()),
+    }
 
 
 def _remove_unplanned(directory: Path, ids: set[str]) -> None:

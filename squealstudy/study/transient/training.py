@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.transient.point import perturbed_start
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
-from squealstudy.study.files import write_atomic
+from squealstudy.study.files import write_atomic, write_json
 from squealstudy.study.kind import Progress
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
@@ -21,6 +23,7 @@ from squealstudy.study.transient.batch import BatchTask, batch_task, reference_o
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.working_points import NewGaps
 
+TIMED = ".json"
 SNAPSHOTS = 1500  # of each design point
 START = 0.1  # of the sliding speed: the limit cycle is soon reached
 
@@ -38,11 +41,22 @@ def make_training_runs(plan: Plan, report: Progress) -> None:
     missing = [s.key for s in plan.structures if not training_path(plan, s.key).is_file()]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
+        started = time.perf_counter()
         with threadpool_limits(1):
             snapshots = training_run(plan, key)
-        write_atomic(training_path(plan, key), partial(_save, snapshots))
+        path = training_path(plan, key)
+        write_json(path.with_suffix(TIMED), {"seconds": time.perf_counter() - started})
+        write_atomic(path, partial(_save, snapshots))
     if missing:
         report("training run", len(missing), len(missing))
+
+
+def training_seconds(plan: Plan) -> float:
+    """What the training runs of the study's structures took when they were made; 0 without."""
+    if not plan.study.definition.transient.pod_vectors:
+        return 0.0
+    files = [training_path(plan, s.key).with_suffix(TIMED) for s in plan.structures]
+    return float(sum(json.loads(f.read_text())["seconds"] for f in files if f.is_file()))
 
 
 def _save(snapshots: np.ndarray, path: Path) -> None:

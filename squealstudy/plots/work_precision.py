@@ -1,0 +1,175 @@
+"""Error against cost of every method of a work-precision study, a panel a quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from squealstudy.analysis.tables.fronts import on_front, usable
+from squealstudy.plots.style import COLOURS, DARK, GREY, MARKERS, finish, new_figure
+
+LEAST = 1e-16  # errors below are drawn there: a logarithm needs one
+NAMES = {
+    "frequency": "frequency, light modes [relative]",
+    "damping_ratio": "damping ratio, light modes [absolute]",
+    "unstable_frequency": "frequency, unstable modes [relative]",
+    "unstable_damping_ratio": "damping ratio, unstable modes [absolute]",
+    "growth_rate": "growth rate [relative]",
+    "torque_mean": "mean torque [relative]",
+    "torque_rms": "torque RMS [relative]",
+    "dominant_frequency": "dominant frequency [relative]",
+    "energy_share": "energy shares [absolute]",
+}
+
+
+def work_precision(
+    measurements: pd.DataFrame,
+    quantities: Sequence[str],
+    tolerance: float,
+    facts: Mapping[str, Any],
+) -> Figure:
+    """Largest error over cost on logarithmic axes, with the front that no measurement beats.
+
+    Parameters
+    ----------
+    measurements : DataFrame
+        Of a work-precision study; the reference is not drawn but as a line at its cost.
+    quantities : sequence of str
+        A panel each.
+    tolerance : float
+        Drawn as a line.
+    facts : mapping
+        ``over`` and ``reference`` of the manifest.
+
+    Notes
+    -----
+    Measurements with failed points, missed or spurious instabilities are crosses on top: they
+    have no error that means anything. Bars are the bounds of errors that have some.
+    """
+    rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
+    columns = 2 if len(quantities) > 1 else 1
+    figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    methods = measurements[~measurements["reference"].to_numpy(bool)]
+    truth = measurements[measurements["reference"].to_numpy(bool)]
+    styles = _styles(methods)
+    for axes, quantity in zip(panels, quantities, strict=False):
+        _panel(axes, methods, quantity, styles)
+        axes.axhline(tolerance, color=DARK, lw=1.0, ls=(0, (5, 3)), zorder=1)
+        for cost in truth["cost"]:
+            axes.axvline(cost, color=GREY, lw=1.0, ls=":", zorder=1)
+        finish(axes, _cost_label(facts), NAMES.get(quantity, quantity))
+    for axes in panels[len(quantities) :]:
+        axes.set_axis_off()
+    figure.suptitle(
+        f"largest error against {facts['reference']} (its cost: dotted); grey: front; dashed: "
+        "tolerance",
+        fontsize=9.5,
+    )
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="outside lower center",
+        ncols=min(4, len(labels)),
+        fontsize=8.5,
+        frameon=False,
+    )
+    return figure
+
+
+def _minor_tick(value: float, _: int) -> str:
+    """2 and 5 of each decade."""
+    digit = value / 10 ** np.floor(np.log10(value) + 1e-9)
+    return f"{value:g}" if round(digit) in (2, 5) else ""
+
+
+def _cost_label(facts: Mapping[str, Any]) -> str:
+    return f"seconds a design point, one core; set-up shared by {facts['over']:,}"
+
+
+def _styles(methods: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Colour and marker of each method; the default one heavier."""
+    names = list(dict.fromkeys(methods["method"]))
+    default = set(methods.loc[methods["default"].to_numpy(bool), "method"])
+    return {
+        name: {
+            "color": COLOURS[k % len(COLOURS)],
+            "marker": MARKERS[(k + k // len(COLOURS)) % len(MARKERS)],
+            "lw": 2.4 if name in default else 1.1,
+            "ms": 8 if name in default else 5.5,
+            "ls": "-" if k < len(COLOURS) else "--",
+        }
+        for k, name in enumerate(names)
+    }
+
+
+def _panel(
+    axes: Axes, methods: pd.DataFrame, quantity: str, styles: Mapping[str, Mapping[str, Any]]
+) -> None:
+    good = usable(methods)
+    error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LEAST)
+    cost = methods["cost"].to_numpy(float)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(FuncFormatter(_minor_tick))
+    for name, style in styles.items():
+        own = (methods["method"] == name).to_numpy(bool)
+        kept = own & good & np.isfinite(error)
+        order = np.flatnonzero(kept)  # as the file has them: along the knob
+        axes.plot(cost[order], error[order], label=name, **style)
+        _knob_values(axes, methods.iloc[order], cost[order], error[order], str(style["color"]))
+        _bounds(axes, methods.iloc[order], quantity, str(style["color"]))
+    front = on_front(cost, np.where(good, error, np.nan))
+    order = np.flatnonzero(front)[np.argsort(cost[front])]
+    axes.plot(cost[order], error[order], color=GREY, lw=7, alpha=0.35, zorder=0)
+    _failures(axes, methods[~good], styles)
+
+
+def _knob_values(
+    axes: Axes, own: pd.DataFrame, cost: np.ndarray, error: np.ndarray, colour: str
+) -> None:
+    for text, x, y in zip(own["value"], cost, error, strict=True):
+        axes.annotate(
+            text, (x, y), xytext=(5, 4), textcoords="offset points", fontsize=7, color=colour
+        )
+
+
+def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
+    """Bars from the least to the largest error that the intervals allow."""
+    low, high = (own[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
+    error, cost = own[f"error_{quantity}"].to_numpy(float), own["cost"].to_numpy(float)
+    wide = np.isfinite(low) & (high > low) & (error > 0)
+    if wide.any():
+        down = error[wide] - np.maximum(low[wide], 0.05 * error[wide])
+        axes.errorbar(
+            cost[wide],
+            error[wide],
+            [down, high[wide] - error[wide]],
+            fmt="none",
+            ecolor=colour,
+            elinewidth=0.8,
+            alpha=0.6,
+        )
+
+
+def _failures(axes: Axes, failed: pd.DataFrame, styles: Mapping[str, Mapping[str, Any]]) -> None:
+    for row in failed.to_dict("records"):
+        if np.isfinite(row["cost"]):
+            axes.plot(
+                [row["cost"]],
+                [0.97],
+                "x",
+                color=styles[row["method"]]["color"],
+                ms=9,
+                mew=2.2,
+                transform=axes.get_xaxis_transform(),
+                clip_on=False,
+            )

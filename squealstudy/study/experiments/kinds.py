@@ -1,0 +1,52 @@
+"""What experiments have in common for the runner and the screens, and which there are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.study.experiments.definition import WORK_PRECISION, Experiment
+from squealstudy.study.experiments.work_precision.kind import WorkPrecision
+from squealstudy.study.kind import Progress
+
+
+class ExperimentKind(Protocol):
+    """One experiment, checked: its runs by name, in the order in which they are made."""
+
+    tables: tuple[str, ...]
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Of the chunk files."""
+        ...
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Name and value of what `check` says."""
+        ...
+
+    def prepare(self, jobs: int, progress: Progress) -> None:
+        """What must be there before the first run."""
+        ...
+
+    def runs(self) -> list[Any]:
+        """Arguments of `solve` behind the directory; the first is the name of the chunk."""
+        ...
+
+    def solve(self, directory: Path, name: str, *rest: Any) -> str:
+        """Make one run and write its chunk file; its status."""
+        ...
+
+    def build_tables(self, directory: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write the tables; the one with a row a run or cell, and facts for the manifest."""
+        ...
+
+
+KINDS: dict[str, type[WorkPrecision]] = {WORK_PRECISION: WorkPrecision}
+
+
+def experiment_kind(experiment: Experiment) -> ExperimentKind:
+    """The experiment, resolved; StudyFileError where it cannot be made."""
+    return KINDS[experiment.kind](experiment)

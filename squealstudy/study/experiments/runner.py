@@ -1,0 +1,109 @@
+"""Running an experiment: what is missing of its runs, one after the other, then its tables."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from squealstudy.study.chunks import finished_points
+from squealstudy.study.experiments.definition import Experiment
+from squealstudy.study.experiments.kinds import ExperimentKind, experiment_kind
+from squealstudy.study.files import remove_leftovers
+from squealstudy.study.keys import content_hash
+from squealstudy.study.kind import Progress
+from squealstudy.study.manifest import PACKAGES, check_owner, locked
+from squealstudy.study.process import peak_memory_mb
+from squealstudy.study.results_manifest import write_manifest
+from squealstudy.study.runner import RunReport
+
+
+def run_experiment(
+    experiment: Experiment,
+    directory: Path,
+    jobs: int,
+    progress: Progress = lambda stage, done, total: None,
+) -> RunReport:
+    """Run an experiment, or what is left of it.
+
+    Measurements are made one by one in this process: nothing else of ours runs beside them.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    directory : Path
+        Results directory; made where absent.
+    jobs : int
+        Threads and workers of the preparations.
+    progress : callable
+        Told (stage, done, total).
+
+    Raises
+    ------
+    StudyFileError, ResultsError
+        Invalid file; directory of another study, or in use; a reference that failed.
+    """
+    kind = experiment_kind(experiment)
+    check_owner(directory, _owner(experiment))
+    started = time.perf_counter()
+    kind.prepare(jobs, progress)
+    with locked(directory):
+        found = check_owner(directory, _owner(experiment))
+        runs = kind.runs()
+        identity = content_hash([[name for name, *_ in runs], experiment.source.text])
+        if found and found.get("study_hash") == identity and _whole(found, kind, directory):
+            return RunReport(directory, found, 0, len(runs))
+        remove_leftovers(directory)
+        manifest = _manifest(experiment, jobs, identity, len(runs))
+        write_manifest(directory, manifest)
+        solved = _solve(kind, directory, runs, progress)
+        table, facts = kind.build_tables(directory)
+        manifest |= facts | {"n_failed": int((table["status"] != "ok").sum()), "status": "complete"}
+        manifest["timings"] = {"total_s": time.perf_counter() - started}
+        manifest["peak_memory_mb"] = {"parent": peak_memory_mb()}
+        write_manifest(directory, manifest)
+    return RunReport(directory, manifest, solved, len(runs) - solved)
+
+
+def _solve(kind: ExperimentKind, directory: Path, runs: list[Any], progress: Progress) -> int:
+    done = finished_points(directory, kind.schema)
+    missing = [run for run in runs if run[0] not in done]
+    for number, run in enumerate(missing):
+        progress("measurements", len(runs) - len(missing) + number, len(runs))
+        kind.solve(directory, *run)
+    progress("measurements", len(runs), len(runs))
+    return len(missing)
+
+
+def _whole(found: dict[str, Any], kind: ExperimentKind, directory: Path) -> bool:
+    there = all((directory / name).is_file() for name in kind.tables)
+    return there and found.get("status") == "complete"
+
+
+def _owner(experiment: Experiment) -> tuple[str, str, str]:
+    return experiment.name, experiment.kind, experiment.base.study.model.name
+
+
+def _manifest(experiment: Experiment, jobs: int, identity: str, n_runs: int) -> dict[str, Any]:
+    name, kind, model = _owner(experiment)
+    return {
+        "status": "running",
+        "name": name,
+        "kind": kind,
+        "model": model,
+        "study_hash": identity,
+        "n_points": n_runs,
+        "parameters": [],
+        "sweeps": [],
+        "units": {},
+        "study": experiment.source.text,
+        "base": experiment.base.source.text,
+        "versions": {package: version(package) for package in PACKAGES},
+        "python": platform.python_version(),
+        "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
+        "threads": {"workers": jobs, "blas_threads_a_worker": 1},
+        "timings": {},
+    }

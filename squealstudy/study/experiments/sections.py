@@ -1,0 +1,133 @@
+"""The sections of experiments' files."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, Strict, model_validator
+
+from squealstudy.study.section import Changes, Section
+
+Scalar = bool | int | float | str
+FREQUENCY_QUANTITIES = (
+    "frequency",
+    "damping_ratio",
+    "unstable_frequency",
+    "unstable_damping_ratio",
+    "growth_rate",
+)
+TIME_QUANTITIES = (
+    "growth_rate",
+    "torque_mean",
+    "torque_rms",
+    "dominant_frequency",
+    "energy_share",
+)
+
+
+class ExperimentSection(Section):
+    """What the experiment is."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_-]+$",
+        max_length=100,
+        description="name of the study and of its results directory: letters, digits, _ and -",
+    )
+    kind: Literal["work_precision"] = Field(description="error against time of methods")
+    description: str = Field(default="", description="free text, copied to the results")
+
+
+class WorkPrecisionSection(Section):
+    """What is solved, how often, and what errors are judged by."""
+
+    base: str = Field(
+        min_length=1, description="study file, relative to this one, that all methods solve"
+    )
+    points: int = Field(
+        default=3,
+        ge=0,
+        le=1000,
+        description="design points at random in the swept box of the base study, where errors are "
+        "measured; 0 for the base study's own points",
+    )
+    seed: int = Field(default=0, ge=0, le=2**32 - 1, description="of these points")
+    repeats: int = Field(
+        default=3, ge=1, le=100, description="rounds over all methods, one after the other"
+    )
+    quantities: Annotated[tuple[str, ...], Strict(False)] = Field(
+        default=(),
+        description="what the chart judges; of complex modes "
+        + ", ".join(FREQUENCY_QUANTITIES)
+        + "; in time "
+        + ", ".join(TIME_QUANTITIES),
+    )
+    tolerance: float = Field(default=1e-2, gt=0, le=1, description="line of the chart")
+    over: int = Field(
+        default=0,
+        ge=0,
+        le=10**9,
+        description="design points that share the set-up in the cost of one; 0 for as many as the "
+        "base study has",
+    )
+    set: Changes = Field(
+        default_factory=dict,
+        description="keys of the base study with other values, for all methods and the reference",
+    )
+
+
+class ReferenceSection(Section):
+    """What is taken as true."""
+
+    name: str = Field(default="reference", description="as it is called in tables and pictures")
+    set: Changes = Field(
+        default_factory=dict, description="keys of the base study with other values"
+    )
+    integrator: str | None = Field(default=None, description="as of a method")
+    options: dict[str, Scalar] = Field(default_factory=dict, description="as of a method")
+
+
+class MethodSection(Section):
+    """One line of the chart: a method over the values of its knob."""
+
+    name: str = Field(min_length=1, max_length=80, description="as it is called in tables")
+    knob: str = Field(
+        default="", description="dotted key of the base study, or option.<name> of an integrator"
+    )
+    values: Annotated[tuple[Scalar, ...], Strict(False)] = Field(
+        default=(), description="values of the knob"
+    )
+    set: Changes = Field(
+        default_factory=dict, description="keys of the base study with other values"
+    )
+    integrator: str | None = Field(
+        default=None, description="integrator of a transient base study, of the chart alone or not"
+    )
+    options: dict[str, Scalar] = Field(
+        default_factory=dict, description="options of that integrator"
+    )
+    default: bool = Field(
+        default=False, description="this is what a study does by itself: judged against the front"
+    )
+
+    @model_validator(mode="after")
+    def _knob_and_values(self) -> Self:
+        if bool(self.knob) != bool(self.values):
+            raise ValueError("knob and values go together: both, or neither for a single point")
+        if len(set(map(repr, self.values))) < len(self.values):
+            raise ValueError("a value of the knob appears twice")
+        if self.options and self.integrator is None:
+            raise ValueError("options are those of an integrator: name one")
+        return self
+
+
+class WorkPrecisionDefinition(Section):
+    """A whole file of kind work_precision."""
+
+    study: ExperimentSection = Field(description="name and kind of the study")
+    work_precision: WorkPrecisionSection = Field(description="what is solved and judged")
+    reference: ReferenceSection = Field(
+        default=ReferenceSection(), description="what is taken as true"
+    )
+    method: Annotated[tuple[MethodSection, ...], Strict(False)] = Field(
+        min_length=1, description="lines of the chart"
+    )

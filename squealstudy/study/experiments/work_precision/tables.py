@@ -1,0 +1,139 @@
+"""Tables of a work-precision study: one row a measurement, and its errors one by one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.analysis.tables.finding_errors import Miscount, root_errors, run_errors
+from squealstudy.errors import ResultsError
+from squealstudy.study.experiments.work_precision.variants import Variant
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+def measurement_tables(
+    variants: Sequence[Variant],
+    rows: Mapping[str, Rows],
+    quantities: Sequence[str],
+    over: int,
+    in_time: bool,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Measurements and errors.
+
+    Parameters
+    ----------
+    variants : sequence of Variant
+        The reference among them.
+    rows : mapping of identity -> chunk rows of all rounds
+    quantities : sequence of str
+        Those that measurements have an error column of.
+    over : int
+        Design points that share a set-up.
+    in_time : bool
+
+    Raises
+    ------
+    ResultsError
+        Where the reference has a failed point, against which nothing can be measured.
+    """
+    reference = next(v for v in variants if v.reference)
+    truth = _findings(rows[reference.identity])
+    failed = [t for t in truth.values() if t["status"] != "ok"]
+    if failed or not truth:
+        why = failed[0]["message"] if failed else rows[reference.identity][0]["message"]
+        raise ResultsError(f"the reference '{reference.method}' failed: {why}")
+    measured, errors = [], []
+    structures = {tuple(s.key for s in v.plan.structures) for v in variants}
+    reduced = len(structures) > 1  # else the reduction is the same for all
+    for variant in variants:
+        found = _findings(rows[variant.identity])
+        own, count = _errors(found, truth, in_time)
+        errors += [{"label": variant.label, **row} for row in own]
+        measured.append(
+            _measurement(variant, rows[variant.identity], own, count, quantities, over, reduced)
+        )
+    return pd.DataFrame(measured), pd.DataFrame(errors)
+
+
+def _findings(rows: Rows) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = json.loads(rows[0]["findings"])
+    return found
+
+
+def _errors(
+    found: Mapping[str, Mapping[str, Any]], truth: Mapping[str, Mapping[str, Any]], in_time: bool
+) -> tuple[list[dict[str, Any]], Miscount]:
+    compare = run_errors if in_time else root_errors
+    rows, missed, spurious = [], 0, 0
+    for point, finding in found.items():
+        if finding["status"] != "ok":
+            continue
+        errors, count = compare(finding, truth[point])
+        missed, spurious = missed + count.missed, spurious + count.spurious
+        rows += [{"point": int(point), **e._asdict()} for e in errors]
+    return rows, Miscount(missed, spurious)
+
+
+def _measurement(
+    variant: Variant,
+    rows: Rows,
+    errors: Sequence[Mapping[str, Any]],
+    count: Miscount,
+    quantities: Sequence[str],
+    over: int,
+    reduced: bool,
+) -> dict[str, Any]:
+    """One row; the cost has the set-up's share, and the reduction's where methods differ in it."""
+    seconds = np.array([r["seconds"] for r in rows], dtype=float)
+    first = rows[0]
+    setup = float(np.median([r["setup_seconds"] for r in rows]))
+    reduction = float(first["reduction_seconds"])
+    median = float(np.median(seconds))
+    number = float(variant.value) if isinstance(variant.value, int | float) else np.nan
+    return {
+        "label": variant.label,
+        "method": variant.method,
+        "knob": variant.knob,
+        "value": "" if variant.value is None else str(variant.value),
+        "number": number,
+        "default": variant.default,
+        "reference": variant.reference,
+        "status": first["status"],
+        "message": first["message"],
+        "seconds_median": median,
+        "seconds_min": float(seconds.min()),
+        "seconds_max": float(seconds.max()),
+        "rounds": len(rows),
+        "setup_seconds": setup,
+        "reduction_seconds": reduction,
+        "cost": median + (setup + reduced * reduction) / max(over, 1),
+        "memory_mb": max(float(r["memory_mb"]) for r in rows),
+        "iterations": float(first["iterations"]),
+        "n_coordinates": int(first["n_coordinates"]),
+        "n_failed": int(first["n_failed"]),
+        "missed": count.missed,
+        "spurious": count.spurious,
+        **{k: v for q in quantities for k, v in _summary(q, errors).items()},
+    }
+
+
+def _summary(quantity: str, errors: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Largest error of a quantity over points and modes, its bounds, and the median error."""
+    own = [e for e in errors if e["quantity"] == quantity]
+    if not own:
+        return dict.fromkeys(
+            (f"error_{quantity}", f"low_{quantity}", f"high_{quantity}", f"median_{quantity}"),
+            np.nan,
+        )
+    worst = max(own, key=lambda e: e["error"])
+    return {
+        f"error_{quantity}": worst["error"],
+        f"low_{quantity}": worst["low"],
+        f"high_{quantity}": worst["high"],
+        f"median_{quantity}": float(np.median([e["error"] for e in own])),
+    }

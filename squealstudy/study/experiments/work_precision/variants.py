@@ -1,0 +1,178 @@
+"""The runs of a work-precision study: the reference, and every method at every knob value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import StudyFileError
+from squealstudy.study.definition import Study
+from squealstudy.study.experiments.definition import Experiment
+from squealstudy.study.experiments.sections import MethodSection, ReferenceSection, Scalar
+from squealstudy.study.keys import content_hash
+from squealstudy.study.plan import Plan
+from squealstudy.study.sampling import design_points
+from squealstudy.study.toml_lines import KeyPath
+
+OPTION = "option."  # knobs that are options of an integrator
+REFERENCE = "reference"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The base study as one method solves it.
+
+    Attributes
+    ----------
+    method : str
+        Name of the line of the chart; of the reference its own.
+    knob : str
+        Dotted key, empty without one.
+    value : str, number or None
+        Of the knob.
+    default, reference : bool
+    plan : Plan
+        The base study's design points, then those that are measured.
+    measured : tuple of int
+        Positions of the latter among all.
+    integrator : str
+        Empty for the study's own.
+    options : mapping
+        Of the integrator.
+    keys : KeyPath
+        The method's place in the file.
+    """
+
+    method: str
+    knob: str
+    value: Scalar | None
+    default: bool
+    reference: bool
+    plan: Plan
+    measured: tuple[int, ...]
+    integrator: str
+    options: Mapping[str, Any]
+    keys: KeyPath
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of all that decides what it finds."""
+        ids = [self.plan.tasks[i].point_id for i in self.measured]
+        return content_hash([ids, self.integrator, sorted(self.options.items())])
+
+    @property
+    def label(self) -> str:
+        """Name with the knob's value."""
+        short = self.knob.rpartition(".")[2]
+        return f"{self.method}, {short} {self.value}" if self.knob else self.method
+
+
+def make_variants(experiment: Experiment) -> list[Variant]:
+    """The reference, then all methods in the order of the file; StudyFileError."""
+    points = measured_points(experiment)
+    reference = experiment.definition.reference
+    return [
+        _variant(experiment, reference, None, points, (REFERENCE,)),
+        *(
+            _variant(experiment, method, value, points, ("method", i))
+            for i, method in enumerate(experiment.definition.method)
+            for value in method.values or (None,)
+        ),
+    ]
+
+
+def _variant(
+    experiment: Experiment,
+    line: MethodSection | ReferenceSection,
+    value: Scalar | None,
+    points: list[dict[str, float]],
+    keys: KeyPath,
+) -> Variant:
+    common = experiment.definition.work_precision.set
+    knob = line.knob if isinstance(line, MethodSection) else ""
+    changes: dict[str, Any] = {**common, **line.set}
+    options: dict[str, Any] = dict(line.options)
+    if knob.startswith(OPTION):
+        options[knob.removeprefix(OPTION)] = value
+    elif knob:
+        changes[knob] = value
+    try:
+        study = experiment.base.variant(changes)
+    except StudyFileError as error:
+        place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
+        raise experiment.error(place, f"{error.key or 'base'}: {error.message}") from None
+    own = design_points(study)
+    measured = [i for i, point in enumerate(own) if point in points]
+    if len(measured) < len(points):
+        measured = list(range(len(own), len(own) + len(points)))
+        own = [*own, *points]
+    return Variant(
+        line.name,
+        knob,
+        value,
+        isinstance(line, MethodSection) and line.default,
+        isinstance(line, ReferenceSection),
+        Plan(study, own),
+        tuple(measured),
+        line.integrator or "",
+        options,
+        keys,
+    )
+
+
+def common_study(experiment: Experiment) -> Study:
+    """The base study with what is changed for all methods; StudyFileError."""
+    try:
+        return experiment.base.variant(experiment.definition.work_precision.set)
+    except StudyFileError as error:
+        keys = ("work_precision", "set")
+        raise experiment.error(keys, f"{error.key or 'base'}: {error.message}") from None
+
+
+def measured_points(experiment: Experiment) -> list[dict[str, float]]:
+    """Swept values of the design points at which errors are measured."""
+    section, study = experiment.definition.work_precision, common_study(experiment)
+    own = design_points(study)
+    if not section.points or not study.sweeps:
+        return own
+    rng = np.random.default_rng(section.seed)
+    if study.definition.design.type == "zip":
+        return [_between(own, study, rng) for _ in range(section.points)]
+    return [_in_box(own, study, rng) for _ in range(section.points)]
+
+
+def _in_box(
+    own: list[dict[str, float]], study: Study, rng: np.random.Generator
+) -> dict[str, float]:
+    """A random point of the swept box; structures are among those there are."""
+    point = {}
+    for sweep in study.sweeps:
+        u = float(rng.random())
+        if sweep.parameter.structural:
+            values = sorted({p[sweep.name] for p in own})
+            point[sweep.name] = values[int(u * len(values))]
+        else:
+            point[sweep.name] = _mixed(sweep.low, sweep.high, u, sweep.scale == "log")
+    return point
+
+
+def _between(
+    own: list[dict[str, float]], study: Study, rng: np.random.Generator
+) -> dict[str, float]:
+    """A random point between two neighbours of a design whose values stand side by side."""
+    i, u = int(rng.integers(max(len(own) - 1, 1))), float(rng.random())
+    ends = own[i], own[min(i + 1, len(own) - 1)]
+    return {
+        s.name: ends[0][s.name]
+        if s.parameter.structural
+        else _mixed(ends[0][s.name], ends[1][s.name], u, s.scale == "log")
+        for s in study.sweeps
+    }
+
+
+def _mixed(low: float, high: float, u: float, log: bool) -> float:
+    return float(low * (high / low) ** u) if log and low > 0 else float(low + u * (high - low))

@@ -1,0 +1,129 @@
+"""The cheapest combination of tried settings that meets a tolerance."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+
+class Tried(NamedTuple):
+    """A rung as it did at the pilots.
+
+    Attributes
+    ----------
+    label : str
+    changes : mapping
+        Dotted key -> value.
+    error : float
+        Estimated, what it adds to the error.
+    cost : float
+        Seconds of the whole study, with the other ladders' rungs as they were.
+    """
+
+    label: str
+    changes: Mapping[str, Any]
+    error: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A rung of every ladder."""
+
+    labels: tuple[str, ...]
+    changes: Mapping[str, Any]
+    error: float
+    cost: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return ", ".join(self.labels) or "as the file says"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen, and its neighbours on the front of error against cost.
+
+    Attributes
+    ----------
+    chosen : Combination
+    cheaper, dearer : Combination or None
+    reason : str
+        Of the choice: the tolerance is met, or what stands against it.
+    """
+
+    chosen: Combination
+    cheaper: Combination | None
+    dearer: Combination | None
+    reason: str
+
+    def with_changes(self, always: Mapping[str, Any]) -> Choice:
+        """The same with settings that all combinations have."""
+        return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
+
+
+def choose(
+    tried: Mapping[str, Sequence[Tried]],
+    base_error: float,
+    base_cost: float,
+    tolerance: float,
+    budget: float | None,
+) -> Choice:
+    """Errors of ladders add up, costs multiply.
+
+    Parameters
+    ----------
+    tried : mapping of ladder -> rungs tried
+        Costs of each ladder relative to its first entry.
+    base_error, base_cost : float
+        What all combinations have besides; cost of the first entries together.
+    tolerance : float
+    budget : float or None
+        Seconds.
+    """
+    front = _front(_combinations(tried, base_error, base_cost))
+    affordable = [c for c in front if budget is None or c.cost <= budget]
+    good = [c for c in affordable if c.error <= tolerance]
+    if good:
+        chosen, reason = min(good, key=lambda c: c.cost), "meets the tolerance"
+    elif affordable:
+        chosen = min(affordable, key=lambda c: c.error)
+        if any(c.error <= tolerance for c in front):
+            reason = f"the budget buys an error of {chosen.error:.1e}, not {tolerance:g}"
+        else:
+            reason = f"no setting tried meets the tolerance of {tolerance:g}: this errs least"
+    else:
+        chosen = min(front, key=lambda c: c.cost)
+        reason = f"the budget of {budget:g} s buys not even the cheapest setting"
+    at = front.index(chosen)
+    cheaper = front[at - 1] if at > 0 else None
+    dearer = front[at + 1] if at + 1 < len(front) else None
+    return Choice(chosen, cheaper, dearer, reason)
+
+
+def _combinations(
+    tried: Mapping[str, Sequence[Tried]], base_error: float, base_cost: float
+) -> list[Combination]:
+    found = []
+    for rungs in itertools.product(*tried.values()):
+        cost = base_cost
+        for rung, ladder in zip(rungs, tried.values(), strict=True):
+            cost *= rung.cost / ladder[0].cost if ladder[0].cost > 0 else 1.0
+        changes: dict[str, Any] = {}
+        for rung in rungs:
+            changes |= rung.changes
+        error = base_error + sum(rung.error for rung in rungs)
+        found.append(Combination(tuple(r.label for r in rungs), changes, error, cost))
+    return found
+
+
+def _front(combinations: Sequence[Combination]) -> list[Combination]:
+    """Those that no other beats in both, cheapest first."""
+    front: list[Combination] = []
+    for one in sorted(combinations, key=lambda c: (c.cost, c.error)):
+        if not front or one.error < front[-1].error:
+            front.append(one)
+    return front

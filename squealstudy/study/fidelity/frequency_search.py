@@ -1,0 +1,100 @@
+"""Which reduction a complex-mode study needs: tried at pilots against the full-order model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from squealstudy.study.fidelity.choice import Choice, Tried, choose
+from squealstudy.study.fidelity.ladders import REDUCTION, STANDARD, Rung, free_ladders, given_keys
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.method import AUTO, DENSE, FULL, OVER_A_BASIS, WINDOWS
+from squealstudy.study.plan import has_mesh, reference_choice
+
+METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
+BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about
+SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
+WORTH = 2.0  # times its own cost that a try must promise to save
+SMALLER = 0.5  # of the cost of the points, that one rung down may save
+
+
+def search_modes(scene: Scene) -> Choice:
+    """The cheapest reduction within its share of the tolerance; the method follows its own.
+
+    A smaller reduction is tried where the points that it would serve pay for its making.
+    """
+    search = ModeSearch(scene)
+    ladder = free_ladders(scene.study).get(REDUCTION)
+    if ladder is None:
+        tried = {"": [search.attempt(Rung("reduction as the file says", {}))]}
+        tried = tried if has_mesh(scene.study) else {"": [tried[""][0]._replace(label="")]}
+    else:
+        search.climb(ladder.rungs)
+        tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
+    first = next(iter(tried.values()))[0]
+    section = scene.section
+    chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
+    return chosen.with_changes(search.common)
+
+
+class ModeSearch:
+    """Reductions tried at the pilots of a scene, by rung."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.points = reference_choice(scene.plan, scene.section.pilots)
+        self.common = _method_changes(scene)
+        self.tried: dict[int, Tried] = {}
+        self.making = 0.0  # seconds of the last reduction
+        self.method = scene.variant(self.common, scene.plan.swept).method.name
+
+    @property
+    def method_error(self) -> float:
+        """What reanalysis may add."""
+        return METHOD * self.scene.tolerance if self.method in OVER_A_BASIS else 0.0
+
+    def attempt(self, rung: Rung) -> Tried:
+        """Solve the pilots exactly with a reduction; its error is that against full order."""
+        scene, changes = self.scene, {**self.common, **rung.changes}
+        own = self.method if self.method not in OVER_A_BASIS else DENSE
+        meshed = has_mesh(scene.study)
+        made = scene.measure({**changes, "modes.method": own if meshed else AUTO}, self.points)
+        error = 0.0
+        if meshed:
+            truth = scene.measure({**self.common, "modes.method": FULL}, self.points)
+            error = scene.error(made, truth)
+        self.making = made.reduction_seconds
+        return Tried(rung.label, rung.changes, error, self.study_seconds(made))
+
+    def climb(self, rungs: tuple[Rung, ...]) -> None:
+        """From the standard rung up until one is good enough, or down while that pays."""
+        share = REDUCED * self.scene.tolerance
+        number = STANDARD
+        self.tried[number] = self.attempt(rungs[number])
+        while self.tried[number].error > share and number + 1 < len(rungs):
+            number += 1
+            self.tried[number] = self.attempt(rungs[number])
+        while number <= STANDARD and number > 0 and self._pays(number):
+            number -= 1
+            self.tried[number] = self.attempt(rungs[number])
+            if self.tried[number].error > share:
+                return
+
+    def _pays(self, number: int) -> bool:
+        points = self.tried[number].cost - self.making
+        return SMALLER * points > WORTH * self.making
+
+    def study_seconds(self, made: Measurement) -> float:
+        """Seconds of the whole study, from exact solves at the pilots."""
+        solves = float(len(self.scene.plan.tasks))
+        if self.method in OVER_A_BASIS:
+            solves = BASIS_SOLVES * self.scene.jobs + SERVED[self.method] * solves
+        return made.reduction_seconds + made.seconds * solves / self.scene.jobs
+
+
+def _method_changes(scene: Scene) -> Mapping[str, Any]:
+    """The tolerance of methods that have one; an explicit one stays."""
+    if "modes.tolerance" in given_keys(scene.study):
+        return {}
+    return {"modes.tolerance": min(METHOD * scene.tolerance, 0.1)}

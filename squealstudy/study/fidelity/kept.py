@@ -1,0 +1,43 @@
+"""Choices kept in the cache: the pilots of a study run once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from squealstudy.paths import cache_directory
+from squealstudy.study.fidelity.choice import Choice, Combination
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.files import write_json
+from squealstudy.study.keys import NUMERIC_PACKAGES, content_hash, source_hash
+
+CODE = (*NUMERIC_PACKAGES, "study")
+
+
+def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
+    """The choice of a scene, read where an earlier run made it, made and kept where not."""
+    path = _path(scene)
+    if path.is_file():
+        return _read(json.loads(path.read_text(encoding="utf-8")))
+    choice = make()
+    write_json(path, asdict(choice))
+    return choice
+
+
+def _path(scene: Scene) -> Path:
+    design = [sorted(point.items()) for point in scene.plan.swept]
+    content = [source_hash(CODE), scene.base.tables, design, scene.tolerance, scene.jobs]
+    return cache_directory() / "fidelity" / f"{content_hash(content)}.json"
+
+
+def _read(found: dict[str, Any]) -> Choice:
+    def combination(part: dict[str, Any] | None) -> Combination | None:
+        return None if part is None else Combination(**(part | {"labels": tuple(part["labels"])}))
+
+    chosen = combination(found["chosen"])
+    assert chosen is not None
+    cheaper, dearer = combination(found["cheaper"]), combination(found["dearer"])
+    return Choice(chosen, cheaper, dearer, found["reason"])

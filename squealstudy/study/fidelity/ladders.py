@@ -1,0 +1,114 @@
+"""What may be chosen: ladders of settings, from the cheapest rung to the dearest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from squealstudy.study.definition import Study
+from squealstudy.study.plan import has_mesh
+from squealstudy.study.source import parse_toml
+
+REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
+# cut-offs over the top of the band, and the singular value below which enrichment is left out
+REDUCTIONS = ((1.1, 1e-3), (1.25, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
+STANDARD = 2  # the rung that a study has by itself
+STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
+STEPS_A_PERIOD = 62.5
+BASES = ((1.0, 50), (1.0, 120), (2.0, 50))  # modes up to so many tops of the band, POD vectors
+CONTACT_POINTS = (2, 3, 4)
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One setting: values of dotted keys of the study file, and a few words."""
+
+    label: str
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Settings of one kind, cheapest first."""
+
+    name: str
+    rungs: tuple[Rung, ...]
+
+
+def free_ladders(study: Study) -> dict[str, Ladder]:
+    """The ladders of a study whose keys the file leaves out; explicit settings always win."""
+    if study.definition.study.kind == "transient":
+        wanted = _time_ladders(study)
+    else:
+        wanted = (_reductions(),) if has_mesh(study) else ()
+    given = given_keys(study)
+    return {
+        ladder.name: ladder
+        for ladder in wanted
+        if not any(key in given for rung in ladder.rungs for key in rung.changes)
+    }
+
+
+def given_keys(study: Study) -> set[str]:
+    """Dotted keys of the file, ``transient.step``, of tables in tables too."""
+    tables = parse_toml(study.path, study.text)
+    return {
+        f"{section}.{key}"
+        for section, table in tables.items()
+        if isinstance(table, dict)
+        for key in table
+    }
+
+
+def _reductions() -> Ladder:
+    return Ladder(
+        REDUCTION,
+        tuple(
+            Rung(
+                f"modes to {factor:g} x band, enrichment to {tolerance:g}",
+                {
+                    "reduction.component_cutoff_factor": factor,
+                    "reduction.assembly_cutoff_factor": factor,
+                    "reduction.tolerance": tolerance,
+                    "reduction.friction_training": True,
+                },
+            )
+            for factor, tolerance in REDUCTIONS
+        ),
+    )
+
+
+def _time_ladders(study: Study) -> tuple[Ladder, ...]:
+    """Of a minimal model the step alone; a continued run keeps the contact points it has."""
+    section = study.definition.transient
+    unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+    steps = tuple(Rung(f"step {n * unit:.3g} s", {"transient.step": n * unit}) for n in STEPS)
+    ladders = [Ladder(STEP, steps)]
+    if has_mesh(study) and section.representation == "modal":
+        ladders.append(_bases(study))
+        if not section.continued:
+            ladders.append(_contact_points())
+    return tuple(ladders)
+
+
+def _bases(study: Study) -> Ladder:
+    top = float(study.definition.modes.band[1])
+    small = [
+        Rung(
+            f"modes to {factor * top:g} Hz and {vectors} POD vectors",
+            {"transient.modes_below": factor * top, "transient.pod_vectors": vectors},
+        )
+        for factor, vectors in BASES
+    ]
+    return Ladder(BASIS, (*small, Rung("all modes", {})))
+
+
+def _contact_points() -> Ladder:
+    return Ladder(
+        CONTACT,
+        tuple(
+            Rung(f"{n} x {n} contact points a facet", {"model.contact_points": n})
+            for n in CONTACT_POINTS
+        ),
+    )

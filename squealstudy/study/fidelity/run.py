@@ -1,0 +1,123 @@
+"""Running a study with a [fidelity] section: choose, run, audit, again where the audit fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from squealstudy.study.definition import Study
+from squealstudy.study.fidelity.audit import Audit, audit
+from squealstudy.study.fidelity.choice import Choice, Combination
+from squealstudy.study.fidelity.frequency_search import search_modes
+from squealstudy.study.fidelity.kept import kept_choice
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.fidelity.time_search import search_runs
+from squealstudy.study.kind import Progress
+from squealstudy.study.plan import Plan
+from squealstudy.study.results_manifest import write_manifest
+from squealstudy.study.runner import RunReport, run_study
+
+MOST_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A study whose settings are chosen.
+
+    Attributes
+    ----------
+    scene : Scene
+    choice : Choice
+    plan : Plan
+        With the chosen settings.
+    """
+
+    scene: Scene
+    choice: Choice
+    plan: Plan
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For the manifest and the screens."""
+        section = self.scene.section
+        return {
+            "tolerance": section.tolerance,
+            "budget_s": section.budget,
+            "reason": self.choice.reason,
+            "chosen": _plain(self.choice.chosen),
+            "cheaper": _plain(self.choice.cheaper),
+            "dearer": _plain(self.choice.dearer),
+        }
+
+
+def _plain(one: Combination | None) -> dict[str, Any] | None:
+    if one is None:
+        return None
+    return {
+        "settings": one.text,
+        "changes": dict(one.changes),
+        "estimated_error": one.error,
+        "seconds": one.cost,
+    }
+
+
+def resolve(study: Study, jobs: int, report: Progress, tolerance: float | None = None) -> Resolved:
+    """Choose the settings of a study, by pilot runs or as an earlier call chose them.
+
+    Raises
+    ------
+    SquealstudyError
+        Where a pilot design point fails.
+    """
+    scene = Scene(study, jobs, report, asked=tolerance)
+    search = search_runs if scene.in_time else search_modes
+    choice = kept_choice(scene, lambda: search(scene))
+    return Resolved(scene, choice, scene.variant(choice.chosen.changes, None))
+
+
+def run_resolved(
+    resolved: Resolved,
+    directory: Path,
+    yes: bool,
+    report: Progress,
+    warn: Callable[[str], None],
+) -> RunReport:
+    """Run the study with its chosen settings and audit it, more strictly where that fails.
+
+    The manifest says what was chosen and what the audit found; a tolerance that is missed after
+    the last round is said there and in a warning.
+    """
+    scene = resolved.scene
+    asked = scene.section.tolerance
+    for number in range(MOST_ROUNDS):
+        done = run_study(resolved.plan, directory, scene.jobs, yes, report, warn)
+        found = audit(scene, resolved.choice.chosen.changes, number)
+        passed = found.error is None or found.error <= asked
+        facts = resolved.facts | {"audit": _audited(found, passed), "rounds": number + 1}
+        manifest = done.manifest | {"fidelity": facts}
+        write_manifest(directory, manifest)
+        if passed or number + 1 == MOST_ROUNDS:
+            break
+        stricter = 0.5 * resolved.scene.tolerance * asked / max(found.error or asked, asked)
+        again = resolve(scene.study, scene.jobs, report, stricter)
+        if again.choice.chosen.changes == resolved.choice.chosen.changes:
+            break
+        warn(
+            f"fidelity: the audit found an error of {found.error:.1e}, more than {asked:g}: once "
+            f"more with {again.choice.chosen.text}"
+        )
+        resolved = again
+    if not passed:
+        warn(f"fidelity: the audit found an error of {found.error:.1e}, more than {asked:g}")
+    return RunReport(done.directory, manifest, done.n_solved, done.n_reused)
+
+
+def _audited(found: Audit, passed: bool) -> Mapping[str, Any]:
+    return {
+        "error": found.error,
+        "points": list(found.points),
+        "against": found.against,
+        "passed": passed,
+    }

@@ -1,0 +1,136 @@
+"""A study as fidelity sees it: variants of its settings, measured at pilot design points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from squealstudy.analysis.tables.finding_errors import (
+    FoundError,
+    Miscount,
+    root_errors,
+    run_errors,
+)
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.definition import Study
+from squealstudy.study.experiments.base import BaseStudy
+from squealstudy.study.fidelity_section import FidelitySection
+from squealstudy.study.keys import content_hash
+from squealstudy.study.kind import Progress
+from squealstudy.study.measure.frequency_domain import measure_modes
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.time_domain import measure_runs
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import build_structures
+from squealstudy.study.source import SourceText, parse_toml
+
+IN_FREQUENCY = ("frequency", "damping_ratio")
+IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
+MISSED = 1.0  # error of a setting that misses an instability, or sees one that is not there
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A study with a [fidelity] section.
+
+    Attributes
+    ----------
+    study : Study
+    jobs : int
+        Workers of the run that is prepared.
+    report : callable
+        Told (stage, done, total).
+    measured : dict
+        Measurements so far, by settings and points.
+    asked : float or None
+        A stricter tolerance than the section's, after a failed audit.
+    """
+
+    study: Study
+    jobs: int
+    report: Progress
+    measured: dict[str, Measurement] = field(default_factory=dict)
+    asked: float | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """What settings are chosen by."""
+        return self.section.tolerance if self.asked is None else self.asked
+
+    @property
+    def section(self) -> FidelitySection:
+        """Tolerance, budget, pilots, audit."""
+        section = self.study.definition.fidelity
+        assert section is not None
+        return section
+
+    @cached_property
+    def base(self) -> BaseStudy:
+        """The file, variants of which are measured."""
+        source = SourceText(self.study.path, self.study.text)
+        return BaseStudy(source, parse_toml(source.path, source.text), self.study)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The study as the file has it."""
+        return Plan(self.study)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether runs are measured, not modes."""
+        return self.study.definition.study.kind == "transient"
+
+    def variant(self, changes: Mapping[str, Any], swept: list[dict[str, float]] | None) -> Plan:
+        """The study with other settings; `swept` replaces its design points."""
+        return Plan(self.base.variant(changes), swept)
+
+    def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
+        """Measure settings at some of the study's design points, once.
+
+        Raises
+        ------
+        SquealstudyError
+            Where a point fails: nothing can be chosen by it.
+        """
+        name = content_hash([sorted(changes.items(), key=str), list(points)])
+        if name not in self.measured:
+            plan = self.variant(changes, self.plan.swept)
+            build_structures(plan, self.jobs, self.report)
+            made = measure_runs(plan, points) if self.in_time else measure_modes(plan, points)
+            self._expect_ok(made)
+            self.measured[name] = made
+            self.report("pilot runs", len(self.measured), len(self.measured) + 1)
+        return self.measured[name]
+
+    def _expect_ok(self, made: Measurement) -> None:
+        bad = [f for f in made.findings.values() if f["status"] != "ok"]
+        if bad:
+            raise SquealstudyError(
+                f"{self.study.path}: a pilot design point failed ({bad[0]['status']}: "
+                f"{bad[0]['message']}); without [fidelity] the study runs as its settings say"
+            )
+
+    def error(self, found: Measurement, truth: Measurement) -> float:
+        """Largest error of the judged quantities; MISSED where instabilities differ."""
+        compare, judged = (run_errors, IN_TIME) if self.in_time else (root_errors, IN_FREQUENCY)
+        worst = 0.0
+        for point, finding in found.findings.items():
+            errors, count = compare(finding, truth.findings[point])
+            worst = max(worst, largest(errors, count, judged))
+        return worst
+
+
+def largest(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
+    """Largest of some errors.
+
+    Where both values have intervals (levels of irregular cycles) that overlap, what is left is
+    the distance that is certain, not that of two averages.
+    """
+    worst = MISSED if count.missed or count.spurious else 0.0
+    for error in errors:
+        if error.quantity in judged:
+            certain = error.low if error.high > 2 * error.error else error.error
+            worst = max(worst, certain)
+    return worst

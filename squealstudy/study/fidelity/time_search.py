@@ -1,0 +1,150 @@
+"""Which basis, contact points and step a transient study needs: tried at pilots, rung by rung."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from squealstudy.study.fidelity.choice import Choice, Tried, choose
+from squealstudy.study.fidelity.ladders import (
+    BASIS,
+    CONTACT,
+    STEP,
+    Ladder,
+    free_ladders,
+    given_keys,
+)
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.plan import Plan
+
+SHARE = 0.4  # of the tolerance that one ladder may take
+RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
+SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
+QUIET = {"transient.save_every": 0}  # pilots keep no histories
+TRIAL_STEP = 2  # rung of steps at which bases and contact points are compared
+
+
+def search_runs(scene: Scene) -> Choice:
+    """The cheapest step, basis and contact points whose errors together meet the tolerance."""
+    search = RunSearch(scene)
+    for name, attempt in ((BASIS, search.try_bases), (CONTACT, search.try_contact_points)):
+        if name in search.ladders:
+            attempt(search.ladders[name])
+    if STEP in search.ladders:
+        search.try_steps(search.ladders[STEP])
+    section = scene.section
+    cost = search.study_seconds()
+    chosen = choose(search.tried, 0.0, cost, scene.tolerance, section.budget)
+    return chosen.with_changes(search.always)
+
+
+class RunSearch:
+    """Settings tried at the pilots of a scene, ladder by ladder, each from the cheapest up.
+
+    Ladders are tried with the best of the others so far; their errors add up.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.ladders = free_ladders(scene.study)
+        self.points = interior_pilots(scene.plan, scene.section.pilots)
+        self.share = SHARE * scene.tolerance
+        self.tried: dict[str, list[Tried]] = {}
+        self.kept: dict[str, Tried] = {}
+        self.always = _settled(scene)
+        self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
+        if STEP in self.ladders:
+            self.now |= self.ladders[STEP].rungs[TRIAL_STEP].changes
+        if CONTACT in self.ladders:
+            self.now |= self.ladders[CONTACT].rungs[0].changes
+
+    def measure(self, changes: Mapping[str, Any]) -> Measurement:
+        """The pilots with some settings other than those so far."""
+        return self.scene.measure({**self.now, **changes}, self.points)
+
+    def try_bases(self, ladder: Ladder) -> None:
+        """Smaller bases against all modes, until one is within its share."""
+        *small, whole = ladder.rungs
+        truth = self.measure({})
+        found = []
+        for rung in small:
+            made = self.measure(rung.changes)
+            error = self.scene.error(made, truth)
+            found.append(Tried(rung.label, rung.changes, error, made.seconds))
+            if error <= self.share:
+                break
+        found.append(Tried(whole.label, whole.changes, 0.0, truth.seconds))
+        self._keep(BASIS, found)
+
+    def try_contact_points(self, ladder: Ladder) -> None:
+        """More points against fewer: the error of a rung is the change to the next."""
+        self._keep(CONTACT, self._refined(ladder, 1.0))
+
+    def try_steps(self, ladder: Ladder) -> None:
+        """Halved steps until the change to the next, extrapolated, is within its share."""
+        self._keep(STEP, self._refined(ladder, RICHARDSON))
+
+    def _refined(self, ladder: Ladder, factor: float) -> list[Tried]:
+        """Rungs up to the first whose change to the next is within its share, and that next one.
+
+        What is left after the last one tried is taken for a quarter of the change that led to it.
+        """
+        found: list[Tried] = []
+        coarse = self.measure(ladder.rungs[0].changes)
+        for rung, finer in zip(ladder.rungs, ladder.rungs[1:], strict=False):
+            fine = self.measure(finer.changes)
+            error = factor * self.scene.error(coarse, fine)
+            found.append(Tried(rung.label, rung.changes, error, coarse.seconds))
+            coarse = fine
+            if error <= self.share:
+                break
+        return [*found, Tried(finer.label, finer.changes, error / 4, coarse.seconds)]
+
+    def _keep(self, name: str, found: list[Tried]) -> None:
+        """Go on with the cheapest of a ladder that is good enough, else with its best."""
+        self.tried[name] = found
+        good = [t for t in found if t.error <= self.share]
+        best = min(good, key=lambda t: t.cost) if good else min(found, key=lambda t: t.error)
+        self.kept[name] = best
+        self.now |= best.changes
+
+    def study_seconds(self) -> float:
+        """Seconds of the whole study with the first rung of every ladder."""
+        made = self.measure({})
+        cost = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        for name, best in self.kept.items():
+            cost *= self.tried[name][0].cost / best.cost if best.cost > 0 else 1.0
+        return made.reduction_seconds + made.setup_seconds + cost
+
+
+def interior_pilots(plan: Plan, count: int) -> list[int]:
+    """Design points nearest to places inside the swept box: no training run is made there.
+
+    The first is in the upper half of the box, where more squeals.
+    """
+    X = plan.coordinates
+    if not X.shape[1]:
+        return list(range(min(count, len(X))))
+    span = np.ptp(X, axis=0)
+    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
+    chosen: list[int] = []
+    for place in (0.75, 0.4, 0.9, 0.55, 0.65, 0.25, 0.85, 0.5):
+        order = np.argsort(np.abs(X - place).max(axis=1), kind="stable")
+        chosen += [int(i) for i in order if i not in chosen][:1]
+    return chosen[:count]
+
+
+def _settled(scene: Scene) -> dict[str, Any]:
+    """Runs end once their outcome is known, where the file does not say when they end."""
+    modal = scene.study.definition.transient.representation == "modal"
+    if not modal or "transient.stop" in given_keys(scene.study):
+        return {}
+    certain = (
+        {}
+        if "transient.settle_tolerance" in given_keys(scene.study)
+        else {"transient.settle_tolerance": min(SETTLED, SETTLED_SHARE * scene.tolerance)}
+    )
+    return {"transient.stop": "settled", **certain}

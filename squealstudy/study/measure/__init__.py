@@ -1,0 +1,1 @@
+"""What a method finds at chosen design points of a study, and what that costs."""

@@ -1,0 +1,101 @@
+"""How a method of complex-mode studies is timed, and what it finds."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.study.cache import read_scalars
+from squealstudy.study.chunks import read_chunks
+from squealstudy.study.complex_modes.bases import BasisTask, load_basis, served
+from squealstudy.study.complex_modes.kind import ComplexModes
+from squealstudy.study.complex_modes.rows import SCHEMA
+from squealstudy.study.complex_modes.window_worker import WindowTask
+from squealstudy.study.complex_modes.worker import ChunkTask
+from squealstudy.study.family_cache import load_any
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.method import PERTURBATION, WINDOWS
+from squealstudy.study.plan import Plan
+from squealstudy.study.process import memory_above
+
+# rungs whose design points share work within a box: all points of the study are solved and timed
+TOGETHER = (WINDOWS, PERTURBATION)
+
+
+def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
+    """Solve chosen points of a complex-mode study by its method, in a scratch directory.
+
+    Parameters
+    ----------
+    plan : Plan
+        Its structures are in the cache.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    """
+    kind = ComplexModes()
+    with threadpool_limits(1):
+        kind.prepare(plan, lambda stage, done, total: None, 1)
+    chosen = [plan.tasks[i] for i in measured]
+    solved = plan.tasks if plan.method.name in TOGETHER else chosen
+    with tempfile.TemporaryDirectory() as scratch:
+        tasks = kind.tasks(plan, Path(scratch), solved, 1)
+        ready_s = _made_ready(tasks)
+        with memory_above() as memory, threadpool_limits(1):
+            started = time.perf_counter()
+            for task in tasks:
+                kind.solve(_forgetful(task))
+            seconds = (time.perf_counter() - started) / len(solved)
+        rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
+    findings = {str(n): _found(rows[t.point_id]) for n, t in enumerate(chosen)}
+    setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
+    coordinates = int(load_any(chosen[0].prepared_key).model.n)
+    return Measurement(seconds, setup, reduction, memory.megabytes, np.nan, coordinates, findings)
+
+
+def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:
+    """Seconds until problems and bases of the tasks are in memory."""
+    started = time.perf_counter()
+    for task in tasks:
+        if isinstance(task, WindowTask):
+            served(task.basis, task.basis.path.is_file())
+        else:
+            load_any(task.points[0].prepared_key)
+    return time.perf_counter() - started
+
+
+def _forgetful(task: ChunkTask | WindowTask) -> ChunkTask | WindowTask:
+    """The task without keeping working points: a second round must not know those of the first."""
+    return task if isinstance(task, WindowTask) else replace(task, keep_gaps=False)
+
+
+def reduction_seconds(plan: Plan) -> float:
+    """What the structures of a study took when they were made."""
+    return float(sum(sum(read_scalars(s.key)["timings"].values()) for s in plan.structures))
+
+
+def _bases_s(tasks: Sequence[ChunkTask | WindowTask]) -> float:
+    """Seconds that the sweep bases in use took when they were made."""
+    found: dict[Path, BasisTask] = {
+        t.basis.path: t.basis for t in tasks if isinstance(t, WindowTask)
+    }
+    return float(sum(load_basis(path).seconds for path in found if path.is_file()))
+
+
+def _found(row: dict[str, Any]) -> dict[str, Any]:
+    kept = ~np.array(row["overdamped"], dtype=bool)
+    roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[kept]
+    estimates = np.array(row["error_estimate"], dtype=float)[kept]
+    return {
+        "status": row["status"],
+        "message": row["message"],
+        "served_by": row["method"],
+        "roots": roots.tolist(),
+        "estimates": [None if np.isnan(e) else float(e) for e in estimates],
+    }

@@ -1,0 +1,146 @@
+"""How an integrator or a basis of transient studies is timed, and what it finds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.analysis.runs.summary import summarise
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.measure.frequency_domain import reduction_seconds
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.plan import Plan
+from squealstudy.study.process import memory_above
+from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.tasks import PointTask
+from squealstudy.study.transient import forecast
+from squealstudy.study.transient.basis import full_choice
+from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of
+from squealstudy.study.transient.hybrid_runs import hybrid_runs
+from squealstudy.study.transient.modal_runs import Finished, Integrate, modal_runs
+from squealstudy.study.transient.ready import Ready, set_up
+from squealstudy.study.transient.training import make_training_runs, training_seconds
+from squealstudy.study.working_points import NewGaps
+
+WITH_BOUNDS = {
+    "growth_rate": ("growth_rate_low", "growth_rate_high"),
+    "torque_rms": ("torque_rms_low", "torque_rms_high"),
+}
+PLAIN = {"torque_mean": "torque_mean", "dominant_frequency": "dominant_frequency_hz"}
+
+
+def measure_runs(
+    plan: Plan, measured: Sequence[int], integrate: Integrate = simulate
+) -> Measurement:
+    """Run chosen points of a transient study; only the integration is timed as theirs.
+
+    Working points, forecasts and summaries are the same for all methods of a basis.
+
+    Parameters
+    ----------
+    plan : Plan
+        Its structures are in the cache.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    integrate : callable
+        In place of the study's own integrator (modal representation only).
+    """
+    section = plan.study.definition.transient
+    forecast.warm(section)
+    with threadpool_limits(1):
+        make_training_runs(plan, lambda stage, done, total: None)
+        findings: dict[str, dict[str, Any]] = {}
+        spent, passes, memory_mb, size = 0.0, [], 0.0, 0
+        chosen = [plan.tasks[i] for i in measured]
+        for first in range(0, len(chosen), section.batch):
+            part = tuple(chosen[first : first + section.batch])
+            found, seconds, memory, finished = _batch(plan, part, integrate)
+            findings |= {str(first + n): one for n, one in enumerate(found)}
+            spent += seconds
+            memory_mb = max(memory_mb, memory)
+            passes += [done.run.result.mean_iterations for done in finished]
+            size = max([size, *(done.n_coordinates for done in finished)])
+    setup, reduction = training_seconds(plan), reduction_seconds(plan)
+    iterations = float(np.mean(passes)) if passes else np.nan
+    return Measurement(spent / len(chosen), setup, reduction, memory_mb, iterations, size, findings)
+
+
+def _batch(
+    plan: Plan, part: tuple[PointTask, ...], integrate: Integrate
+) -> tuple[list[dict[str, Any]], float, float, list[Finished]]:
+    """Findings of some points, seconds, memory, and the runs that came to something."""
+    choice = full_choice(plan, part[0].prepared_key)
+    task = batch_task(plan, Path(), part, choice)
+    try:
+        reference = reference_of(task)
+    except SquealstudyError as error:
+        return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
+    found = [set_up(task, reference, point, NewGaps()) for point in part]
+    ready = [one for one in found if isinstance(one, Ready)]
+    seconds, finished, message = 0.0, [], ("failed", "")
+    with memory_above() as memory:
+        started = time.perf_counter()
+        try:
+            finished = _integrated(integrate, task, reference, ready) if ready else []
+        except FAILURES as error:
+            message = reason(error)
+        seconds = time.perf_counter() - started
+    done = iter(finished)
+    findings = [
+        _failed(one["status"], one["message"])
+        if not isinstance(one, Ready)
+        else _found(next(done))
+        if finished
+        else _failed(*message)
+        for one in found
+    ]
+    return findings, seconds, memory.megabytes, finished
+
+
+def _integrated(
+    integrate: Integrate, task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
+) -> list[Finished]:
+    if task.section.representation == "hybrid":
+        return hybrid_runs(task, reference, ready)
+    return modal_runs(task, reference, ready, integrate)
+
+
+def _failed(status: str, message: str) -> dict[str, Any]:
+    return {"status": status, "message": message}
+
+
+def _found(done: Finished) -> dict[str, Any]:
+    """What errors are measured on, with bounds where there are some."""
+    result = done.run.result
+    if result.outcome != "ok":
+        return _failed(result.outcome, result.message)
+    summary = summarise(done.run)
+    point = summary.point
+    values: dict[str, list[float | None]] = {}
+    for name, (low, high) in WITH_BOUNDS.items():
+        values[name] = _numbers(point, name, low, high)
+    for name, column in PLAIN.items():
+        values[name] = _numbers(point, column, column, column)
+    shares = {str(m["mode"]): m["energy_share"] for m in summary.modes}
+    return {
+        "status": "ok",
+        "message": "",
+        "class": point["class"],
+        "torque_static": float(point["torque_static"]),
+        "predicted_frequency_hz": float(np.nan_to_num(point["predicted_frequency_hz"])),
+        "energy_balance": float(point["energy_balance"]),
+        "values": values,
+        "energy_share": shares,
+    }
+
+
+def _numbers(point: Any, *names: str) -> list[float | None]:
+    numbers = [float(point.get(name, np.nan)) for name in names]
+    return [None if np.isnan(x) else x for x in numbers]

@@ -1,0 +1,276 @@
+"""Fidelity: ladders, choices, pilots, audits."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from squealstudy import open_results
+from squealstudy.cli.app import app
+from squealstudy.errors import SquealstudyError, StudyFileError
+from squealstudy.study.definition import parse_study
+from squealstudy.study.fidelity import run as fidelity_run
+from squealstudy.study.fidelity.audit import Audit
+from squealstudy.study.fidelity.choice import Tried, choose
+from squealstudy.study.fidelity.ladders import free_ladders
+from squealstudy.study.fidelity.run import resolve, run_resolved
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.fidelity.time_search import interior_pilots
+from squealstudy.study.plan import Plan
+
+BELT = """
+[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.5, 0.6, 0.7]
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = 0.25
+perturbation = 1e-1
+save_every = 0
+[fidelity]
+tolerance = 0.001
+audit = 1
+"""
+BRAKE = """
+[study]
+name = "brake"
+kind = "{kind}"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+{model}
+[[sweep]]
+parameter = "friction"
+start = 0.2
+stop = 0.6
+num = 5
+[fidelity]
+tolerance = 0.01
+{more}
+"""
+
+
+def quiet(stage, done, total):
+    pass
+
+
+def study(text, tmp_path, name="study.toml"):
+    return parse_study(text, tmp_path / name)
+
+
+# -- choosing ------------------------------------------------------------------------------------
+TRIED = {
+    "basis": [Tried("small", {"b": 1}, 0.02, 1.0), Tried("whole", {}, 0.0, 4.0)],
+    "step": [
+        Tried("long", {"s": 4}, 0.04, 2.0),
+        Tried("middle", {"s": 2}, 0.01, 4.0),
+        Tried("short", {"s": 1}, 0.003, 8.0),
+    ],
+}
+
+
+def test_cheapest_combination_within_the_tolerance():
+    choice = choose(TRIED, 0.0, 10.0, 0.03, None)
+    assert choice.chosen.labels == ("small", "middle")
+    assert choice.chosen.error == pytest.approx(0.03)
+    assert choice.chosen.cost == pytest.approx(20.0)
+    assert choice.chosen.changes == {"b": 1, "s": 2}
+    assert choice.reason == "meets the tolerance"
+    assert choice.cheaper.labels == ("small", "long")
+    assert choice.dearer.labels == ("small", "short")
+
+
+def test_a_budget_buys_the_least_error():
+    choice = choose(TRIED, 0.0, 10.0, 0.01, budget=50.0)
+    assert choice.chosen.labels == ("small", "short")
+    assert "the budget buys an error of 2.3e-02, not 0.01" in choice.reason
+    assert choose(TRIED, 0.0, 10.0, 0.01, budget=1e3).chosen.labels == ("whole", "middle")
+    assert "not even the cheapest" in choose(TRIED, 0.0, 10.0, 0.01, budget=5.0).reason
+
+
+def test_a_tolerance_that_no_setting_meets_is_said():
+    choice = choose(TRIED, 0.0, 10.0, 1e-4, None)
+    assert choice.chosen.labels == ("whole", "short")
+    assert "no setting tried does not meet" not in choice.reason
+    assert "no setting tried meets the tolerance of 0.0001" in choice.reason
+
+
+rungs = st.lists(st.tuples(st.floats(0, 1), st.floats(0.1, 100)), min_size=1, max_size=4)
+
+
+@given(st.lists(rungs, min_size=0, max_size=3), st.floats(1e-3, 2), st.floats(1, 1e4))
+def test_choice_is_never_dearer_than_another_that_is_as_good(ladders, tolerance, cost):
+    tried = {
+        str(i): [Tried(f"{i}.{k}", {}, e, c) for k, (e, c) in enumerate(ladder)]
+        for i, ladder in enumerate(ladders)
+    }
+    choice = choose(tried, 0.0, cost, tolerance, None)
+    for ladder in tried.values():
+        for rung in ladder:
+            alone = choose(
+                {k: [v[0]] if v is not ladder else [rung] for k, v in tried.items()},
+                0.0,
+                _first(tried, ladder, rung, cost),
+                tolerance,
+                None,
+            ).chosen
+            if alone.error <= tolerance:
+                assert choice.chosen.cost <= alone.cost * (1 + 1e-9)
+    if choice.cheaper is not None:
+        assert choice.cheaper.cost <= choice.chosen.cost
+        assert choice.cheaper.error > choice.chosen.error
+    if choice.dearer is not None:
+        assert choice.dearer.error < choice.chosen.error
+
+
+def _first(tried, ladder, rung, cost):
+    """Cost of the first rungs, but for one ladder's rung."""
+    return cost * rung.cost / ladder[0].cost
+
+
+# -- what is free to choose ----------------------------------------------------------------------
+def test_explicit_settings_always_win(tmp_path):
+    text = BRAKE.format(kind="transient", model="", more="")
+    assert set(free_ladders(study(text, tmp_path))) == {"step", "basis", "contact points"}
+    given_ = BRAKE.format(
+        kind="transient",
+        model="contact_points = 2",
+        more="[transient]\nstep = 1e-6\nmodes_below = 8e3",
+    )
+    assert free_ladders(study(given_, tmp_path)) == {}
+    modes = BRAKE.format(kind="complex_modes", model="", more="")
+    assert set(free_ladders(study(modes, tmp_path))) == {"reduction"}
+    fixed = BRAKE.format(kind="complex_modes", model="", more="[reduction]\ntolerance = 1e-4")
+    assert free_ladders(study(fixed, tmp_path)) == {}
+
+
+def test_pilots_lie_inside_the_sweep(tmp_path):
+    plan = Plan(study(BRAKE.format(kind="transient", model="", more=""), tmp_path))
+    assert interior_pilots(plan, 2) == [3, 2]  # no ends: a basis is trained there
+    assert len(set(interior_pilots(plan, 5))) == 5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "message"),
+    [
+        ("tolerance = 0.001", "tolerance = 0", "fidelity.tolerance", "more than 0"),
+        ("audit = 1", 'budget = "soon"', "fidelity.budget", "'90 s', '5 min' or '2 h'"),
+        ("audit = 1", "budget = -1.0", "fidelity.budget", "more than 0"),
+        ("audit = 1", "budgte = 3.0", "fidelity.budgte", "did you mean 'budget'"),
+        ('"transient"', '"sensitivity"', "", "needs kind"),
+    ],
+)
+def test_bad_sections(tmp_path, old, new, key, message):
+    with pytest.raises(StudyFileError) as error:
+        study(BELT.replace(old, new), tmp_path)
+    assert message in str(error.value)
+    assert error.value.key == key
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("90 s", 90), ("5 min", 300), ("0.5h", 1800)])
+def test_budgets(tmp_path, text, seconds):
+    made = study(BELT.replace("audit = 1", f'budget = "{text}"'), tmp_path)
+    assert made.definition.fidelity.budget == seconds
+
+
+# -- the belt, from pilots to audit --------------------------------------------------------------
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    place = tmp_path_factory.mktemp("fidelity")
+    resolved = resolve(study(BELT, place), 1, quiet)
+    report = run_resolved(resolved, place / "results", False, quiet, pytest.fail)
+    return resolved, report
+
+
+def test_step_is_chosen_and_its_error_audited(finished):
+    resolved, report = finished
+    facts = report.manifest["fidelity"]
+    step = facts["chosen"]["changes"]["transient.step"]
+    assert step == resolved.plan.study.definition.transient.step
+    assert facts["chosen"]["estimated_error"] <= 0.001
+    assert facts["audit"]["passed"]
+    assert facts["audit"]["error"] <= 0.001
+    assert facts["audit"]["against"].startswith("step")
+    assert facts["dearer"]["estimated_error"] < facts["chosen"]["estimated_error"]
+    assert open_results(report.directory).points["status"].eq("ok").all()
+
+
+def test_estimates_bound_the_error_against_a_much_smaller_step(finished):
+    resolved, _ = finished
+    scene = Scene(resolved.scene.study, 1, quiet)
+    chosen = dict(resolved.choice.chosen.changes)
+    truth = {**chosen, "transient.step": chosen["transient.step"] / 16}
+    error = scene.error(scene.measure(chosen, [1]), scene.measure(truth, [1]))
+    assert error <= 1.5 * resolved.choice.chosen.error + 1e-3
+
+
+def test_a_choice_is_made_once(finished, monkeypatch):
+    monkeypatch.setattr(fidelity_run, "search_runs", pytest.fail)
+    again = resolve(finished[0].scene.study, 1, quiet)
+    assert again.choice == finished[0].choice
+
+
+def test_a_failed_audit_leads_to_better_settings(tmp_path, monkeypatch):
+    outcomes = [Audit(0.5, (0,), "x"), Audit(0.001, (1,), "x")]
+    monkeypatch.setattr(fidelity_run, "audit", lambda *_: outcomes.pop(0))
+    said = []
+    first = resolve(study(BELT, tmp_path), 1, quiet)
+    report = run_resolved(first, tmp_path / "results", False, quiet, said.append)
+    facts = report.manifest["fidelity"]
+    assert facts["rounds"] == 2
+    assert facts["audit"]["passed"]
+    step = first.choice.chosen.changes["transient.step"]
+    assert facts["chosen"]["changes"]["transient.step"] < step
+    assert len(said) == 1
+    assert "the audit found an error of 5.0e-01" in said[0]
+
+
+def test_a_tolerance_missed_to_the_end_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(fidelity_run, "audit", lambda *_: Audit(0.9, (0,), "x"))
+    said = []
+    report = run_resolved(
+        resolve(study(BELT, tmp_path), 1, quiet), tmp_path / "results", False, quiet, said.append
+    )
+    assert not report.manifest["fidelity"]["audit"]["passed"]
+    assert said[-1] == "fidelity: the audit found an error of 9.0e-01, more than 0.001"
+
+
+def test_a_pilot_that_fails_stops_the_choice(tmp_path):
+    text = BELT.replace("values = [0.5, 0.6, 0.7]", "values = [0.6]").replace(
+        "[modes]", '[parameters]\n"contact.kt" = 1e-3\n[modes]'
+    )
+    with pytest.raises(SquealstudyError, match="a pilot design point failed"):
+        resolve(study(text, tmp_path), 1, quiet)
+
+
+def test_a_model_without_a_reduction_is_exact(tmp_path):
+    text = BELT.replace('"transient"', '"complex_modes"').replace('"belt"\n[[', '"hulten"\n[[')
+    text = text.replace("sliding_speed", "friction").split("[transient]")[0]
+    text += "[fidelity]\ntolerance = 1e-3\naudit = 2\n"
+    resolved = resolve(study(text, tmp_path), 1, quiet)
+    assert resolved.choice.chosen.error == 0.0
+    report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
+    assert report.manifest["fidelity"]["audit"]["error"] == 0.0
+
+
+def test_screens(tmp_path, monkeypatch):
+    path = tmp_path / "belt.toml"
+    path.write_text(BELT)
+    checked = CliRunner().invoke(app, ["check", str(path)])
+    assert checked.exit_code == 0, checked.output
+    assert "fidelity" in checked.output
+    assert "next dearer" in checked.output
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, ["run", str(path), "--output", str(out), "--no-pictures"])
+    assert done.exit_code == 0, done.output
+    assert "audit" in done.output
+    assert "passed" in done.output
+    assert json.loads((out / "manifest.json").read_text())["fidelity"]["tolerance"] == 0.001

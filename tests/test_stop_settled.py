@@ -1,0 +1,434 @@
+"""Runs that stop once their outcome is known: pauses that change nothing, and who may stop."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from squealstudy.analysis.runs.outcome import expected_rise, known_outcome, level_drift
+from squealstudy.analysis.runs.summary import ModalRun, run_levels
+from squealstudy.analysis.transient.growing_modes import GrowingModes
+from squealstudy.analysis.transient.point import TransientPoint
+from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.watch import Watch
+from squealstudy.cli.app import main
+from squealstudy.errors import ModelError, ParameterError, StudyFileError
+from squealstudy.kernels.newmark_layout import HISTORY
+from squealstudy.models.law import ContactLaw
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
+
+SHORT = TransientSettings(duration=1.2e-3, step=2e-6, save_every=5)
+N = 10
+
+
+@pytest.fixture(scope="module")
+def lively() -> tuple[ModalSystem, list[TransientDesign], np.ndarray]:
+    """Ten modes over twelve points that stick, slip and open; designs need unlike iterations."""
+    rng = np.random.default_rng(3)
+    one = np.ones(12)
+    system = ModalSystem(
+        omega2=(2 * np.pi * np.linspace(1e3, 8e3, N)) ** 2,
+        N=rng.normal(size=(12, N)),
+        T1=rng.normal(size=(12, N)),
+        T2=rng.normal(size=(12, N)),
+        area=1e-4 * one,
+        frictional=one,
+        radius=0.1 * one,
+        gap=0 * one,
+        k_ref=50.0 * one,
+        force=np.column_stack([10.0 * one, -4.0 * one, 0 * one]),
+        sensors=np.eye(N)[:3],
+    )
+    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    speeds = (0.05, 0.1, 0.2, 0.4, 0.8)
+    designs = [
+        TransientDesign(law, FrictionLaw(mu, mu, 1e7), speed, np.full(N, 20.0))
+        for mu, speed in zip(np.linspace(0.2, 0.6, 5), speeds, strict=True)
+    ]
+    return system, designs, 0.02 * rng.normal(size=N)
+
+
+def never(k: int, run: TransientResult) -> str:
+    return ""
+
+
+def same(a: TransientResult, b: TransientResult, rows: int | None = None) -> bool:
+    """Histories bit by bit, of `a` its first `rows`."""
+    pairs = [(a.history[name], b.history[name]) for name in b.history]
+    pairs += [(a.displacement, b.displacement), (a.velocity, b.velocity)]
+    return all(np.array_equal(x[:rows], y) for x, y in pairs)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_pauses_change_nothing(lively, count):
+    """Also where designs of a batch are at different times when one of them pauses."""
+    system, designs, kick = lively
+    times: list[tuple[int, float]] = []
+
+    def judge(k: int, run: TransientResult) -> str:
+        times.append((k, run.time))
+        return ""
+
+    whole = simulate(system, designs[:count], SHORT, 0 * kick, kick)
+    watch = Watch([37, 50, 64, 85, 1000][:count], judge)
+    looked_at = simulate(system, designs[:count], SHORT, 0 * kick, kick, watch)
+    assert len({r.mean_iterations for r in whole}) == count
+    for a, b in zip(whole, looked_at, strict=True):
+        assert b.outcome == "ok"
+        assert b.stop_reason == "end"
+        assert same(a, b)
+        assert np.array_equal(a.q, b.q)
+        assert np.array_equal(a.v, b.v)
+        assert a.energy == b.energy
+        assert (a.mean_iterations, a.max_iterations) == (b.mean_iterations, b.max_iterations)
+    first = [t for k, t in times if k == 0]
+    np.testing.assert_allclose(first, 2e-6 * np.arange(40, 600, 40))  # 37 steps are 8 rows
+
+
+@pytest.mark.parametrize("changes", [{"method": "newmark_newton"}, {"contact_factor": 4.0}])
+def test_pauses_change_nothing_of_factored_jacobians(lively, changes):
+    system, designs, kick = lively
+    settings = replace(SHORT, duration=2e-4, **changes)
+    whole = simulate(system, designs[:2], settings, 0 * kick, kick)
+    looked_at = simulate(system, designs[:2], settings, 0 * kick, kick, Watch([10, 25], never))
+    for a, b in zip(whole, looked_at, strict=True):
+        assert a.outcome == "ok"
+        assert same(a, b)
+        assert np.array_equal(a.v, b.v)
+        assert a.newton_steps == b.newton_steps
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_stopped_run_is_the_shorter_run(lively, count):
+    system, designs, kick = lively
+    watch = Watch([100] * count, lambda k, run: "known" if run.time > 3.9e-4 else "")
+    stopped = simulate(system, designs[:count], SHORT, 0 * kick, kick, watch)
+    for design, a in zip(designs, stopped, strict=False):
+        (b,) = simulate(system, [design], replace(SHORT, duration=4e-4), 0 * kick, kick)
+        assert a.stop_reason == "known"
+        assert a.time == pytest.approx(4e-4, rel=1e-12)
+        assert same(a, b) or count > 1
+        np.testing.assert_allclose(a.q, b.q, rtol=1e-6, atol=1e-12)
+        assert a.energy.stored_end == pytest.approx(b.energy.stored_end, rel=1e-6)
+        assert a.energy.residual == pytest.approx(b.energy.residual, rel=1e-3, abs=1e-12)
+
+
+def test_designs_of_a_batch_stop_one_by_one(lively):
+    system, designs, kick = lively
+    whole = simulate(system, designs, SHORT, 0 * kick, kick)
+    watch = Watch([100] * 5, lambda k, run: "known" if run.time > 1.9e-4 * (k + 1) else "")
+    stopped = simulate(system, designs, SHORT, 0 * kick, kick, watch)
+    for k, (a, b) in enumerate(zip(whole, stopped, strict=True)):
+        assert b.time == pytest.approx(2e-4 * (k + 1), rel=1e-9)
+        assert len(b.history["time"]) == 20 * (k + 1) + 1
+        scale = np.abs(a.velocity).max()
+        np.testing.assert_allclose(b.velocity, a.velocity[: len(b.velocity)], atol=1e-6 * scale)
+
+
+def test_a_failed_design_does_not_stop_the_others(lively):
+    """Without iterations to spare one design fails between the pauses of the others."""
+    system, designs, kick = lively
+    law = ContactLaw("exponential", p0=1e5, lam=1e9)
+    bad = replace(designs[1], contact=law)
+    seen: set[int] = set()
+
+    def judge(k: int, run: TransientResult) -> str:
+        seen.add(k)
+        return "known" if k == 0 else ""
+
+    runs = simulate(
+        system, [designs[0], bad, designs[2]], SHORT, 0 * kick, kick, Watch([100] * 3, judge)
+    )
+    assert [r.stop_reason for r in runs] == ["known", "failed", "end"]
+    assert runs[1].outcome != "ok"
+    assert runs[1].message
+    assert seen == {0, 2}
+    assert runs[2].time == pytest.approx(SHORT.duration)
+
+
+def test_a_design_has_sensors_of_its_own(lively):
+    """They come after those of the system, and no other design of the batch has them."""
+    system, designs, kick = lively
+    own = np.arange(2.0 * N).reshape(2, N)
+    some = [replace(designs[0], sensors=own), designs[1]]
+    runs = simulate(system, some, replace(SHORT, save_q=True), 0 * kick, kick)
+    assert [r.displacement.shape[1] for r in runs] == [5, 3]
+    rows = np.vstack([system.sensors, own])
+    for run, seen in zip(runs, (rows, system.sensors), strict=True):
+        np.testing.assert_allclose(run.displacement, run.q_history @ seen.T, atol=1e-15)
+        np.testing.assert_allclose(run.velocity[-1], seen @ run.v, atol=1e-12)
+    with pytest.raises(ModelError, match="'sensors' needs rows of 10 finite values"):
+        simulate(system, [replace(designs[0], sensors=own[:, 1:])], SHORT, kick, kick)
+
+
+def test_watches_that_cannot_look(lively):
+    system, designs, kick = lively
+    with pytest.raises(ParameterError, match="saved rows"):
+        simulate(system, designs[:1], replace(SHORT, save_every=0), kick, kick, Watch([5], never))
+    for steps in ([0], [5, 5]):
+        with pytest.raises(ParameterError, match="positive number of steps"):
+            simulate(system, designs[:1], SHORT, kick, kick, Watch(steps, never))
+
+
+# -- what counts as known ------------------------------------------------------------------------
+DURATION, LINE, OTHER = 0.2, 3000.0, 5000.0  # s, Hz, Hz
+TOLERANCE = 0.01
+
+
+def saturating(time, rate, start=1e-3):
+    return 1 / np.sqrt(1 + (1 / start**2 - 1) * np.exp(-2 * rate * time))
+
+
+def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) -> ModalRun:
+    """A run as far as `until`: modes of predicted `rates`, their amplitudes functions of time.
+
+    The first one's second harmonic is seen by the others too. `heard` is what each does to the
+    torque, whose mean changes by `drag` a second.
+    """
+    time = np.arange(0.0, until, 2e-5)
+    omega = 2 * np.pi * np.array([LINE, OTHER])[: len(sizes)]
+    a = np.array([size(time) for size in sizes])
+    xi = a * np.exp(1j * np.outer(omega, time))
+    xi[1:] += forced * a[0] * np.exp(2j * omega[0] * time)
+    v, q = (a * np.cos(np.outer(omega, time))).T, (a * np.sin(np.outer(omega, time))).T / omega
+    energy = 0.5 * (a**2).sum(axis=0)
+    torque = 300 + drag * time + v @ heard[: len(sizes)] + 4 * a[0] * np.cos(2 * omega[0] * time)
+    known = {"time": time, "torque": torque, "modal_energy": energy}
+    history = {name: known.get(name, 0 * time) for name in HISTORY}
+    lam = np.array(rates) + 1j * omega
+    none = np.zeros((2, len(lam)), dtype=complex)
+    modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
+    point = TransientPoint(None, modes, None, np.full(len(lam), 0.5), 300.0)
+    result = TransientResult(
+        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, None
+    )
+    seen = np.zeros((len(time), 4 * len(lam)))
+    seen[:, ::4], seen[:, 1::4] = xi.real.T, xi.imag.T
+    numbers = np.arange(len(sizes)) + 1
+    return ModalRun(result, point, numbers, omega, q, v, 0 * seen, seen)
+
+
+def fast(time):
+    return saturating(time, 250.0)
+
+
+def steady(time):
+    return np.full_like(time, 0.02)
+
+
+def test_a_limit_cycle_is_known_once_the_last_window_is_clear_of_its_growth():
+    """Settled from 40 ms on, which the last 40 % of the record see from 65 ms on."""
+    found = [known_outcome(recorded(t, [250.0], fast), DURATION, TOLERANCE) for t in
+             (0.01, 0.03, 0.04, 0.05, 0.08, 0.1)]  # fmt: skip
+    assert found == ["", "", "", "", "settled", "settled"]
+
+
+@pytest.mark.parametrize(("rate", "outcome"), [(0.0, "settled"), (5.0, "settled"), (40.0, "")])
+def test_a_second_instability_that_rises_keeps_the_run_going(rate, outcome):
+    """At 0.02 of the first it has 4e-4 of the energy: the torque does not show it yet."""
+
+    def slow(time):
+        return 0.02 * np.exp(rate * (time - 0.1))
+
+    run = recorded(0.1, [250.0, 60.0], fast, slow)
+    levels, window = run_levels(run)
+    assert levels["torque_rms"] == pytest.approx(20 / np.sqrt(2) * np.sqrt(1.04), rel=2e-3)
+    assert known_outcome(run, DURATION, TOLERANCE) == outcome
+    rise = expected_rise(run, window, DURATION)
+    middle = 0.02**2 * np.exp(-2 * rate * 0.005)  # of the last of four stretches
+    assert rise == pytest.approx(middle * np.expm1(2 * rate * 0.1), rel=0.05, abs=1e-6)
+    assert known_outcome(run, 0.11, TOLERANCE) == "settled"  # too late to matter
+
+
+def test_forced_motion_at_other_lines_is_no_growth_of_a_mode():
+    """The second mode's own line is steady; harmonics of the first still rise a little."""
+
+    def late(time):
+        return saturating(time, 100.0)
+
+    run = recorded(0.1, [250.0, 60.0], fast, steady, forced=0.5)
+    assert known_outcome(run, DURATION, TOLERANCE) == "settled"
+    assert known_outcome(recorded(0.1, [100.0], late), DURATION, TOLERANCE) == ""
+
+
+def test_levels_that_drift_are_not_known():
+    def drifting(time):
+        return fast(time) * (1 + 0.4 * (time - 0.1))  # 1.1 % between thirds of 13 ms at 0.1 s
+
+    run = recorded(0.1, [250.0], drifting)
+    assert known_outcome(run, DURATION, TOLERANCE) == ""
+    assert known_outcome(run, DURATION, 0.05) == "settled"
+    sagging = recorded(0.1, [250.0], fast, drag=-120.0)
+    levels, _ = run_levels(sagging)
+    assert (
+        levels["torque_rms_high"] - levels["torque_rms_low"] < 2 * TOLERANCE * levels["torque_rms"]
+    )
+    assert known_outcome(sagging, DURATION, TOLERANCE) == ""
+
+
+def test_levels_that_beat_are_known_within_their_bounds_only():
+    """Thirds of the last 40 ms agree, each has one beat; the sub-windows of the RMS do not."""
+
+    def beating(time):
+        return fast(time) * (1 + 0.06 * np.cos(2 * np.pi * time * 3 / 0.04))
+
+    run = recorded(0.1, [250.0], beating)
+    window = run_levels(run)[1]
+    assert level_drift(run.result.history["torque"][window]) < TOLERANCE
+    assert known_outcome(run, DURATION, TOLERANCE) == ""
+    assert known_outcome(run, DURATION, 0.1) == "settled"
+
+
+def test_a_mode_that_dies_away_unheard_must_be_gone():
+    def dying(time):
+        return 3 * np.exp(-20 * time)
+
+    run = recorded(0.1, [250.0, 1.0], fast, dying, heard=(20.0, 0.0))
+    assert known_outcome(run, DURATION, TOLERANCE) == ""
+    quiet = recorded(0.1, [250.0, 1.0], fast, lambda t: 0.01 * dying(t), heard=(20.0, 0.0))
+    assert known_outcome(quiet, DURATION, TOLERANCE) == "settled"
+
+
+def test_drift_does_not_see_where_windows_cut_periods():
+    t = np.arange(3000) / 3000
+    assert level_drift(50 + np.cos(2 * np.pi * 31.4 * t)) < 2e-3
+    assert level_drift(50 + (1 + 0.1 * t) * np.cos(2 * np.pi * 31.4 * t)) == pytest.approx(
+        0.1 * 2 / 3 / 1.05, rel=0.05
+    )
+
+
+def decaying(rate):
+    return lambda time: 1e-3 * np.exp(rate * time)
+
+
+@pytest.mark.parametrize(
+    ("until", "actual", "predicted", "outcome"),
+    [
+        (0.05, -20.0, -20.0, "decayed"),  # 0.14 of the first energy
+        (0.02, -20.0, -20.0, ""),  # 0.45
+        (0.05, -20.0, -25.0, ""),  # not as predicted
+        (0.05, -160.0, -20.0, "decayed"),  # 1e-7 of the energy: gone
+        (0.05, -160.0, 20.0, ""),  # what grows is not there yet
+    ],
+)
+def test_decay(until, actual, predicted, outcome):
+    run = recorded(until, [predicted], decaying(actual))
+    assert known_outcome(run, DURATION, TOLERANCE) == outcome
+
+
+def test_what_is_not_followed_may_still_come():
+    run = recorded(0.1, [250.0], fast)
+    for changes in ({"n_above": 1}, {"n_unstable": 7}):
+        point = replace(run.point, modes=replace(run.point.modes, **changes))
+        assert known_outcome(replace(run, point=point), DURATION, TOLERANCE) == ""
+
+
+# -- studies -------------------------------------------------------------------------------------
+BELT = """
+[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.5, 1.1, 1.3]
+[[sweep]]
+parameter = "contact.kt"
+values = [0, 1e3]
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = 1.0
+step = 5e-5
+perturbation = 1e-5
+save_every = 20
+"""
+EARLY = 'stop = "settled"\nsettle_tolerance = 0.05\n'
+
+
+def plan_of(more: str, text: str = BELT) -> Plan:
+    return Plan(parse_study(text + more, Path("study.toml")))
+
+
+def test_a_study_ends_runs_early_and_says_so(tmp_path):
+    """Stick-slip settles, 1.1 m/s grows on, 1.3 m/s decays, too soft a friction has no start."""
+    points, facts = {}, {}
+    for name, more in (("end", ""), ("settled", EARLY)):
+        report = run_study(plan_of(more), tmp_path / name, jobs=1)
+        points[name] = Results.open(report.directory).points.set_index("sliding_speed")
+        facts[name] = report.manifest.get("simulated_time")
+    assert facts["end"] is None
+    early = points["settled"]
+    soft = early["contact.kt"] > 0
+    assert (early.loc[soft, "stop_reason"] == "failed").all()
+    early, whole = early[~soft], points["end"][~soft]
+    assert early["stop_reason"].to_dict() == {0.5: "settled", 1.1: "end", 1.3: "decayed"}
+    assert (whole["stop_reason"] == "end").all()
+    assert early["class"].equals(whole["class"])
+    assert early["time_reached"][0.5] < 0.7
+    assert early["time_reached"][1.1] == pytest.approx(1.0)
+    assert early["time_reached"][1.3] < 0.3
+    names = ["torque_rms", "torque_mean", "dominant_frequency_hz", "growth_rate"]
+    for name, bound in zip(names, (0.05, 0.01, 0.01, 1e-3), strict=True):
+        assert early[name][0.5] == pytest.approx(whole[name][0.5], rel=bound)
+    saved = float((1.0 - early["time_reached"]).sum())
+    expected = {"settled": 1, "decayed": 1, "asked_s": 3.0, "saved_s": pytest.approx(saved)}
+    assert facts["settled"] == expected
+    history = Results.open(tmp_path / "settled").history(early["point_id"][1.3])
+    assert history["time"].iloc[-1] == pytest.approx(early["time_reached"][1.3])
+    assert list((tmp_path / "settled" / "states").glob(f"{early['point_id'][0.5]}*"))
+
+
+def test_points_that_may_end_early_are_other_points():
+    ids = [{t.point_id for t in plan_of(more).tasks} for more in
+           ("", EARLY, 'stop = "settled"\n', 'stop = "end"\n')]  # fmt: skip
+    assert len(ids[0] | ids[1] | ids[2]) == 3 * len(ids[0])
+    assert ids[3] == ids[0]
+
+
+def test_screens(tmp_path, monkeypatch, capsys):
+    """`check` calls its estimate an upper bound; `run` says what was saved."""
+    text = BELT.replace("[0.5, 1.1, 1.3]", "[1.3]").replace("values = [0, 1e3]", "values = [0]")
+    monkeypatch.chdir(tmp_path)
+    for name, more in (("end", ""), ("settled", EARLY)):
+        Path(f"{name}.toml").write_text(text + more)
+        printed = {}
+        for command in ("check", "run"):
+            argv = ["squealstudy", command, f"{name}.toml", "--jobs", "1", "--output", name]
+            monkeypatch.setattr(sys, "argv", argv + ["--no-pictures"] * (command == "run"))
+            with pytest.raises(SystemExit) as caught:
+                main()
+            assert not caught.value.code
+            printed[command] = " ".join(capsys.readouterr().out.split())
+        assert ("an upper bound" in printed["check"]) == (name == "settled")
+        assert ("0 runs had settled, 1 had decayed" in printed["run"]) == (name == "settled")
+    saved = json.loads(Path("settled/manifest.json").read_text())["simulated_time"]["saved_s"]
+    assert f"{saved:.3g} of 1 s not simulated" in printed["run"]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ('stop = "setled"', "did you mean 'settled'"),
+        ("settle_tolerance = 0.02", 'settle_tolerance needs stop = "settled"'),
+        ('stop = "settled"\nsettle_tolerance = 0.0', "settle_tolerance"),
+        ('stop = "settled"\nsettle_tolerance = 0.5', "settle_tolerance"),
+        ('stop = "settled"\nrepresentation = "hybrid"', "is for the modal representation"),
+    ],
+)
+def test_bad_values(more, message):
+    with pytest.raises(StudyFileError, match=message) as caught:
+        plan_of(more)
+    assert str(caught.value).startswith("study.toml, line ")
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,256 @@
+"""Work-precision studies: files, runs, tables, screens."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from squealstudy import open_results
+from squealstudy.cli.app import app
+from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.plots.work_precision import work_precision
+from squealstudy.study.experiments.definition import load_any
+from squealstudy.study.experiments.kinds import experiment_kind
+from squealstudy.study.experiments.runner import run_experiment
+
+BELT = """
+[study]
+name = "belt_base"
+kind = "transient"
+[model]
+name = "belt"
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.5, 0.75]
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = 0.25
+step = 2e-5
+perturbation = 1e-1
+save_every = 0
+"""
+IN_TIME = """
+[study]
+name = "steps"
+kind = "work_precision"
+[work_precision]
+base = "base.toml"
+points = 1
+repeats = 2
+quantities = ["torque_rms", "torque_mean"]
+tolerance = 1e-2
+[reference]
+name = "small steps"
+set.transient.step = 2e-6
+[[method]]
+name = "Newmark"
+knob = "transient.step"
+values = [2e-5, 2e-4]
+default = true
+[[method]]
+name = "Newton"
+integrator = "newmark_newton"
+set.transient.step = 2e-4
+"""
+HULTEN = """
+[study]
+name = "hulten_base"
+kind = "complex_modes"
+[model]
+name = "hoffmann"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = 61
+[modes]
+band = [1.0, 1000.0]
+"""
+RUNGS = """
+[study]
+name = "rungs"
+kind = "work_precision"
+[work_precision]
+base = "base.toml"
+points = 3
+repeats = 1
+[reference]
+name = "dense"
+set.modes.method = "dense"
+[[method]]
+name = "dense again"
+[[method]]
+name = "perturbation"
+set.modes.method = "perturbation"
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def files(base, text):
+        (tmp_path / "base.toml").write_text(base)
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return path
+
+    return files
+
+
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory):
+    """A finished study of steps."""
+    place = tmp_path_factory.mktemp("steps")
+    (place / "base.toml").write_text(BELT)
+    (place / "study.toml").write_text(IN_TIME)
+    experiment = load_any(place / "study.toml")
+    report = run_experiment(experiment, place / "results", 1)
+    return experiment, place / "results", report
+
+
+def test_smaller_steps_cost_more_and_err_less(steps):
+    _, directory, report = steps
+    table = open_results(directory).measurements.set_index("label")
+    fine, coarse = table.loc["Newmark, step 2e-05"], table.loc["Newmark, step 0.0002"]
+    assert report.n_solved == 7  # reference once, three settings twice
+    assert fine["error_torque_rms"] < 0.3 * coarse["error_torque_rms"] < 0.2
+    assert fine["seconds_median"] > coarse["seconds_median"] > 0
+    assert (table["rounds"] == np.where(table["reference"], 1, 2)).all()
+    assert table.loc["small steps", "error_torque_rms"] == 0.0
+    assert (table["seconds_min"] <= table["seconds_median"]).all()
+    assert fine["default"]
+    assert not table.loc["Newton", "default"]
+
+
+def test_newton_finds_what_the_fixed_jacobian_finds(steps):
+    table = open_results(steps[1]).measurements.set_index("label")
+    same = table.loc[["Newton", "Newmark, step 0.0002"], "error_torque_rms"]
+    assert same.iloc[0] == pytest.approx(same.iloc[1], rel=0.1)
+    assert table.loc["Newton", "iterations"] > 0
+
+
+def test_errors_table_has_value_and_truth(steps):
+    errors = open_results(steps[1]).errors
+    rms = errors[(errors["quantity"] == "torque_rms") & (errors["label"] == "Newton")].iloc[0]
+    assert rms["error"] == pytest.approx(abs(rms["value"] / rms["truth"] - 1))
+    assert rms["low"] <= rms["error"] <= rms["high"]
+
+
+def test_a_finished_study_is_not_run_again_and_a_broken_one_goes_on(steps):
+    experiment, directory, _ = steps
+    assert run_experiment(experiment, directory, 1).n_solved == 0
+    chunks = sorted((directory / "chunks").glob("*.parquet"))
+    chunks[0].unlink()
+    manifest = directory / "manifest.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"status": "running"}))
+    assert run_experiment(experiment, directory, 1).n_solved == 1
+
+
+def test_measured_points_lie_in_the_swept_box_and_depend_on_the_seed(write):
+    first = experiment_kind(load_any(write(BELT, IN_TIME)))
+    again = experiment_kind(load_any(write(BELT, IN_TIME)))
+    other = experiment_kind(
+        load_any(write(BELT, IN_TIME.replace("points = 1", "points = 1\nseed = 4")))
+    )
+
+    def drawn(kind):
+        return [kind.variants[0].plan.swept[i] for i in kind.variants[0].measured]
+
+    assert drawn(first) == drawn(again) != drawn(other)
+    assert 0.5 < drawn(first)[0]["sliding_speed"] < 0.75
+    whole = experiment_kind(load_any(write(BELT, IN_TIME.replace("points = 1", "points = 0"))))
+    assert [p["sliding_speed"] for p in drawn(whole)] == [0.5, 0.75]
+
+
+def test_rungs_of_complex_modes_against_dense(write, tmp_path):
+    run_experiment(load_any(write(HULTEN, RUNGS)), tmp_path / "out", 1)
+    table = open_results(tmp_path / "out").measurements.set_index("label")
+    assert table.loc["dense again", "error_frequency"] < 1e-14
+    assert table.loc["perturbation", "error_frequency"] > 1e-4
+    assert table.loc["perturbation", "cost"] > 0
+
+
+def test_a_reference_that_fails_is_said(write, tmp_path):
+    text = IN_TIME.replace(
+        "set.transient.step = 2e-6", "set.transient.step = 2e-6\nset.parameters.contact.kt = 1e-3"
+    )
+    with pytest.raises(ResultsError, match="reference 'small steps' failed"):
+        run_experiment(load_any(write(BELT, text)), tmp_path / "out", 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "message"),
+    [
+        ('"work_precision"', '"work_precison"', "study.kind", "did you mean 'work_precision'"),
+        ('"base.toml"', '"bass.toml"', "work_precision.base", "there is no study file"),
+        ('"transient.step"', '"transient.stap"', "method[1].knob", "did you mean 'stop' or 'step'"),
+        ('"torque_rms"', '"torque"', "work_precision.quantities", "'torque' is no quantity"),
+        ('"newmark_newton"', '"newton"', "method[2].integrator", "'newton'"),
+        ('"Newton"', '"Newmark"', "method[2].name", "two methods are called 'Newmark'"),
+        ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go together"),
+        ("[2e-5, 2e-4]", "[2e-5, 2e-5]", "method[1]", "appears twice"),
+        ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected a positive time"),
+        ("repeats = 2", "repeats = 0", "work_precision.repeats", "at least 1"),
+        ("= 2e-4", '= "fast"', "method[2].set", "expected a number"),
+    ],
+)
+def test_bad_files_name_the_key(write, old, new, key, message):
+    path = write(BELT, IN_TIME.replace(old, new))
+    with pytest.raises(StudyFileError) as error:
+        experiment_kind(load_any(path))
+    assert message in str(error.value)
+    assert error.value.key.startswith(key)
+    assert error.value.path == path
+
+
+def test_an_integrator_needs_a_transient_base(write):
+    text = RUNGS + 'integrator = "newmark"\n'
+    with pytest.raises(StudyFileError, match="integrates nothing"):
+        experiment_kind(load_any(write(HULTEN, text)))
+
+
+def test_screens(write, tmp_path):
+    path = write(HULTEN, RUNGS)
+    runner = CliRunner()
+    checked = runner.invoke(app, ["check", str(path)])
+    assert checked.exit_code == 0
+    assert "2 settings of 2 methods" in checked.output
+    done = runner.invoke(app, ["run", str(path), "--output", str(tmp_path / "out")])
+    assert done.exit_code == 0
+    assert "perturbation" in done.output
+    assert "cheapest" in done.output
+    assert (tmp_path / "out" / "work_precision.png").stat().st_size > 10_000
+    with pytest.raises(ResultsError, match="no ranking of modes"):
+        open_results(tmp_path / "out").rank()
+
+
+def table_of(**columns):
+    base = {
+        "label": ["a", "b", "c", "truth"],
+        "method": ["one", "one", "two", "truth"],
+        "value": ["1", "2", "", ""],
+        "default": [True, True, False, False],
+        "reference": [False, False, False, True],
+        "status": ["ok", "ok", "failed", "ok"],
+        "n_failed": [0, 0, 1, 0],
+        "missed": 0,
+        "spurious": 0,
+        "cost": [1.0, 2.0, 0.5, 9.0],
+        "error_x": [1e-2, 1e-3, np.nan, 0.0],
+        "low_x": [5e-3, 1e-3, np.nan, 0.0],
+        "high_x": [2e-2, 1e-3, np.nan, 0.0],
+    }
+    return pd.DataFrame(base | columns)
+
+
+def test_picture_draws_front_failures_and_tolerance():
+    figure = work_precision(table_of(), ["x"], 1e-2, {"over": 10, "reference": "truth"})
+    axes = figure.axes[0]
+    lines = {line.get_label(): line for line in axes.lines}
+    assert list(lines["one"].get_xdata()) == [1.0, 2.0]
+    crosses = [line for line in axes.lines if line.get_marker() == "x"]
+    assert [list(c.get_xdata()) for c in crosses] == [[0.5]]
+    dashed = [line for line in axes.lines if list(line.get_ydata()) == [1e-2, 1e-2]]
+    assert dashed
