@@ -42,6 +42,7 @@ WORKS = ("converged", "slow", "recovered")
 ALARM = "#CC0066"
 FAR = 6.0  # decades of the prediction that the contour tells apart
 WIDE = 48  # characters of a line in the legend
+FINER = 8
 COLUMNS = ("outcome", "flagged", "predicted")
 
 
@@ -204,7 +205,23 @@ def _draw_boundary(
     if not crossed:
         side = "beyond it throughout" if table.count() and table.min() >= 0.0 else "not crossed"
         return [Line2D([], [], linestyle="", label=f"{name}: {side}")]
-    lines = axes.contour(grid.x, grid.y, table, [0.0], colors="black", linewidths=2.0, zorder=3)
+    fine = _refined(grid, table.filled(np.nan))
+    lines = axes.contour(*fine, [0.0], colors="black", linewidths=2.0, zorder=3)
     halo = withStroke(linewidth=4.0, foreground="white")
     lines.set_path_effects([halo, withTickedStroke(angle=60, spacing=10, length=0.5)])
     return [Line2D([], [], color="black", linewidth=2.0, label=name)]
+
+
+def _refined(grid: Grid, table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns, rows and values between the cells, as even as the axes; contours are not on logs."""
+    x, across = _between(grid.x, table, grid.across.log)
+    y, both = _between(grid.y, across.T, grid.up.log)
+    return x, y, np.ma.masked_invalid(both.T)
+
+
+def _between(values: np.ndarray, table: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending values (n,) and columns of a table (m, n) with FINER parts in each interval."""
+    place = np.log(values) if log else values
+    parts = np.interp(np.arange((len(place) - 1) * FINER + 1) / FINER, range(len(place)), place)
+    filled = np.array([np.interp(parts, place, row) for row in table])
+    return (np.exp(parts) if log else parts), filled
