@@ -26,8 +26,9 @@ def test_rank_is_lost_at_the_tolerance(held, tolerance):
         low, high = (low, middle) if kept(middle).outcome == CONVERGED else (middle, high)
     assert kept(high).predicted == pytest.approx(1.0, rel=1e-2)
     below = kept(0.9 * high)
-    assert (below.outcome, below.by) == (RECOVERED, "1 directions dropped")
+    assert (below.outcome, below.by) == (RECOVERED, "truncation")
     assert below.flagged
+    assert below.measured == 1.0
 
 
 def test_what_is_dropped_is_no_more_than_the_tolerance():

@@ -84,7 +84,7 @@ class Orthonormalisation:
         wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
         outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
         measured = max(float(lost), off / ORTHONORMAL)
-        by = f"{lost} directions dropped" if lost else ""
+        by = "truncation" if lost else ""
         return Cell(outcome, by, lost > 0, predicted, measured, error, T.shape[1])
 
 
