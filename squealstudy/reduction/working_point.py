@@ -80,7 +80,10 @@ def working_point(
     F, p, kappa = equations.imbalance(g)
     for iteration in range(1, MAX_ITERATIONS + 1):
         J = equations.jacobian(kappa)
-        step = la.solve(J, -F, overwrite_a=True, check_finite=False)
+        try:
+            step = la.solve(J, -F, overwrite_a=True, check_finite=False)
+        except la.LinAlgError:  # friction at its limit, or tangents that overflowed
+            break
         if not np.isfinite(step).all():
             break
         # the estimate is too small where k_c is soft beside the supports: p then takes over

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.analysis.tracking.labels import EXTRAPOLATED
-from squealstudy.analysis.tracking.pairing import Pairing, mac, pair_modes
+from squealstudy.analysis.tracking.pairing import PASSING, Pairing, mac, pair_modes
 from squealstudy.errors import SquealstudyError
 
 DEPTH = 4  # halvings of a step
@@ -58,7 +58,8 @@ class Refinement:
         """Pairing of the modes of two design points at coordinates x_a, x_b (p,).
 
         Modes whose pairing is in doubt take the partner to which the smaller steps lead, and are
-        ambiguous only where one of these still is: at a coalescence. Nothing is forced.
+        ambiguous only where one of these still is: at a coalescence, or where two modes pass each
+        other in the smallest step without keeping their shapes. Nothing is forced.
 
         Parameters
         ----------
@@ -80,7 +81,10 @@ class Refinement:
     ) -> Pairing:
         direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected)
         doubtful = wanted & (direct.trust <= DOUBTFUL)
-        if not depth or not doubtful.any():
+        if not depth:
+            unresolved = wanted & (direct.trust <= PASSING)
+            return direct._replace(ambiguous=direct.ambiguous | unresolved)
+        if not doubtful.any():
             return direct
         middle = (x_a + x_b) / 2
         try:

@@ -24,6 +24,8 @@ from squealstudy.errors import ModelError
 from squealstudy.kernels import friction_laws
 from squealstudy.models.law import ContactLaw
 
+STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
+CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
 FRICTION_CODES = {"regularised": friction_laws.REGULARISED, "smooth": friction_laws.SMOOTH}
 
 
@@ -207,9 +209,19 @@ def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndar
 def stick_number(system: ModalSystem, design: TransientDesign, step: float) -> float:
     """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
 
-    The largest step for a number x is ``step * x / stick_number(...)``.
+    The whole chain of `simulate` is meant for numbers up to `STICK_LIMIT`; the largest step for a
+    number x is ``step * x / stick_number(...)``.
     """
     weight = np.sqrt(design.friction.k_t * system.area * (system.frictional > 0))
     T = np.concatenate([weight[:, None] * system.T1, weight[:, None] * system.T2])
     small = T @ T.T if len(T) < system.n else T.T @ T
     return float(0.5 * step * max(np.linalg.eigvalsh(small)[-1], 0.0)) if small.size else 0.0
+
+
+def closing_number(contact: ContactLaw, velocity: float, step: float) -> float:
+    """Lambda h v: a contact that closes at `velocity` [m/s] stiffens by e to this in a step.
+
+    Impacts beyond `CLOSING_LIMIT` are not resolved in time. Laws that are no exponentials have no
+    such number: 0.
+    """
+    return contact.lam * step * velocity if contact.kind == "exponential" else 0.0

@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import stick_number
+from squealstudy.analysis.transient.system import (
+    CLOSING_LIMIT,
+    STICK_LIMIT,
+    closing_number,
+    stick_number,
+)
 from squealstudy.analysis.transient.warmup import warm_kernels
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.plan import Plan
@@ -21,7 +26,6 @@ from squealstudy.study.working_points import NewGaps
 
 TIMED_STEPS = 300
 MOST_ENDS = 6  # design points looked at for warnings
-STICK_LIMIT = 1e3  # h k_t |T|^2 / 2: a margin of ten below where steps failed on the medium brake
 
 
 def warm(section: TransientSection) -> float:
@@ -30,7 +34,7 @@ def warm(section: TransientSection) -> float:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """Growth above the band and friction too stiff for the step, at the ends of the sweeps.
+    """Growth above the band, friction and contact too stiff for the step, at ends of the sweeps.
 
     Empty where the first structure is not in the cache yet.
     """
@@ -38,6 +42,7 @@ def warnings(plan: Plan) -> list[str]:
         return []
     above: dict[str, float] = {}
     stiff: list[tuple[float, float]] = []
+    closing: list[float] = []
     for task in _ends(plan):
         reference = reference_of(task)
         ready = set_up(task, reference, task.points[0], NewGaps())
@@ -48,7 +53,10 @@ def warnings(plan: Plan) -> list[str]:
                 above[text] = modes.growth_above
             number = stick_number(reference.system, design, task.section.step)
             stiff.append((number, design.friction.k_t))
-    return [*_above(plan, above), *_stiff(plan, stiff), *_still(plan)]
+            # squeal saturates where the vibration moves about as fast as the disc
+            closing.append(closing_number(design.contact, design.speed, task.section.step))
+    found = (_above(plan, above), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
+    return [text for part in found for text in part]
 
 
 def _ends(plan: Plan) -> list[BatchTask]:
@@ -89,6 +97,18 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float]]) -> list[str]:
         f"friction is too stiff for the step: h k_t |T|^2 / 2 is {number:.3g} with k_t = "
         f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}; a step of {step:.2g} s or a "
         f"contact.kt of {slope * STICK_LIMIT / number:.2g} would do"
+    ]
+
+
+def _closing(plan: Plan, closing: list[float]) -> list[str]:
+    number = max(closing, default=0.0)
+    if number <= CLOSING_LIMIT:
+        return []
+    step = plan.study.definition.transient.step * CLOSING_LIMIT / number
+    return [
+        f"contact is too stiff for the step: closing at the sliding speed v it stiffens by e to "
+        f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}; a "
+        f"step of {step:.2g} s would do"
     ]
 
 

@@ -1,0 +1,1 @@
+"""Where each numerical method fails: predicted beside measured, on the smallest models."""

@@ -1,0 +1,33 @@
+"""All cases of method-stability studies, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from squealstudy.analysis.method_stability.coalescence import COALESCENCE
+from squealstudy.analysis.method_stability.contract import Case
+from squealstudy.analysis.method_stability.default_chain import DEFAULT_CHAIN
+from squealstudy.analysis.method_stability.equilibrium import WORKING_POINT
+from squealstudy.analysis.method_stability.fixed_jacobian import (
+    FIXED_JACOBIAN,
+    FIXED_JACOBIAN_POINT,
+)
+from squealstudy.analysis.method_stability.impact_energy import IMPACT_ENERGY
+from squealstudy.analysis.method_stability.linearisation import LINEARISATION
+from squealstudy.analysis.method_stability.orthonormalisation import ORTHONORMALISATION
+from squealstudy.analysis.method_stability.tracking import TRACKING
+
+CASES: Mapping[str, Case] = {
+    case.name: case
+    for case in (
+        FIXED_JACOBIAN,
+        FIXED_JACOBIAN_POINT,
+        DEFAULT_CHAIN,
+        IMPACT_ENERGY,
+        COALESCENCE,
+        TRACKING,
+        LINEARISATION,
+        ORTHONORMALISATION,
+        WORKING_POINT,
+    )
+}

@@ -1,0 +1,77 @@
+"""A plain fixed-Jacobian step whose residuals are kept: what the iteration does, not what it gives.
+
+Neither halving nor Newton comes to its help: a step that would need one ends the trace.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.newmark_layout import (
+    A_TRIAL,
+    E2_OLD,
+    FIXED,
+    MODE,
+    Q_BASE,
+    Q_TRIAL,
+    RUNNING,
+    START,
+    STATUS,
+    SUBSTEP,
+    V_BASE,
+    V_TRIAL,
+    Modal,
+    Saved,
+    Settings,
+    Work,
+)
+from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_step import advance
+
+
+@fast_kernel
+def start_from(first: np.ndarray, x: np.ndarray, h: float) -> None:
+    """Trial state of a step h (beta 1/4, gamma 1/2) with the acceleration `first` (n,)."""
+    for j in range(first.size):
+        x[A_TRIAL, j] = first[j]
+        x[Q_TRIAL, j] = x[Q_BASE, j] + 0.25 * h * h * first[j]
+        x[V_TRIAL, j] = x[V_BASE, j] + 0.5 * h * first[j]
+
+
+@entry_kernel
+def newmark_trace(
+    B: np.ndarray,
+    modal: Modal,
+    settings: Settings,
+    work: Work,
+    saved: Saved,
+    first: np.ndarray,
+    squares: np.ndarray,
+) -> int:
+    """Iterate one step of design 0; how many squared residuals were written to `squares` (m,).
+
+    Parameters
+    ----------
+    B, modal, settings, work, saved
+        As of `newmark.newmark`, of one step without halvings.
+    first : ndarray (n,) or (0,)
+        Trial acceleration to start from; empty for that of the predictor.
+
+    Notes
+    -----
+    The step converged where `work.counts[0, STATUS]` is DONE; its last residual is not written.
+    """
+    counts, real, n = work.counts[0], work.real[0], 0
+    while counts[STATUS] == RUNNING and n < squares.size:
+        starts = counts[MODE] == START
+        pass_one(B, modal, work, 0)
+        advance(B, modal, settings, work, saved, 0)
+        if counts[STATUS] != RUNNING or not (starts or counts[MODE] == FIXED):
+            break
+        if starts and first.size > 0:
+            start_from(first, work.x[0], real[SUBSTEP])
+        elif not starts:
+            squares[n] = real[E2_OLD]
+            n += 1
+    return n

@@ -1,0 +1,227 @@
+"""Where a numerical method works in two knobs: what it did as colour, the forecast as a line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke, withTickedStroke
+
+from squealstudy.errors import ResultsError
+from squealstudy.plots.stability_map import STABLE, cell_edges
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    UNSTABLE,
+    Quantity,
+    finish,
+    new_figure,
+    plural,
+    quantity,
+    set_ticks,
+)
+
+# outcome class: its colour and what it is called, from good to bad
+CLASSES = {
+    "converged": (STABLE, "converged"),
+    "slow": (COLOURS[5], "slow"),
+    "recovered": (COLOURS[2], "recovered"),
+    "wrong": (UNSTABLE, "wrong, flagged"),
+    "failed": (DARK, "failed, said so"),
+}
+WORKS = ("converged", "slow", "recovered")
+ALARM = "#CC0066"
+FAR = 6.0  # decades of the prediction that the contour tells apart
+WIDE = 48  # characters of a line in the legend
+FINER = 8
+COLUMNS = ("outcome", "flagged", "predicted")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Values of the knobs as drawn, ascending (nx,), (ny,), and the cell of each row (n,), (n,)."""
+
+    across: Quantity
+    up: Quantity
+    x: np.ndarray
+    y: np.ndarray
+    column: np.ndarray
+    row: np.ndarray
+
+    def table(self, values: np.ndarray) -> np.ndarray:
+        """Values (n,) on the grid (ny, nx), NaN where there is no cell."""
+        table = np.full((len(self.y), len(self.x)), np.nan)
+        table[self.row, self.column] = values
+        return table
+
+
+def method_stability_map(
+    cells: pd.DataFrame,
+    x: str,
+    y: str,
+    units: Mapping[str, str] | None = None,
+    title: str = "",
+    boundary: str = "",
+) -> Figure:
+    """Cells of a grid coloured by outcome class; the predicted boundary as a line over them.
+
+    Parameters
+    ----------
+    cells : DataFrame
+        Columns `x`, `y`, `outcome`, `flagged`, `predicted`; one row a cell of a grid.
+    x, y : str
+        The two knobs; an axis is logarithmic where the values are.
+    units : mapping of knob -> unit, or None
+    title : str
+        The method.
+    boundary : str
+        What the line means, in words.
+
+    Raises
+    ------
+    ResultsError
+        A missing column, the same knob twice, or an outcome that is no class.
+    """
+    _check(cells, x, y)
+    figure = new_figure(8.5, 6.4)
+    axes = figure.add_subplot()
+    grid = _grid(cells, x, y, units)
+    if grid.across.log:
+        axes.set_xscale("log")
+    if grid.up.log:
+        axes.set_yscale("log")
+    for axis, shown in ((axes.xaxis, grid.across), (axes.yaxis, grid.up)):
+        set_ticks(axis, shown, cells[shown.name])
+    handles = _draw_classes(axes, grid, cells)
+    handles += _draw_alarm(axes, grid, cells)
+    handles += _draw_boundary(axes, grid, cells["predicted"], boundary)
+    finish(axes, grid.across.label, grid.up.label)
+    axes.grid(False)
+    axes.set_title("\n".join(t for t in (title, tally(cells)) if t), fontsize=10, loc="left")
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
+    return figure
+
+
+def tally(cells: pd.DataFrame) -> str:
+    """How far forecast and outcome agree, in words."""
+    works, inside = cells["outcome"].isin(WORKS), cells["predicted"] < 1.0
+    text = (
+        f"works in {int((works & inside).sum())} of {plural(int(inside.sum()), 'cell')} within the "
+        f"predicted boundary, in {int((works & ~inside).sum())} of {int((~inside).sum())} beyond"
+    )
+    alarms = int(_unflagged(cells).sum())
+    return f"{text}; {alarms} wrong without a word" if alarms else text
+
+
+def _check(cells: pd.DataFrame, x: str, y: str) -> None:
+    missing = [name for name in (x, y, *COLUMNS) if name not in cells]
+    if missing:
+        raise ResultsError(f"a map of method stability needs the columns {', '.join(missing)}")
+    if x == y:
+        raise ResultsError(f"a map needs two knobs, got '{x}' twice")
+    unknown = sorted(set(cells["outcome"]) - set(CLASSES))
+    if unknown:
+        raise ResultsError(f"outcome '{unknown[0]}' is none of {', '.join(CLASSES)}")
+
+
+def _unflagged(cells: pd.DataFrame) -> np.ndarray:
+    """Rows (n,) that are wrong, and nothing said so."""
+    wrong = (cells["outcome"] == "wrong").to_numpy(dtype=bool)
+    silent: np.ndarray = wrong & ~cells["flagged"].to_numpy(dtype=bool)
+    return silent
+
+
+def _grid(cells: pd.DataFrame, x: str, y: str, units: Mapping[str, str] | None) -> Grid:
+    across, up = (quantity(name, cells[name], units) for name in (x, y))
+    columns, column = np.unique(across.scaled(cells[x]), return_inverse=True)
+    rows, row = np.unique(up.scaled(cells[y]), return_inverse=True)
+    return Grid(across, up, columns, rows, column, row)
+
+
+def _draw_classes(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
+    """Cells by class; the legend entries of those that occur, with their number."""
+    outcome = cells["outcome"]
+    axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
+    names = list(CLASSES)
+    table = np.ma.masked_invalid(grid.table(outcome.map(names.index).to_numpy(dtype=float)))
+    edges = cell_edges(grid.x, grid.across.log), cell_edges(grid.y, grid.up.log)
+    colours = ListedColormap([colour for colour, _ in CLASSES.values()])
+    axes.pcolormesh(*edges, table, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
+    return [
+        Patch(facecolor=colour, edgecolor="0.6", label=f"{text} {_counts(cells, name)}")
+        for name, (colour, text) in CLASSES.items()
+        if (outcome == name).any()
+    ]
+
+
+def _counts(cells: pd.DataFrame, name: str) -> str:
+    """Number of cells of a class; of those recovered also by what."""
+    of_class = cells[cells["outcome"] == name]
+    if name != "recovered" or "by" not in cells:
+        return f"({len(of_class)})"
+    return "\n".join(f"by {by} ({n})" for by, n in of_class["by"].value_counts().items())
+
+
+def _draw_alarm(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
+    """Crosses on cells that are wrong without a word."""
+    silent = _unflagged(cells)
+    if not silent.any():
+        return []
+    style: dict[str, Any] = {
+        "linestyle": "",
+        "marker": "X",
+        "color": ALARM,
+        "markeredgecolor": "white",
+    }
+    axes.plot(
+        grid.x[grid.column[silent]],
+        grid.y[grid.row[silent]],
+        markersize=11,
+        markeredgewidth=1.5,
+        zorder=4,
+        **style,
+    )
+    return [Line2D([], [], markersize=10, label=f"WRONG, NOT FLAGGED ({silent.sum()})", **style)]
+
+
+def _draw_boundary(
+    axes: Axes, grid: Grid, predicted: pd.Series, boundary: str
+) -> list[Patch | Line2D]:
+    """The line predicted = 1, ticks to the side where failure is predicted."""
+    value = predicted.to_numpy(dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        table = np.ma.masked_invalid(np.clip(grid.table(np.log10(value)), -FAR, FAR))
+    name = fill(f"predicted: {boundary}", WIDE) if boundary else "predicted boundary"
+    crossed = min(table.shape) > 1 and table.count() and table.min() < 0.0 < table.max()
+    if not crossed:
+        side = "beyond it throughout" if table.count() and table.min() >= 0.0 else "not crossed"
+        return [Line2D([], [], linestyle="", label=f"{name}: {side}")]
+    fine = _refined(grid, table.filled(np.nan))
+    lines = axes.contour(*fine, [0.0], colors="black", linewidths=2.0, zorder=3)
+    halo = withStroke(linewidth=4.0, foreground="white")
+    lines.set_path_effects([halo, withTickedStroke(angle=60, spacing=10, length=0.5)])
+    return [Line2D([], [], color="black", linewidth=2.0, label=name)]
+
+
+def _refined(grid: Grid, table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns, rows and values between the cells, as even as the axes; contours are not on logs."""
+    x, across = _between(grid.x, table, grid.across.log)
+    y, both = _between(grid.y, across.T, grid.up.log)
+    return x, y, np.ma.masked_invalid(both.T)
+
+
+def _between(values: np.ndarray, table: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending values (n,) and columns of a table (m, n) with FINER parts in each interval."""
+    place = np.log(values) if log else values
+    parts = np.interp(np.arange((len(place) - 1) * FINER + 1) / FINER, range(len(place)), place)
+    filled = np.array([np.interp(parts, place, row) for row in table])
+    return (np.exp(parts) if log else parts), filled

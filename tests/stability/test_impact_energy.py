@@ -1,0 +1,100 @@
+"""Energy that average acceleration makes in impacts: where, and who says so."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, WRONG, checked
+from squealstudy.analysis.method_stability.impact_energy import (
+    IMPACT_ENERGY,
+    LIMIT,
+    fly,
+    peak_number,
+)
+from squealstudy.analysis.transient.energy_drift import BLOCKS, DRIFT_LIMIT, energy_drift
+from squealstudy.study.transient.worker import _drifting
+
+
+def at(number, shift=1.0):
+    """Values whose h omega_peak is `number`, at different phases of the impacts."""
+    of_one = peak_number(checked(IMPACT_ENERGY.knobs, {"step": 1e-6, "velocity": shift}))
+    return {"step": 1e-6 * number / of_one, "velocity": shift}
+
+
+PHASES = np.linspace(0.97, 1.03, 7)
+
+
+def test_peak_stiffness_is_that_of_the_forecast():
+    knobs = checked(IMPACT_ENERGY.knobs, at(0.05))
+    highest = knobs["lambda"] * fly(knobs).history["normal_force"].max()
+    expected = (peak_number(knobs) / knobs["step"]) ** 2
+    assert highest == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("number", [0.6, 1.0, LIMIT / 1.01])
+def test_nothing_is_gained_below_the_limit(number):
+    cells = [IMPACT_ENERGY.evaluate(at(number, s)) for s in PHASES]
+    assert all(x.predicted < 1 for x in cells)
+    assert all(x.outcome == CONVERGED for x in cells)
+    assert max(x.error for x in cells) < 5e-3
+
+
+def test_energy_is_gained_at_twice_the_limit():
+    cells = [IMPACT_ENERGY.evaluate(at(2.5, s)) for s in PHASES]
+    assert all(x.outcome == WRONG for x in cells)
+    assert max(x.measured for x in cells) > 1.05
+    errors = [np.mean([IMPACT_ENERGY.evaluate(at(x, s)).error for s in PHASES]) for x in (1, 2)]
+    assert errors[1] > 30 * errors[0]
+
+
+def test_no_gain_goes_without_a_word():
+    cells = [
+        IMPACT_ENERGY.evaluate(at(number, s))
+        for number, s in itertools.product([1.5, 1.8, 2.1, 2.5, 3.0, 5.0], PHASES)
+    ]
+    outcomes = [x.outcome for x in cells]
+    assert {WRONG, FAILED} <= set(outcomes)
+    assert all(x.flagged for x in cells if x.outcome != CONVERGED)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(checked(IMPACT_ENERGY.knobs, at(0.6)))
+
+
+def with_imbalance(flight, imbalance):
+    """The run with energy that came from nowhere."""
+    history = {**flight.history, "stored": flight.history["stored"] + imbalance}
+    return replace(flight, history=history)
+
+
+def test_drift_is_what_stays(flight):
+    n = len(flight.history["time"])
+    scale = flight.history["modal_energy"].max()
+    assert energy_drift(flight) < 1e-6
+    bump = np.zeros(n)
+    bump[n // 2 : n // 2 + n // 50] = 0.1 * scale
+    assert energy_drift(with_imbalance(flight, bump)) < 1e-6
+    gained = np.where(np.arange(n) > n // 2, 0.02 * scale, 0.0)
+    assert energy_drift(with_imbalance(flight, gained)) == pytest.approx(0.02, rel=1e-3)
+    lost_again = np.where(np.abs(np.arange(n) / n - 0.5) < 0.2, 0.02 * scale, 0.0)
+    assert energy_drift(with_imbalance(flight, lost_again)) == pytest.approx(0.02, rel=1e-3)
+
+
+def test_drift_of_short_and_resting_runs(flight):
+    short = {name: rows[: BLOCKS - 1] for name, rows in flight.history.items()}
+    assert np.isnan(energy_drift(replace(flight, history=short)))
+    rest = {name: 0.0 * rows for name, rows in flight.history.items()}
+    assert energy_drift(replace(flight, history=rest)) == 0.0
+
+
+def test_the_row_of_a_run_says_so():
+    assert _drifting(0.9 * DRIFT_LIMIT, 1e-6) == ""
+    assert _drifting(float("nan"), 1e-6) == ""
+    text = _drifting(0.024, 1e-6)
+    assert "2.4 % of the energy of the vibration" in text
+    assert "a step of 5e-07 s" in text
