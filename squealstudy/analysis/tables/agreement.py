@@ -30,7 +30,8 @@ def agreement(cells: pd.DataFrame) -> dict[str, Any]:
     predicted = cells["predicted"].to_numpy(float)
     judged = np.isfinite(predicted) & (np.abs(predicted - 1.0) > MARGIN)
     judged |= np.isinf(predicted)
-    same = works == (predicted < 1.0)
+    recovered = (cells["outcome"] == "recovered").to_numpy()  # the plain method failed, as it may
+    same = recovered | (works == (predicted < 1.0))
     wrong = (cells["outcome"] == "wrong").to_numpy() & ~cells["flagged"].to_numpy(bool)
     return {
         "counts": {str(k): int(v) for k, v in cells["outcome"].value_counts().items()},

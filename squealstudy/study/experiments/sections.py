@@ -167,7 +167,7 @@ class MethodStabilityDefinition(Section):
     study: ExperimentSection = Field(description="name and kind of the study")
     method_stability: MethodStabilitySection = Field(description="the method and its settings")
     knob: Annotated[tuple[KnobSection, ...], Strict(False)] = Field(
-        min_length=2, max_length=2, description="the two axes of the map"
+        default=(), description="the two axes of the map"
     )
 
 

@@ -52,6 +52,9 @@ class MethodStability:
     def __init__(self, experiment: StabilityFile) -> None:
         self.experiment = experiment
         self.case = self._case()
+        if len(experiment.definition.knob) != 2:
+            count = len(experiment.definition.knob)
+            raise experiment.error(("knob",), f"expected two [[knob]] tables, got {count}")
         self.axes = tuple(k.axis() for k in experiment.definition.knob)
         self._check()
 

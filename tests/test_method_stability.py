@@ -1,0 +1,136 @@
+"""Method-stability studies: files, cells, tables, screens."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from squealstudy import open_results
+from squealstudy.analysis.tables.agreement import agreement
+from squealstudy.cli.app import app
+from squealstudy.errors import StudyFileError
+from squealstudy.study.experiments.definition import load_any
+from squealstudy.study.experiments.kinds import experiment_kind
+from squealstudy.study.experiments.runner import run_experiment
+
+SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))
+MAP = """
+[study]
+name = "map"
+kind = "method_stability"
+[method_stability]
+case = "orthonormalisation"
+set.held = 10.0
+[[knob]]
+name = "dependence"
+start = 1e-9
+stop = 1e-1
+num = 5
+scale = "log"
+[[knob]]
+name = "tolerance"
+values = [1e-7, 1e-3]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def file(text):
+        path = tmp_path / "map.toml"
+        path.write_text(text)
+        return path
+
+    return file
+
+
+def test_cells_of_a_map(write, tmp_path):
+    path = write(MAP)
+    report = run_experiment(load_any(path), tmp_path / "out", 1)
+    cells = open_results(tmp_path / "out").cells
+    assert len(cells) == 10
+    np.testing.assert_allclose(cells["dependence"][:5], np.geomspace(1e-9, 1e-1, 5))
+    assert (cells["tolerance"][:5] == 1e-7).all()  # the first knob varies fastest
+    assert report.n_solved == 2  # lines
+    assert report.manifest["agreement"] == 1.0
+    assert report.manifest["unflagged_wrong"] == 0
+    assert set(cells["outcome"]) == {"converged", "recovered", "failed"} & set(cells["outcome"])
+    assert run_experiment(load_any(path), tmp_path / "out", 1).n_solved == 0
+
+
+def test_a_finer_map_keeps_the_lines_that_it_has(write, tmp_path):
+    run_experiment(load_any(write(MAP)), tmp_path / "out", 1)
+    more = MAP.replace("[1e-7, 1e-3]", "[1e-7, 1e-5, 1e-3]")
+    assert run_experiment(load_any(write(more)), tmp_path / "out", 1).n_solved == 1
+    assert len(open_results(tmp_path / "out").cells) == 15
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "message"),
+    [
+        ("orthonormalisation", "orthonormal", "method_stability.case", "did you mean"),
+        ('"dependence"', '"dependance"', "knob[1]", "did you mean 'dependence'"),
+        ("set.held", "set.hold", "method_stability.set.hold", "is none of"),
+        ("set.held", "set.tolerance", "method_stability.set.tolerance", "is an axis"),
+        ('"tolerance"', '"dependence"', "knob[2].name", "both axes"),
+        ("start = 1e-9", "start = 0.0", "knob[1]", "a start above 0"),
+        ("start = 1e-9", "start = 1.0", "knob[1]", "start < stop"),
+        ("stop = 1e-1", "stop = 1e6", "knob[1]", "must be from"),
+        ("values = [1e-7, 1e-3]", "start = 1.0", "knob[2]", "either values, or start and stop"),
+        ("num = 5", "num = 1", "knob[1].num", "at least 2"),
+        ("[[knob]]", "[[knobs]]", "knobs", "unknown key"),
+        (MAP[MAP.rindex("[[knob]]") :], "", "knob", "expected two [[knob]] tables, got 1"),
+    ],
+)
+def test_bad_files_name_the_key(write, old, new, key, message):
+    with pytest.raises(StudyFileError) as error:
+        experiment_kind(load_any(write(MAP.replace(old, new, 1 if old != "[[knob]]" else -1))))
+    assert message in str(error.value)
+    assert error.value.key.startswith(key)
+
+
+def test_screens(write, tmp_path):
+    runner, out = CliRunner(), tmp_path / "out"
+    checked = runner.invoke(app, ["check", str(write(MAP)), "--output", str(out)])
+    assert checked.exit_code == 0
+    assert "5 x 2 over dependence and tolerance" in checked.output
+    done = runner.invoke(app, ["run", str(write(MAP)), "--output", str(out), "--jobs", "1"])
+    assert done.exit_code == 0, done.output
+    assert "wrong, unflagged  none" in done.output
+    assert (out / "method_stability.png").stat().st_size > 10_000
+
+
+def cells(outcomes, predicted, flagged=True):
+    return pd.DataFrame({"outcome": outcomes, "predicted": predicted, "flagged": flagged})
+
+
+def test_agreement_leaves_out_cells_at_the_boundary():
+    found = agreement(
+        cells(["converged", "failed", "failed", "converged"], [0.5, 2.0, 0.99, np.inf])
+    )
+    assert found["judged"] == 3
+    assert found["agreement"] == pytest.approx(2 / 3)
+    assert found["unpredicted_failures"] == 0
+    assert agreement(cells(["failed"], [0.5]))["unpredicted_failures"] == 1
+    assert agreement(cells(["failed"], [np.nan]))["agreement"] is None
+
+
+def test_unflagged_wrong_cells_are_counted():
+    table = cells(["wrong", "wrong", "converged"], [2.0, 2.0, 0.5], [True, False, False])
+    assert agreement(table)["unflagged_wrong"] == 1
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+def test_shipped_maps(path, tmp_path):
+    """At 5 x 5 cells: nothing wrong that nothing tells of, and as predicted."""
+    text = re.sub(r"num = \d+", "num = 5", path.read_text())
+    small = tmp_path / path.name
+    small.write_text(text)
+    experiment = load_any(small)
+    assert experiment.owner[0] == path.stem
+    found = run_experiment(experiment, tmp_path / "out", 1).manifest
+    assert found["n_failed"] == 0
+    assert found["unflagged_wrong"] == 0
+    assert found["agreement"] >= 0.8
