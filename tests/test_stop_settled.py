@@ -210,7 +210,7 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) ->
     modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
     point = TransientPoint(None, modes, None, np.full(len(lam), 0.5), 300.0)
     result = TransientResult(
-        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, None
+        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, None, 1
     )
     seen = np.zeros((len(time), 4 * len(lam)))
     seen[:, ::4], seen[:, 1::4] = xi.real.T, xi.imag.T

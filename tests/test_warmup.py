@@ -11,7 +11,6 @@ import time
 import numba
 
 from squealstudy.analysis.transient import warmup
-from squealstudy.kernels.jit import compiled_directory
 from squealstudy.kernels.newmark import newmark
 from squealstudy.kernels.newmark_batch import newmark_batch
 
@@ -43,10 +42,9 @@ def test_another_process_finds_the_kernels_compiled():
 
 
 def test_warming_waits_for_another_process():
-    lock = compiled_directory() / "warmup.lock"
     finished = []
     thread = threading.Thread(target=lambda: finished.append(warmup.warm_kernels()))
-    with warmup._alone(lock):
+    with warmup.alone():
         thread.start()
         time.sleep(0.3)
         assert not finished

@@ -18,7 +18,7 @@ def run_experiment_command(
     experiment: Experiment, output: Path | None, jobs: int, pictures: bool
 ) -> None:
     """Run, show what came out, draw, and say where everything is."""
-    directory = output or Path("results") / experiment.name
+    directory = output or Path("results") / experiment.owner[0]
     with screen.interruptible(), screen.progress_bars() as progress:
         report = run_experiment(experiment, directory, jobs, progress)
     results = Results.open(directory)
@@ -31,7 +31,7 @@ def run_experiment_command(
         [
             ("runs", f"{manifest['n_points']}: {report.n_solved} made now{failed}"),
             ("time", f"{manifest['timings']['total_s']:.1f} s in the run that made them"),
-            ("tables", ", ".join(str(directory / name) for name in TABLES[experiment.kind])),
+            ("tables", ", ".join(str(directory / name) for name in TABLES[experiment.owner[1]])),
             *(("picture", str(path)) for path in drawn),
         ]
     )
@@ -40,13 +40,6 @@ def run_experiment_command(
 def check_experiment_command(experiment: Experiment, output: Path | None) -> None:
     """Validate and count; nothing is built."""
     kind = experiment_kind(experiment)
-    mine = (experiment.name, experiment.kind, experiment.base.study.model.name)
-    check_owner(output or Path("results") / experiment.name, mine)
-    base = experiment.base.study
-    screen.facts(
-        [
-            ("study", f"{experiment.name}: {experiment.kind}, valid"),
-            ("base", f"{experiment.base.source.path}: {base.name}, {base.definition.study.kind}"),
-            *kind.facts(),
-        ]
-    )
+    name, word, _ = experiment.owner
+    check_owner(output or Path("results") / name, experiment.owner)
+    screen.facts([("study", f"{name}: {word}, valid"), *kind.facts()])

@@ -10,6 +10,8 @@ from rich.table import Table
 
 from squealstudy.analysis.tables.fronts import at_tolerances
 from squealstudy.cli.screen import console
+from squealstudy.cli.screen import facts as screen_facts
+from squealstudy.plots.method_stability import method_stability_map
 from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.results import Results
 
@@ -28,7 +30,10 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
 def show_experiment(results: Results) -> None:
-    """Measurements and fronts."""
+    """Measurements and fronts, or what became of a map's cells."""
+    if results.kind == "method_stability":
+        _cells(results)
+        return
     _measurements(results)
     console.print()
     _fronts(results)
@@ -37,9 +42,37 @@ def show_experiment(results: Results) -> None:
 def experiment_figures(results: Results) -> Iterator[tuple[str, Figure]]:
     """Name and figure of every picture."""
     facts = results.manifest
+    if results.kind == "method_stability":
+        yield "method_stability", _map(results)
+        return
     yield (
         "work_precision",
         work_precision(results.measurements, facts["quantities"], facts["tolerance"], facts),
+    )
+
+
+def _map(results: Results) -> Figure:
+    facts = results.manifest
+    first, second = facts["knobs"]
+    return method_stability_map(
+        results.cells, first, second, facts["units"], facts["title"], facts["boundary"]
+    )
+
+
+def _cells(results: Results) -> None:
+    """Outcomes, how many cells are as predicted, and the cells that nothing warns of."""
+    facts = results.manifest
+    judged, share = facts["judged"], facts["agreement"]
+    agreed = "-" if share is None else f"{100 * share:.2f} % of {judged}"
+    loud = facts["unflagged_wrong"]
+    screen_facts(
+        [
+            ("case", facts["title"]),
+            ("boundary", facts["boundary"]),
+            ("outcomes", ", ".join(f"{k} {n}" for k, n in facts["counts"].items())),
+            ("as predicted", f"{agreed} cells that are 2 % or more away from the boundary"),
+            ("wrong, unflagged", str(loud) if loud else "none"),
+        ]
     )
 
 

@@ -72,6 +72,16 @@ def frictions(
 
 
 @fast_kernel
+def beyond_base(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
+    """Rows R_* of the points first to last - 1: forces less those of the base state."""
+    for i in range(first, last):
+        normal = points[POINT_AREA, i] * point[OUT_P, i] - points[POINT_NORMAL, i]
+        point[R_N, i] = normal + points[POINT_STIFFNESS, i] * point[OUT_X, i]
+        point[R_1, i] = point[OUT_T1, i] - points[POINT_T1, i]
+        point[R_2, i] = point[OUT_T2, i] - points[POINT_T2, i]
+
+
+@fast_kernel
 def point_forces(
     points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, last: int
 ) -> None:
@@ -93,11 +103,7 @@ def point_forces(
         w1[i] += speed
     pressures(law, points, point, first, last)
     frictions(law, points, point, first, last)
-    for i in range(first, last):
-        normal = points[POINT_AREA, i] * point[OUT_P, i] - points[POINT_NORMAL, i]
-        point[R_N, i] = normal + points[POINT_STIFFNESS, i] * point[OUT_X, i]
-        point[R_1, i] = point[OUT_T1, i] - points[POINT_T1, i]
-        point[R_2, i] = point[OUT_T2, i] - points[POINT_T2, i]
+    beyond_base(points, point, first, last)
 
 
 @fast_kernel

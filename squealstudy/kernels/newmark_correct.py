@@ -38,18 +38,21 @@ NOT_FACTORED = -1  # in the first pivot
 
 
 @fast_kernel
-def place(x: np.ndarray, h: float) -> None:
-    """Trial displacement and velocity that belong to the trial acceleration; x (N_ROWS, n)."""
+def place(x: np.ndarray, b_q: float, b_v: float) -> None:
+    """Trial displacement and velocity that belong to the trial acceleration; x (N_ROWS, n).
+
+    Their derivatives after it are b_q [s2] and b_v [s]: h^2/4 and h/2 of average acceleration.
+    """
     for j in range(x.shape[1]):
-        x[Q_TRIAL, j] = x[Q_BASE, j] + 0.25 * h * h * x[A_TRIAL, j]
-        x[V_TRIAL, j] = x[V_BASE, j] + 0.5 * h * x[A_TRIAL, j]
+        x[Q_TRIAL, j] = x[Q_BASE, j] + b_q * x[A_TRIAL, j]
+        x[V_TRIAL, j] = x[V_BASE, j] + b_v * x[A_TRIAL, j]
 
 
 @fast_kernel
-def divide(delta: np.ndarray, modes: np.ndarray, h: float) -> None:
-    """Correction from the residual by the diagonal Jacobian."""
+def divide(delta: np.ndarray, modes: np.ndarray, b_q: float, b_v: float) -> None:
+    """Correction from the residual by the diagonal Jacobian; b_q, b_v as in `place`."""
     for j in range(delta.size):
-        delta[j] /= 1.0 + 0.5 * h * modes[C, j] + 0.25 * h * h * modes[W2, j]
+        delta[j] /= 1.0 + b_v * modes[C, j] + b_q * modes[W2, j]
 
 
 @fast_kernel
@@ -58,8 +61,8 @@ def direction(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: in
     h = work.real[k, SUBSTEP]
     delta = work.x[k, DELTA]
     if not settings.dense:
-        divide(delta, modal.modes[k], h)
-        mock_up(modal, work, k, h)
+        divide(delta, modal.modes[k], 0.25 * h * h, 0.5 * h)
+        mock_up(modal, work, k, 0.25 * h * h, 0.5 * h)
         return True
     at = k * (settings.max_halvings + 1) + work.counts[k, LEVEL]
     lu, pivots = work.lu[at], work.pivots[at]
@@ -87,13 +90,9 @@ def aitken(delta: np.ndarray, delta_old: np.ndarray, omega: float) -> float:
 
 
 @fast_kernel
-def correct_fixed(
-    B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int, e2: float
-) -> bool:
-    """One correction by the fixed Jacobian, relaxed after Aitken; False if it is singular."""
+def relax(settings: Settings, work: Work, k: int, e2: float) -> None:
+    """Add the correction in row DELTA to the trial acceleration, relaxed after Aitken."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
-    if not direction(B, modal, settings, work, k):
-        return False
     if counts[ITERATION] == 2 and real[E2_OLD] > real[FLOOR2]:
         real[CONTRACTION] = max(real[CONTRACTION], (e2 / real[E2_OLD]) ** 0.5)
     if settings.aitken and counts[ITERATION] > 1:
@@ -101,7 +100,18 @@ def correct_fixed(
     copy(x[DELTA], x[DELTA_OLD])
     move(x[A_TRIAL], real[OMEGA], x[DELTA])
     real[E2_OLD] = e2
-    place(x, real[SUBSTEP])
+
+
+@fast_kernel
+def correct_fixed(
+    B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int, e2: float
+) -> bool:
+    """One correction by the fixed Jacobian, relaxed after Aitken; False if it is singular."""
+    if not direction(B, modal, settings, work, k):
+        return False
+    relax(settings, work, k, e2)
+    h = work.real[k, SUBSTEP]
+    place(work.x[k], 0.25 * h * h, 0.5 * h)
     return True
 
 
@@ -113,7 +123,7 @@ def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -
     if counts[ITERATION] > 1 and e2 > real[E2_OLD] and real[STEP_LENGTH] > SHORTEST_NEWTON_STEP:
         real[STEP_LENGTH] *= 0.5
         move(x[A_TRIAL], -real[STEP_LENGTH], x[DELTA_OLD])
-        place(x, h)
+        place(x, 0.25 * h * h, 0.5 * h)
         return True
     jacobian, pivots = work.lu[-1], work.pivots[-1]
     true_jacobian(B, modal, k, h, work.point[k], work.row, jacobian)
@@ -125,5 +135,5 @@ def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -
     real[STEP_LENGTH] = 1.0
     real[E2_OLD] = e2
     move(x[A_TRIAL], 1.0, x[DELTA])
-    place(x, h)
+    place(x, 0.25 * h * h, 0.5 * h)
     return True

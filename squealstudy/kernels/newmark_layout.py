@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-RUNNING, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = 0, 1, 2, 3, 4  # status of a design
+# status of a design
+RUNNING, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, BLOWN_UP = 0, 1, 2, 3, 4, 5
 
 START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
 
@@ -88,6 +89,7 @@ class Settings(NamedTuple):
     newton: bool  # the reference method: a fresh Jacobian at every iteration
     aitken: bool
     dense: bool  # the fixed Jacobian is not diagonal
+    extrapolate: bool  # forces of the last two steps predict the next ones; else the last alone
 
 
 class Work(NamedTuple):

@@ -100,20 +100,26 @@ def keep_state(x: np.ndarray, modes: np.ndarray) -> None:
 
 
 @fast_kernel
-def begin(modal: Modal, work: Work, k: int, h: float) -> None:
+def guess_friction(point: np.ndarray, h: float) -> None:
+    """Friction forces of the points (N_POINT, nc) a time h after the accepted ones."""
+    for i in range(point.shape[1]):
+        point[GUESS, i] = point[OLD + 2, i] + h * point[SLOPE, i]
+        point[GUESS + 1, i] = point[OLD + 3, i] + h * point[SLOPE + 1, i]
+
+
+@fast_kernel
+def begin(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
     """Open a sub-step h from the accepted state."""
     counts, real = work.counts[k], work.real[k]
-    ratio = h / real[SUBSTEP_OLD] if real[SUBSTEP_OLD] > 0.0 else 0.0
+    known = settings.extrapolate and real[SUBSTEP_OLD] > 0.0
+    ratio = h / real[SUBSTEP_OLD] if known else 0.0
     real[SUBSTEP] = h
     real[OMEGA] = 1.0
     real[STEP_LENGTH] = 1.0
     real[E2_OLD] = 0.0
     counts[ITERATION] = 0
     predict(work.x[k], modal.modes[k], h, ratio)
-    point = work.point[k]
-    for i in range(point.shape[1]):
-        point[GUESS, i] = point[OLD + 2, i] + h * point[SLOPE, i]
-        point[GUESS + 1, i] = point[OLD + 3, i] + h * point[SLOPE + 1, i]
+    guess_friction(work.point[k], h if settings.extrapolate else 0.0)
 
 
 @fast_kernel
@@ -179,7 +185,7 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
     h = real[SUBSTEP]
     if counts[MODE] == FIXED and direction(B, modal, settings, work, k):
         move(x[A_TRIAL], real[OMEGA], x[DELTA])
-        place(x, h)
+        place(x, 0.25 * h * h, 0.5 * h)
     add_work(modal, work, k, h)
     keep_state(x, modal.modes[k])
     real[SUBSTEP_OLD] = h
@@ -240,4 +246,4 @@ def advance(
     if counts[STATUS] == DONE:
         work.real[k, STORED_END] = stored_energy(modal, work, k)
     if counts[STATUS] == RUNNING and then != GO_ON:
-        begin(modal, work, k, settings.h / (1 << counts[LEVEL]))
+        begin(modal, settings, work, k, settings.h / (1 << counts[LEVEL]))

@@ -4,10 +4,10 @@ Sticking points multiply a correction by up to h k_t |T|^2 / 2; with that beyond
 Jacobian D diverges. Few points stick at a time. Their sliding velocities answer to their friction
 forces t through the compliance H = T D^-1 T^T of the points alone::
 
-    w(t) = w + h/2 (T D^-1 R + H (t - t_last)),    t = friction(p, w(t))
+    w(t) = w + b_v (T D^-1 R + H (t - t_last)),    t = friction(p, w(t))
 
-which is solved point by point (Gauss-Seidel, closed form at each), stick and slip included; the
-correction is then D^-1 (R + T^T (t - t_last)).
+with b_v = h/2 of average acceleration; it is solved point by point (Gauss-Seidel, closed form at
+each), stick and slip included; the correction is then D^-1 (R + T^T (t - t_last)).
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3
 
 
 @fast_kernel
-def stiff_points(modal: Modal, work: Work, k: int, h: float) -> int:
+def stiff_points(modal: Modal, work: Work, k: int, b_v: float) -> int:
     """List the stiff points of design k with their velocities at the next trial state."""
     law, points, point, delta = modal.laws[k], modal.points[k], work.point[k], work.x[k, DELTA]
     T, stiff = modal.tangential, work.stiff
     m = 0
     for i in range(modal.own.size):
-        own = 0.5 * h * modal.own[i]
+        own = b_v * modal.own[i]
         force2 = point[4, i] * point[4, i] + point[5, i] * point[5, i]
         s2 = point[1, i] * point[1, i] + point[2, i] * point[2, i]
         if force2 * own * own > STIFF * STIFF * s2:
             mu, _ = mu_at(law[4], law[5], law[6], math.sqrt(s2))
             work.listed[m] = i
-            work.free[2 * m] = point[1, i] + 0.5 * h * dot(T[2 * i], delta)
-            work.free[2 * m + 1] = point[2, i] + 0.5 * h * dot(T[2 * i + 1], delta)
+            work.free[2 * m] = point[1, i] + b_v * dot(T[2 * i], delta)
+            work.free[2 * m + 1] = point[2, i] + b_v * dot(T[2 * i + 1], delta)
             stiff[m, Z_1] = stiff[m, Z_2] = 0.0
             stiff[m, BOUND] = points[1, i] * points[2, i] * mu * point[3, i]
             stiff[m, OWN] = own
@@ -107,12 +107,15 @@ def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
 
 
 @fast_kernel
-def mock_up(modal: Modal, work: Work, k: int, h: float) -> None:
-    """Correct row DELTA, which holds D^-1 R, for the stiff points; the friction then expected."""
-    m = stiff_points(modal, work, k, h)
+def mock_up(modal: Modal, work: Work, k: int, b_q: float, b_v: float) -> None:
+    """Correct row DELTA, which holds D^-1 R, for the stiff points; the friction then expected.
+
+    D = 1 + b_v C + b_q W2 is the diagonal Jacobian.
+    """
+    m = stiff_points(modal, work, k, b_v)
     if m == 0:
         return
-    gather(modal.compliance, work.listed, m, 0.5 * h, work.small)
+    gather(modal.compliance, work.listed, m, b_v, work.small)
     # many points at once: about the work of a pass over the observation matrix
     worth = modal.own.size * work.x.shape[2] // (m * m)
     for _ in range(min(max(worth, FEWEST), SWEEPS)):
@@ -127,4 +130,4 @@ def mock_up(modal: Modal, work: Work, k: int, h: float) -> None:
         point[GUESS, i] += z1
         point[GUESS + 1, i] += z2
     for j in range(delta.size):
-        delta[j] += force[j] / (1.0 + 0.5 * h * modes[C, j] + 0.25 * h * h * modes[W2, j])
+        delta[j] += force[j] / (1.0 + b_v * modes[C, j] + b_q * modes[W2, j])

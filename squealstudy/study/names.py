@@ -8,6 +8,7 @@ POINTS, MODES, GROWTH = "points.parquet", "modes.parquet", "growth.parquet"
 ONSETS = "onsets.parquet"
 SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
+CELLS = "cells.parquet"
 HISTORIES, STATES = "histories", "states"
 ONSET_PARAMETER = "friction"
 

@@ -15,6 +15,7 @@ from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.names import (
+    CELLS,
     ERRORS,
     GROWTH,
     MEASUREMENTS,
@@ -28,12 +29,13 @@ from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
 
 SOBOL_INDICES = "sobol_indices"
-EXPERIMENTS = ("work_precision",)  # studies of methods, not of brakes
+EXPERIMENTS = ("work_precision", "method_stability")  # studies of methods, not of brakes
 TABLES = {
     "complex_modes": (POINTS, MODES, ONSETS),
     "transient": (POINTS, MODES, GROWTH),
     "sensitivity": (POINTS, SENSITIVITIES),
     "work_precision": (MEASUREMENTS, ERRORS),
+    "method_stability": (CELLS,),
 }
 
 
@@ -123,6 +125,12 @@ class Results:
         """One row a method and knob value of a work-precision study; else ResultsError."""
         self._expect_kind("work_precision", "measurements")
         return self._read(MEASUREMENTS)
+
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell of a method-stability study; else ResultsError."""
+        self._expect_kind("method_stability", "cells")
+        return self._read(CELLS)
 
     @cached_property
     def errors(self) -> pd.DataFrame:

@@ -217,6 +217,7 @@ class _Run:
             newton_steps=0,
             contraction=self._contraction,
             energy=self._energy(failed),
+            steps=self._step,
             solves=sum(s.solves for s in solvers) / steps,
             columns=self._columns / steps,
             fill=max((s.fill for s in solvers), default=0),

@@ -130,6 +130,7 @@ def kernel_settings(settings: TransientSettings, dense: bool) -> layout.Settings
         newton,
         settings.aitken,
         dense,
+        settings.extrapolate,
     )
 
 

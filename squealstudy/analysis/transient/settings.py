@@ -40,6 +40,8 @@ class TransientSettings:
         Observation matrix in single precision.
     save_q : bool
         Keep all coordinates in the histories.
+    extrapolate : bool
+        The contact forces of the last two steps predict those of the next; else the last alone.
 
     Raises
     ------
@@ -62,6 +64,7 @@ class TransientSettings:
     prewarp: bool = False
     single_storage: bool = False
     save_q: bool = False
+    extrapolate: bool = True
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.step) and self.step > 0):
@@ -119,7 +122,8 @@ class TransientResult:
     Attributes
     ----------
     outcome : str
-        ``ok``, ``not_converged``, ``not_finite`` or ``singular_jacobian``.
+        ``ok``, ``not_converged``, ``not_finite`` or ``singular_jacobian``; of other integrators
+        also ``blown_up`` and ``solver_failed``.
     message : str
         Time and reason of a failure; empty otherwise.
     time : float
@@ -138,6 +142,8 @@ class TransientResult:
         Largest ratio of residuals over a plain first correction.
     energy : EnergyBalance
         Of the whole run; its end is NaN after a failure.
+    steps : int
+        Whole steps taken.
     stopped : str
         Why a watch ended the run before its time; empty otherwise.
     """
@@ -157,6 +163,7 @@ class TransientResult:
     newton_steps: int
     contraction: float
     energy: EnergyBalance
+    steps: int
     stopped: str = field(default="", kw_only=True)
 
     @property

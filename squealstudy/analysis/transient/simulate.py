@@ -32,12 +32,14 @@ OUTCOMES = {
     layout.NOT_CONVERGED: "not_converged",
     layout.NOT_FINITE: "not_finite",
     layout.SINGULAR: "singular_jacobian",
+    layout.BLOWN_UP: "blown_up",
 }
 REASONS = {
     layout.DONE: "",
     layout.NOT_CONVERGED: "the contact iteration did not converge",
     layout.NOT_FINITE: "the forces are not finite",
     layout.SINGULAR: "the Jacobian is singular",
+    layout.BLOWN_UP: "far more kinetic energy than was ever put in",
 }
 
 
@@ -86,12 +88,12 @@ def simulate(
     kernel(B, modal, options, work, saved)
     while watch is not None and (at_pause := paused(work)):
         for k in at_pause:
-            stopped[k] = watch.judge(k, _result(work, saved, settings, k, seen[k], np.asarray))
+            stopped[k] = watch.judge(k, result_of(work, saved, settings, k, seen[k], np.asarray))
             if stopped[k]:
                 stop(work, saved, k)
             work.counts[k, layout.PAUSE] += blocks[k]
         kernel(B, modal, options, work, saved)
-    finished = [_result(work, saved, settings, k, x) for k, x in enumerate(seen)]
+    finished = [result_of(work, saved, settings, k, x) for k, x in enumerate(seen)]
     return [replace(r, stopped=why) for r, why in zip(finished, stopped, strict=True)]
 
 
@@ -105,7 +107,7 @@ def _set_out(work: layout.Work, n: int, q0: np.ndarray, v0: np.ndarray) -> None:
         work.x[:, trial, :n] = initial
 
 
-def _result(
+def result_of(
     work: layout.Work,
     saved: layout.Saved,
     settings: TransientSettings,
@@ -126,7 +128,7 @@ def _result(
     message = "" if done else f"t = {time:.9g} s: {REASONS[status]}"
     rows = int(count[layout.SAVED])
     history = {name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)}
-    energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD :]))
+    energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL]))
     return TransientResult(
         OUTCOMES[status],
         message,
@@ -143,4 +145,5 @@ def _result(
         int(count[layout.NEWTON_STEPS]),
         float(real[layout.CONTRACTION]),
         energy,
+        int(count[layout.STEP]),
     )

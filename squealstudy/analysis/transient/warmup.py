@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -35,9 +34,9 @@ def warm_kernels(single_storage: bool = False) -> float:
     different types at once may both take the same file name.
     """
     began = time.perf_counter()
-    system, design = _smallest()
+    system, design = smallest()
     settings = TransientSettings(duration=2e-6, step=1e-6, save_every=1)
-    with _alone(compiled_directory() / "warmup.lock"):
+    with alone():
         for stored in (False, True) if single_storage else (False,):
             chosen = replace(settings, single_storage=stored)
             for designs in ([design], [design, design]):
@@ -46,8 +45,9 @@ def warm_kernels(single_storage: bool = False) -> float:
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Hold the lock file `path`; a process that dies lets it go."""
+def alone() -> Iterator[None]:
+    """Hold the lock file of the compiled kernels; a process that dies lets it go."""
+    path = compiled_directory() / "warmup.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w") as lock:
         if sys.platform != "win32":
@@ -55,7 +55,7 @@ def _alone(path: Path) -> Iterator[None]:
         yield
 
 
-def _smallest() -> tuple[ModalSystem, TransientDesign]:
+def smallest() -> tuple[ModalSystem, TransientDesign]:
     """One mode under one sliding point."""
     one, row = np.ones(1), np.ones((1, 1))
     system = ModalSystem(

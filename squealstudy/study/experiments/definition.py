@@ -10,44 +10,57 @@ from typing import Any
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study, parse_study
 from squealstudy.study.experiments.base import BaseStudy, read_base
-from squealstudy.study.experiments.sections import WorkPrecisionDefinition
+from squealstudy.study.experiments.sections import (
+    MethodStabilityDefinition,
+    WorkPrecisionDefinition,
+)
 from squealstudy.study.kinds import KINDS
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.results import EXPERIMENTS
 from squealstudy.study.source import SourceText, parse_toml, read_text, shown, validate
 from squealstudy.study.toml_lines import KeyPath
 
-WORK_PRECISION = "work_precision"
+WORK_PRECISION, METHOD_STABILITY = EXPERIMENTS
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """An experiment's file, checked, with the study it is made on.
-
-    Attributes
-    ----------
-    source : SourceText
-    definition : WorkPrecisionDefinition
-    base : BaseStudy
-    """
+class File:
+    """An experiment's file."""
 
     source: SourceText
-    definition: WorkPrecisionDefinition
-    base: BaseStudy
-
-    @property
-    def name(self) -> str:
-        """Of the experiment and its results directory."""
-        return self.definition.study.name
-
-    @property
-    def kind(self) -> str:
-        """One of EXPERIMENTS."""
-        return self.definition.study.kind
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:
         """The error to raise about a key of the file."""
         return self.source.error(keys, message)
+
+
+@dataclass(frozen=True)
+class PrecisionFile(File):
+    """A work-precision study, checked, with the study it is made on."""
+
+    definition: WorkPrecisionDefinition
+    base: BaseStudy
+
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model: whose results directory it is."""
+        return self.definition.study.name, WORK_PRECISION, self.base.study.model.name
+
+
+@dataclass(frozen=True)
+class StabilityFile(File):
+    """A method-stability study, checked but for its case and knobs."""
+
+    definition: MethodStabilityDefinition
+
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and case: whose results directory it is."""
+        study = self.definition.study
+        return study.name, METHOD_STABILITY, self.definition.method_stability.case
+
+
+Experiment = PrecisionFile | StabilityFile
 
 
 def load_any(path: Path) -> Study | Experiment:
@@ -71,9 +84,11 @@ def _kind(tables: Mapping[str, Any]) -> object:
 
 
 def _experiment(source: SourceText, tables: Mapping[str, Any]) -> Experiment:
+    if _kind(tables) == METHOD_STABILITY:
+        return StabilityFile(source, validate(MethodStabilityDefinition, source, tables))
     definition = validate(WorkPrecisionDefinition, source, tables)
     keys = ("work_precision", "base")
     path = source.path.parent / definition.work_precision.base
     if not path.is_file():
         raise source.error(keys, f"there is no study file {path}")
-    return Experiment(source, definition, read_base(path))
+    return PrecisionFile(source, definition, read_base(path))

@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.study.experiments.definition import WORK_PRECISION, Experiment
+from squealstudy.study.experiments.definition import Experiment, PrecisionFile
+from squealstudy.study.experiments.method_stability.kind import MethodStability
 from squealstudy.study.experiments.work_precision.kind import WorkPrecision
 from squealstudy.study.kind import Progress
 
@@ -17,6 +18,7 @@ class ExperimentKind(Protocol):
     """One experiment, checked: its runs by name, in the order in which they are made."""
 
     tables: tuple[str, ...]
+    in_parallel: bool  # or each run alone on the machine, to be timed
 
     @property
     def schema(self) -> pa.Schema:
@@ -35,6 +37,10 @@ class ExperimentKind(Protocol):
         """Arguments of `solve` behind the directory; the first is the name of the chunk."""
         ...
 
+    def ids(self, run: Any) -> list[str]:
+        """Rows of a run's chunk file."""
+        ...
+
     def solve(self, directory: Path, name: str, *rest: Any) -> str:
         """Make one run and write its chunk file; its status."""
         ...
@@ -44,9 +50,8 @@ class ExperimentKind(Protocol):
         ...
 
 
-KINDS: dict[str, type[WorkPrecision]] = {WORK_PRECISION: WorkPrecision}
-
-
 def experiment_kind(experiment: Experiment) -> ExperimentKind:
     """The experiment, resolved; StudyFileError where it cannot be made."""
-    return KINDS[experiment.kind](experiment)
+    if isinstance(experiment, PrecisionFile):
+        return WorkPrecision(experiment)
+    return MethodStability(experiment)

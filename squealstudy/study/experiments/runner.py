@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import platform
 import time
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from joblib import delayed
+
 from squealstudy.study.chunks import finished_points
-from squealstudy.study.experiments.definition import Experiment
+from squealstudy.study.experiments.definition import Experiment, PrecisionFile
 from squealstudy.study.experiments.kinds import ExperimentKind, experiment_kind
 from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import content_hash
 from squealstudy.study.kind import Progress
 from squealstudy.study.manifest import PACKAGES, check_owner, locked
+from squealstudy.study.parallel import in_parallel
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.runner import RunReport
@@ -29,7 +33,7 @@ def run_experiment(
 ) -> RunReport:
     """Run an experiment, or what is left of it.
 
-    Measurements are made one by one in this process: nothing else of ours runs beside them.
+    What is timed is made run by run in this process: nothing else of ours runs beside it.
 
     Parameters
     ----------
@@ -47,19 +51,19 @@ def run_experiment(
         Invalid file; directory of another study, or in use; a reference that failed.
     """
     kind = experiment_kind(experiment)
-    check_owner(directory, _owner(experiment))
+    check_owner(directory, experiment.owner)
     started = time.perf_counter()
     kind.prepare(jobs, progress)
     with locked(directory):
-        found = check_owner(directory, _owner(experiment))
+        found = check_owner(directory, experiment.owner)
         runs = kind.runs()
-        identity = content_hash([[name for name, *_ in runs], experiment.source.text])
+        identity = content_hash([[run[0] for run in runs], experiment.source.text])
         if found and found.get("study_hash") == identity and _whole(found, kind, directory):
             return RunReport(directory, found, 0, len(runs))
         remove_leftovers(directory)
         manifest = _manifest(experiment, jobs, identity, len(runs))
         write_manifest(directory, manifest)
-        solved = _solve(kind, directory, runs, progress)
+        solved = _solve(kind, directory, runs, jobs, progress)
         table, facts = kind.build_tables(directory)
         manifest |= facts | {"n_failed": int((table["status"] != "ok").sum()), "status": "complete"}
         manifest["timings"] = {"total_s": time.perf_counter() - started}
@@ -68,13 +72,21 @@ def run_experiment(
     return RunReport(directory, manifest, solved, len(runs) - solved)
 
 
-def _solve(kind: ExperimentKind, directory: Path, runs: list[Any], progress: Progress) -> int:
+def _solve(
+    kind: ExperimentKind, directory: Path, runs: list[Any], jobs: int, progress: Progress
+) -> int:
     done = finished_points(directory, kind.schema)
-    missing = [run for run in runs if run[0] not in done]
-    for number, run in enumerate(missing):
-        progress("measurements", len(runs) - len(missing) + number, len(runs))
-        kind.solve(directory, *run)
-    progress("measurements", len(runs), len(runs))
+    missing = [run for run in runs if not done.issuperset(kind.ids(run))]
+    before = len(runs) - len(missing)
+    progress("runs", before, len(runs))
+    if kind.in_parallel:
+        made: Iterable[Any] = in_parallel(
+            jobs, [delayed(kind.solve)(directory, *run) for run in missing]
+        )
+    else:
+        made = (kind.solve(directory, *run) for run in missing)
+    for number, _ in enumerate(made, start=1):
+        progress("runs", before + number, len(runs))
     return len(missing)
 
 
@@ -83,12 +95,9 @@ def _whole(found: dict[str, Any], kind: ExperimentKind, directory: Path) -> bool
     return there and found.get("status") == "complete"
 
 
-def _owner(experiment: Experiment) -> tuple[str, str, str]:
-    return experiment.name, experiment.kind, experiment.base.study.model.name
-
-
 def _manifest(experiment: Experiment, jobs: int, identity: str, n_runs: int) -> dict[str, Any]:
-    name, kind, model = _owner(experiment)
+    name, kind, model = experiment.owner
+    base = experiment.base.source.text if isinstance(experiment, PrecisionFile) else None
     return {
         "status": "running",
         "name": name,
@@ -100,7 +109,7 @@ def _manifest(experiment: Experiment, jobs: int, identity: str, n_runs: int) -> 
         "sweeps": [],
         "units": {},
         "study": experiment.source.text,
-        "base": experiment.base.source.text,
+        "base": base,
         "versions": {package: version(package) for package in PACKAGES},
         "python": platform.python_version(),
         "machine": {"processor": platform.machine(), "cores": os.cpu_count()},

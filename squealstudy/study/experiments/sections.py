@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, Strict, model_validator
 
-from squealstudy.study.section import Changes, Section
+from squealstudy.study.section import Changes, FloatList, NumberTable, Section
 
 Scalar = bool | int | float | str
 FREQUENCY_QUANTITIES = (
@@ -33,7 +33,9 @@ class ExperimentSection(Section):
         max_length=100,
         description="name of the study and of its results directory: letters, digits, _ and -",
     )
-    kind: Literal["work_precision"] = Field(description="error against time of methods")
+    kind: Literal["work_precision", "method_stability"] = Field(
+        description="error against time of methods, or where a method fails"
+    )
     description: str = Field(default="", description="free text, copied to the results")
 
 
@@ -118,6 +120,47 @@ class MethodSection(Section):
         if self.options and self.integrator is None:
             raise ValueError("options are those of an integrator: name one")
         return self
+
+
+class KnobSection(Section):
+    """One axis of a stability map: a list of values, or a range."""
+
+    name: str = Field(description="a knob of the case")
+    values: FloatList = Field(default=(), description="its values, SI units")
+    start: float | None = Field(default=None, description="first value of a range")
+    stop: float | None = Field(default=None, description="last value of a range")
+    num: int = Field(default=21, ge=2, le=1000, description="number of values of a range")
+    scale: Literal["linear", "log"] = Field(default="linear", description="spacing of a range")
+
+    @model_validator(mode="after")
+    def _values_or_range(self) -> Self:
+        if bool(self.values) == (self.start is not None and self.stop is not None):
+            raise ValueError("expected either values, or start and stop")
+        if self.start is not None and self.stop is not None:
+            if self.start >= self.stop:
+                raise ValueError(f"expected start < stop, got {self.start:g} and {self.stop:g}")
+            if self.scale == "log" and self.start <= 0:
+                raise ValueError(f"a log scale needs a start above 0, got {self.start:g}")
+        return self
+
+
+class MethodStabilitySection(Section):
+    """Which method, on its minimal model."""
+
+    case: str = Field(description="method whose limits are mapped")
+    values: NumberTable = Field(
+        default_factory=dict, description="knobs that are not swept, where not by default"
+    )
+
+
+class MethodStabilityDefinition(Section):
+    """A whole file of kind method_stability."""
+
+    study: ExperimentSection = Field(description="name and kind of the study")
+    method_stability: MethodStabilitySection = Field(description="the method and its settings")
+    knob: Annotated[tuple[KnobSection, ...], Strict(False)] = Field(
+        min_length=2, max_length=2, description="the two axes of the map"
+    )
 
 
 class WorkPrecisionDefinition(Section):

@@ -42,6 +42,7 @@ class Integrate(Protocol):
         q0: np.ndarray,
         v0: np.ndarray,
         watch: Watch | None,
+        /,
     ) -> list[TransientResult]:
         """Results in the order of the designs."""
         ...

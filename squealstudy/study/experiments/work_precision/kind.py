@@ -13,7 +13,7 @@ import pyarrow as pa
 from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.chunks import read_chunks, write_chunk
-from squealstudy.study.experiments.definition import Experiment
+from squealstudy.study.experiments.definition import PrecisionFile
 from squealstudy.study.experiments.sections import FREQUENCY_QUANTITIES, TIME_QUANTITIES
 from squealstudy.study.experiments.work_precision import rows
 from squealstudy.study.experiments.work_precision.integrator import (
@@ -49,8 +49,9 @@ class WorkPrecision:
     """One experiment: its runs in alternation, on one core, and its tables."""
 
     tables: tuple[str, ...] = (MEASUREMENTS, ERRORS)
+    in_parallel = False
 
-    def __init__(self, experiment: Experiment) -> None:
+    def __init__(self, experiment: PrecisionFile) -> None:
         self.experiment = experiment
         self.variants = make_variants(experiment)
         self._check()
@@ -120,7 +121,9 @@ class WorkPrecision:
         section, runs = self.experiment.definition.work_precision, self.runs()
         structures = {s.key for v in self.variants for s in v.plan.structures}
         missing = sum(not is_prepared(key) for key in structures)
+        base = self.experiment.base
         return [
+            ("base", f"{base.source.path}: {base.study.name}, {self.base_kind}"),
             ("measured at", f"{len(self.variants[0].measured)} design points"),
             (
                 "runs",
@@ -146,6 +149,10 @@ class WorkPrecision:
         order = reference + [(v, n) for n in range(repeats) for v in methods]
         found = {content_hash([v.identity, n]): (v, n) for v, n in order}
         return [(name, v, n) for name, (v, n) in found.items()]
+
+    def ids(self, run: tuple[str, Variant, int]) -> list[str]:
+        """The one row of a run's chunk."""
+        return [run[0]]
 
     def solve(self, directory: Path, name: str, variant: Variant, number: int) -> str:
         """Run one measurement and write its row; its status."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study
-from squealstudy.study.experiments.definition import Experiment
+from squealstudy.study.experiments.definition import PrecisionFile
 from squealstudy.study.experiments.sections import MethodSection, ReferenceSection, Scalar
 from squealstudy.study.keys import content_hash
 from squealstudy.study.plan import Plan
@@ -71,7 +71,7 @@ class Variant:
         return f"{self.method}, {short} {self.value}" if self.knob else self.method
 
 
-def make_variants(experiment: Experiment) -> list[Variant]:
+def make_variants(experiment: PrecisionFile) -> list[Variant]:
     """The reference, then all methods in the order of the file; StudyFileError."""
     points = measured_points(experiment)
     reference = experiment.definition.reference
@@ -86,7 +86,7 @@ def make_variants(experiment: Experiment) -> list[Variant]:
 
 
 def _variant(
-    experiment: Experiment,
+    experiment: PrecisionFile,
     line: MethodSection | ReferenceSection,
     value: Scalar | None,
     points: list[dict[str, float]],
@@ -124,7 +124,7 @@ def _variant(
     )
 
 
-def common_study(experiment: Experiment) -> Study:
+def common_study(experiment: PrecisionFile) -> Study:
     """The base study with what is changed for all methods; StudyFileError."""
     try:
         return experiment.base.variant(experiment.definition.work_precision.set)
@@ -133,7 +133,7 @@ def common_study(experiment: Experiment) -> Study:
         raise experiment.error(keys, f"{error.key or 'base'}: {error.message}") from None
 
 
-def measured_points(experiment: Experiment) -> list[dict[str, float]]:
+def measured_points(experiment: PrecisionFile) -> list[dict[str, float]]:
     """Swept values of the design points at which errors are measured."""
     section, study = experiment.definition.work_precision, common_study(experiment)
     own = design_points(study)

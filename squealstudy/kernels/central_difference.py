@@ -1,0 +1,96 @@
+"""Central differences: explicit, one evaluation of the contact forces a step.
+
+Velocities stand at half steps. Modal damping is implicit, which costs nothing; friction and the
+damping of shapes need a velocity at whole steps, for which there is only an estimate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.integrator_state import close_step, count_pass, open_run
+from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.newmark_layout import (
+    A_TRIAL,
+    DELTA,
+    Q_TRIAL,
+    RUNNING,
+    STATUS,
+    STEP,
+    V_BASE,
+    V_TRIAL,
+    A,
+    C,
+    Modal,
+    Q,
+    Saved,
+    Settings,
+    V,
+    Work,
+)
+from squealstudy.kernels.newmark_output import add_work
+from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_residual import residual
+from squealstudy.kernels.newmark_step import keep_points
+from squealstudy.kernels.newmark_vector import fill
+
+
+@fast_kernel
+def drift(x: np.ndarray, h: float, lagged: bool) -> None:
+    """Displacement of the next step from the half-step velocity in V_BASE; a velocity there.
+
+    The velocity is that of half a step before, or extrapolated with the last acceleration.
+    """
+    ahead = 0.0 if lagged else 0.5 * h
+    for j in range(x.shape[1]):
+        x[Q_TRIAL, j] = x[Q, j] + h * x[V_BASE, j]
+        x[V_TRIAL, j] = x[V_BASE, j] + ahead * x[A, j]
+
+
+@fast_kernel
+def kick(x: np.ndarray, modes: np.ndarray, h: float) -> None:
+    """The next half-step velocity from the residual of the trial state without acceleration.
+
+    It leaves the velocity and the acceleration of the whole step in V_TRIAL and A_TRIAL.
+    """
+    for j in range(x.shape[1]):
+        c, before = modes[C, j], x[V_BASE, j]
+        force = x[DELTA, j] + c * x[V_TRIAL, j]
+        after = ((1.0 - 0.5 * h * c) * before + h * force) / (1.0 + 0.5 * h * c)
+        x[V_BASE, j] = after
+        x[V_TRIAL, j] = 0.5 * (before + after)
+        x[A_TRIAL, j] = (after - before) / h
+
+
+@fast_kernel
+def keep_state(x: np.ndarray) -> None:
+    """The trial state is accepted."""
+    for j in range(x.shape[1]):
+        x[Q, j], x[V, j], x[A, j] = x[Q_TRIAL, j], x[V_TRIAL, j], x[A_TRIAL, j]
+
+
+@entry_kernel
+def central_difference(
+    B: np.ndarray, modal: Modal, settings: Settings, lagged: bool, work: Work, saved: Saved
+) -> None:
+    """Integrate design 0 to its end or failure; arguments as of `newmark.newmark`.
+
+    `lagged`: friction sees the velocity of half a step before, which is of order 1; else an
+    extrapolated one, of order 2 with half the stability in stick.
+    """
+    open_run(B, modal, settings, work, saved)
+    x, h, counts = work.x[0], settings.h, work.counts[0]
+    for j in range(x.shape[1]):
+        x[V_BASE, j] = x[V, j] + 0.5 * h * x[A, j]
+    while counts[STATUS] == RUNNING:
+        drift(x, h, lagged)
+        pass_one(B, modal, work, 0)
+        count_pass(work)
+        fill(x[A_TRIAL], 0.0)
+        residual(modal, work, 0)
+        kick(x, modal.modes[0], h)
+        add_work(modal, work, 0, h)
+        keep_state(x)
+        keep_points(work.point[0], h)
+        counts[STEP] += 1
+        close_step(modal, settings, work, saved)

@@ -1,0 +1,148 @@
+"""Exponential integrators: each mode's free motion exact, its contact forces by PEC.
+
+Over a step q'' + c q' + w2 q = f(t) is solved exactly for a polynomial f, whose coefficients come
+from one evaluation at a predicted state (predict, evaluate, correct); see
+analysis.integrators.propagators for the coefficients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.kernels.integrator_layout import (
+    E_QQ,
+    E_QV,
+    E_VQ,
+    E_VV,
+    P1_Q,
+    P1_V,
+    P2_Q,
+    P2_V,
+    P3_Q,
+    P3_V,
+)
+from squealstudy.kernels.integrator_state import close_step, count_pass, finite, open_run
+from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.newmark_layout import (
+    A_TRIAL,
+    DELTA,
+    DELTA_OLD,
+    NOT_FINITE,
+    PULL,
+    PULL_OLD,
+    Q_BASE,
+    Q_TRIAL,
+    RUNNING,
+    STATUS,
+    STEP,
+    V_BASE,
+    V_TRIAL,
+    W2,
+    C,
+    Modal,
+    Q,
+    Saved,
+    Settings,
+    V,
+    Work,
+)
+from squealstudy.kernels.newmark_output import add_work
+from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_residual import residual
+from squealstudy.kernels.newmark_step import keep_points
+from squealstudy.kernels.newmark_vector import copy, fill
+
+
+@fast_kernel
+def forces(modal: Modal, work: Work) -> None:
+    """All forces beyond the free modes at the evaluated trial state, into row DELTA."""
+    x, modes = work.x[0], modal.modes[0]
+    fill(x[A_TRIAL], 0.0)
+    residual(modal, work, 0)
+    for j in range(x.shape[1]):
+        x[DELTA, j] += modes[C, j] * x[V_TRIAL, j] + modes[W2, j] * x[Q_TRIAL, j]
+
+
+@fast_kernel
+def predict(x: np.ndarray, E: np.ndarray, linear: bool) -> None:
+    """Free motion with the last forces held, or extrapolated with those before them.
+
+    The part with held forces is kept in Q_BASE and V_BASE.
+    """
+    ahead = 1.0 if linear else 0.0
+    for j in range(x.shape[1]):
+        q, v, g = x[Q, j], x[V, j], x[PULL, j]
+        qb = E[E_QQ, j] * q + E[E_QV, j] * v + E[P1_Q, j] * g
+        vb = E[E_VQ, j] * q + E[E_VV, j] * v + E[P1_V, j] * g
+        slope = ahead * (g - x[PULL_OLD, j])
+        x[Q_BASE, j], x[V_BASE, j] = qb, vb
+        x[Q_TRIAL, j] = qb + E[P2_Q, j] * slope
+        x[V_TRIAL, j] = vb + E[P2_V, j] * slope
+
+
+@fast_kernel
+def correct(x: np.ndarray, E: np.ndarray, quadratic: bool) -> None:
+    """The new state with forces linear or quadratic in time through the new ones in DELTA."""
+    for j in range(x.shape[1]):
+        new, g, old = x[DELTA, j], x[PULL, j], x[PULL_OLD, j]
+        slope, bend = new - g, 0.0
+        if quadratic:
+            slope, bend = 0.5 * (new - old), new - 2.0 * g + old
+        x[Q_TRIAL, j] = x[Q_BASE, j] + E[P2_Q, j] * slope + E[P3_Q, j] * bend
+        x[V_TRIAL, j] = x[V_BASE, j] + E[P2_V, j] * slope + E[P3_V, j] * bend
+
+
+@fast_kernel
+def one_step(B: np.ndarray, modal: Modal, work: Work, E: np.ndarray, h: float, third: bool) -> None:
+    """A step with the coefficients E (N_COEFFICIENT, n) of its length h, accepted."""
+    x = work.x[0]
+    predict(x, E, third)
+    pass_one(B, modal, work, 0)
+    count_pass(work)
+    forces(modal, work)
+    correct(x, E, third)
+    add_work(modal, work, 0, h)
+    copy(x[Q_TRIAL], x[Q])
+    copy(x[V_TRIAL], x[V])
+    copy(x[PULL], x[PULL_OLD])
+    copy(x[DELTA], x[PULL])
+    keep_points(work.point[0], h)
+    if not finite(x[DELTA]):
+        work.counts[0, STATUS] = NOT_FINITE
+
+
+@entry_kernel
+def exponential_steps(
+    B: np.ndarray,
+    modal: Modal,
+    settings: Settings,
+    E: np.ndarray,
+    parts: int,
+    work: Work,
+    saved: Saved,
+) -> None:
+    """Integrate design 0 to its end or failure; arguments as of `newmark.newmark`.
+
+    Parameters
+    ----------
+    E : ndarray (2, N_COEFFICIENT, n)
+        Coefficients of a step, and of one of `parts` parts of the first step.
+    parts : int
+        0 for order 2; else order 3, whose first step is made of so many of order 2.
+    """
+    open_run(B, modal, settings, work, saved)
+    x, counts = work.x[0], work.counts[0]
+    forces(modal, work)
+    copy(x[DELTA], x[PULL])
+    copy(x[DELTA], x[PULL_OLD])
+    while counts[STATUS] == RUNNING:
+        if parts > 0 and counts[STEP] == 0:
+            copy(x[PULL], x[DELTA_OLD])
+            for _ in range(parts):
+                one_step(B, modal, work, E[1], settings.h / parts, False)
+            copy(x[DELTA_OLD], x[PULL_OLD])
+        else:
+            one_step(B, modal, work, E[0], settings.h, parts > 0)
+        counts[STEP] += 1
+        if counts[STATUS] == RUNNING:
+            close_step(modal, settings, work, saved)

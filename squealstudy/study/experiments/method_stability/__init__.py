@@ -1,0 +1,1 @@
+"""Method-stability studies: where a numerical method fails, predicted and measured."""

@@ -1,0 +1,526 @@
+"""Integrators beside Newmark: orders, limits, energy, agreement, twins, failures, options."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import integrator_reference as twins
+import newmark_reference as newmark_twin
+import numpy as np
+import pytest
+import scipy.linalg as la
+from scipy.integrate import solve_ivp
+from test_newmark import KICK, belt, linear_case, point_system, random_system
+
+from squealstudy.analysis.integrators.adaptive import SOLVERS, Equations
+from squealstudy.analysis.integrators.fixed_step import arrays
+from squealstudy.analysis.integrators.integrate import INTEGRATORS, integrate
+from squealstudy.analysis.integrators.warmup import warm_integrators
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.kernels.gradient_pass import quotient
+from squealstudy.models.law import ContactLaw
+
+ORDERS = {
+    "hht_alpha": 2,
+    "generalised_alpha": 2,
+    "discrete_gradient": 2,
+    "central_difference": 2,
+    "exponential_2": 2,
+    "exponential_3": 3,
+    "exponential_implicit": 2,
+}
+EXPLICIT = ("central_difference", "exponential_2", "exponential_3")
+SHARP = {"tolerance": 1e-11, "tolerance_t": 1e-10}
+FREE = FrictionLaw(0, 0, 1.0)
+
+
+def run(name, system, design, settings, q0, v0, **options):
+    q0, v0 = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (q0, v0))
+    return integrate(name, system, design, settings, q0, v0, options)
+
+
+def observed_order(name, system, design, duration, counts, start, end, **options):
+    """Fitted order of the error of (omega q, v), and the errors."""
+    n, w = system.n, np.sqrt(system.omega2)
+    errors = []
+    for count in counts:
+        settings = TransientSettings(duration, duration / count, 0, **SHARP)
+        r = run(name, system, design, settings, start[:n], start[n:], **options)
+        assert r.outcome == "ok"
+        errors.append(la.norm(np.concatenate([w * (r.q - end[:n]), r.v - end[n:]])))
+    return -np.polyfit(np.log(counts), np.log(errors), 1)[0], errors
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_order_on_a_linear_case_against_expm(name):
+    system, design, K, C, load = linear_case()
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]])
+    rest = np.concatenate([np.linalg.solve(K, load), np.zeros(2)])
+    start = np.array([0.01, -0.02, 1.0, 0.5])
+    end = rest + la.expm(A * 0.08) @ (start - rest)
+    order, _ = observed_order(name, system, design, 0.08, [200, 400, 800, 1600], start, end)
+    assert order == pytest.approx(ORDERS[name], abs=0.06)
+
+
+def smooth_case():
+    """Two modes, a point that slides with falling, smooth friction under an exponential law."""
+    system = point_system(
+        [1e4, 6e4],
+        [1.0, 0.5],
+        [0.3, -1.0],
+        T2=np.array([[0.4, 0.2]]),
+        k_ref=np.array([3e3]),
+        shapes=np.array([[1.0, 1.0]]),
+    )
+    law = ContactLaw("exponential", p0=20.0, lam=150.0)
+    friction = FrictionLaw(0.6, 0.4, 40.0, v_mu=0.5, kind="smooth")
+    load = np.array([15.0, 1.0])
+    damped, stiff = np.array([4.0]), np.array([500.0])
+    design = TransientDesign(law, friction, 0.4, np.array([3.0, 8.0]), load, damped, stiff)
+    return system, design, np.array([0.001, -0.002, 0.8, 0.4])
+
+
+def exact(system, design, duration, start):
+    """By DOP853 on the slow twin of the equation of motion."""
+    n = system.n
+
+    def rate(t, y):
+        a = newmark_twin.acceleration(system, design, y[:n], y[n:])
+        return np.concatenate([y[n:], a])
+
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    return solve_ivp(rate, (0, duration), start, **options).y[:, -1]
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    system, design, start = smooth_case()
+    return system, design, start, exact(system, design, 0.1, start)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "options"),
+    [
+        *((name, order, {}) for name, order in ORDERS.items()),
+        ("hht_alpha", 2, {"alpha": -1 / 3}),
+        ("generalised_alpha", 2, {"rho_inf": 0.0}),
+        ("central_difference", 1, {"velocity": "lagged"}),
+    ],
+)
+def test_order_with_contact_and_friction(smooth, name, order, options):
+    system, design, start, end = smooth
+    counts = [400, 800, 1600, 3200]
+    found, _ = observed_order(name, system, design, 0.1, counts, start, end, **options)
+    assert found == pytest.approx(order, abs=0.12)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_adaptive_solvers_follow_their_tolerance(smooth, name):
+    system, design, start, end = smooth
+    settings = TransientSettings(0.1, 1e-3, 7)
+    errors = []
+    for rtol in (1e-4, 1e-8):
+        r = run(name, system, design, settings, start[:2], start[2:], rtol=rtol)
+        assert r.outcome == "ok"
+        errors.append(la.norm((r.v - end[2:]) / la.norm(end[2:])))
+        np.testing.assert_allclose(r.history["time"], np.arange(0, 101, 7) * 1e-3)
+        assert r.mean_iterations * r.steps > 50
+    assert errors[0] < 0.05
+    assert errors[1] < 1e-5
+    assert errors[1] < 1e-2 * errors[0]
+    # dense output at a row equals a run that ends there
+    middle = exact(system, design, 98e-3, start)
+    np.testing.assert_allclose(r.history["modal_energy"][-1], energy_of(system, middle), rtol=1e-5)
+
+
+def energy_of(system, y):
+    n = system.n
+    return 0.5 * (y[n:] @ y[n:] + system.omega2 @ y[:n] ** 2)
+
+
+def ball(law, w2=(1e4,), N=(1.0,)):
+    """An impact oscillator without damping or friction."""
+    system = point_system(w2, N, np.zeros(len(w2)), sensors=np.eye(len(w2)))
+    return system, TransientDesign(law, FREE, 0.0, np.zeros(len(w2)))
+
+
+@pytest.mark.parametrize("name", [*ORDERS, "newmark"])
+def test_order_falls_where_contact_begins(name):
+    # a kink in the force: all methods end at order 2, with a scattered constant
+    system, design = ball(ContactLaw("unilateral", stiffness=4e4))
+    w, up = 100.0, math.sqrt(5e4)  # half a free period up, half a closed one down
+    end = np.array([0.0, math.sqrt(1e4) / w])
+    duration = math.pi / up + math.pi / w + math.pi / up / 3
+    x = math.pi / 3
+    end = np.array([-1 / up * math.sin(x), -math.cos(x)])
+    counts = np.round(np.geomspace(100, 3200, 21)).astype(int)
+    order, _ = observed_order(name, system, design, duration, counts, np.array([0.0, -1.0]), end)
+    assert order == pytest.approx(2.0, abs=0.35)
+
+
+def test_exponential_steps_are_exact_without_contact():
+    # light, critical, over-damped, undamped, rigid with and without damping, unstable
+    w2 = np.array([1e6, 1e4, 1e4, 1e8, 0.0, 0.0, -25.0])
+    c = np.array([20.0, 200.0, 5e3, 0.0, 0.0, 40.0, 1.0])
+    n = len(w2)
+    zero = np.zeros(n)
+    system = point_system(w2, zero, zero)
+    load = np.linspace(1, 2, n)
+    law = ContactLaw("exponential", p0=1.0, lam=1.0)
+    design = TransientDesign(law, FREE, 0.0, c, load)
+    q0, v0 = np.linspace(1e-3, 2e-3, n), np.linspace(-1, 1, n)
+    ends = []
+    for k in range(n):
+        A = np.array([[0, 1, 0], [-w2[k], -c[k], load[k]], [0, 0, 0]])
+        ends.append((la.expm(0.3 * A) @ [q0[k], v0[k], 1.0])[:2])
+    q, v = np.array(ends).T
+    cases = {"exponential_2": {}, "exponential_3": {}, "exponential_implicit": {"limit": 1e9}}
+    for name, options in cases.items():
+        for step in (0.3, 0.1, 1e-3):
+            settings = TransientSettings(0.3, step, 0)
+            r = run(name, system, design, settings, q0, v0, **options)
+            assert r.outcome == "ok"
+            np.testing.assert_allclose(r.v, v, rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(r.q, q, rtol=1e-8, atol=1e-11)
+
+
+def test_stability_limit_of_central_differences():
+    system, design = ball(ContactLaw("unilateral", stiffness=1.0), N=(0.0,))
+    outcomes = [
+        run(
+            "central_difference",
+            system,
+            design,
+            TransientSettings(1000 * x / 100, x / 100, 0),
+            0.0,
+            1.0,
+        ).outcome
+        for x in (1.9995, 2.0005)
+    ]
+    assert outcomes == ["ok", "blown_up"]
+
+
+LAWS = {
+    "exponential": (ContactLaw("exponential", p0=1e-2, lam=1e5), 1e5 * math.sqrt(0.5)),
+    "unilateral": (ContactLaw("unilateral", stiffness=5e9), math.sqrt(5e9)),
+    "power": (ContactLaw("power", stiffness=1e13, exponent=2.0), math.sqrt(2e13 * 6e-5)),
+}
+
+
+@pytest.mark.parametrize("x", [0.5, 5.0])
+@pytest.mark.parametrize("modes", [1, 5])
+@pytest.mark.parametrize("kind", LAWS)
+def test_discrete_gradient_keeps_the_energy_of_impacts(kind, modes, x):
+    # Hughes 1976: average acceleration gains energy at h omega_peak = 5; this one nowhere
+    law, peak = LAWS[kind]
+    w2 = np.array([1e4, 9e4, 4e5, 1e6, 3e6])[:modes]
+    N = np.array([1.0, 0.5, -0.7, 0.3, 0.2])[:modes]
+    system, design = ball(law, w2, N)
+    h = x / (peak * la.norm(N))
+    settings = TransientSettings(1e5 * h, h, 500, max_iterations=100)
+    rest, kick = np.zeros(modes), np.ones(modes)
+    options = {"iteration_tolerance": 1e-13, "max_halvings": 10}
+    r = run("discrete_gradient", system, design, settings, rest, kick, **options)
+    assert r.outcome == "ok"
+    assert r.steps == 100_000
+    stored = r.history["stored"]
+    assert np.abs(stored / stored[0] - 1).max() < 1e-10
+    if x == 5.0:
+        r = run("newmark", system, design, replace(settings, **SHARP), rest, kick)
+        assert r.history["stored"].max() > 3 * stored[0]
+
+
+def test_energy_from_nowhere_is_no_success():
+    law, peak = LAWS["unilateral"]
+    w2, N = np.array([1e4, 9e4, 4e5, 1e6, 3e6]), np.array([1.0, 0.5, -0.7, 0.3, 0.2])
+    system, design = ball(law, w2, N)
+    h = 5.0 / (peak * la.norm(N))
+    settings = TransientSettings(1e5 * h, h, 0)
+    assert simulate(system, [design], settings, np.zeros(5), np.ones(5))[0].outcome == "ok"
+    r = run("newmark", system, design, settings, np.zeros(5), np.ones(5))
+    assert r.outcome == "blown_up"
+    assert "kinetic energy" in r.message
+
+
+@pytest.mark.parametrize("d", [0.0, 1e-12, 0.9e-6, 1.1e-6, 3e-4, 1.9e-3, 5e-3, -0.9e-6, -5e-3])
+@pytest.mark.parametrize(("code", "b"), [(1, 1.0), (2, 2.0), (2, 3.0), (3, 1.0)])
+def test_difference_quotient_is_the_mean_pressure(code, b, d):
+    a, g = 3e9, -1e-3
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    half, middle = abs(d) / 2, g
+    if g + half > 0 and code != 3:  # open over the rest of the step
+        half, middle = (half - g) / 2, (g - half) / 2
+    at = middle + half * nodes
+    p = -a * at if code == 3 else a * (-at) ** b
+    share = half / (abs(d) / 2) if d else 1.0
+    python = getattr(quotient, "py_func", quotient)
+    assert python(code, a, b, g, d) == pytest.approx(share * weights @ p / 2, rel=1e-10)
+
+
+@pytest.fixture(scope="module")
+def stick_slip():
+    system, design = belt(0.5, k_t=100.0)
+    settings = TransientSettings(25, 1e-3, 5, **SHARP)
+    reference = run("newmark_newton", system, design, settings, 1.2, 0.0)
+    assert 0.1 < reference.history["stick"].mean() < 0.9
+    return system, design, settings, reference
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_all_agree_in_stick_slip(stick_slip, name):
+    system, design, settings, reference = stick_slip
+    r = run(name, system, design, settings, 1.2, 0.0)
+    assert r.outcome == "ok"
+    for column in ("torque", "stored", "modal_energy"):
+        size = np.ptp(reference.history[column])
+        assert np.abs(r.history[column] - reference.history[column]).max() < 0.01 * size
+    assert r.history["stick"].mean() == pytest.approx(reference.history["stick"].mean(), abs=0.01)
+    assert r.v[0] == pytest.approx(reference.v[0], abs=0.005)
+    if name not in SOLVERS:
+        for column in ("dissipated_friction", "dissipated_damping", "work_belt"):
+            got, wanted = r.history[column][-1], reference.history[column][-1]
+            assert got == pytest.approx(wanted, rel=0.01)
+        assert abs(r.energy.relative) < 2e-3
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """Lift-off and stick in 12 modes and 20 points, finely resolved."""
+    system, design = random_system()
+    settings = TransientSettings(4e-4, 1e-7, 40, save_q=True, **SHARP)
+    options = {"rtol": 1e-10}
+    reference = run("dop853", system, design, settings, np.zeros(12), KICK, **options)
+    assert reference.history["stick"].max() > 0.05
+    assert reference.history["open"].max() > 0.1
+    return system, design, settings, reference
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_histories_agree(rough, name):
+    system, design, settings, reference = rough
+    r = run(name, system, design, settings, np.zeros(12), KICK)
+    assert r.outcome == "ok"
+    assert r.time == pytest.approx(4e-4)
+    for column in ("time", "torque", "normal_force", "stored", "modal_energy", "stick", "open"):
+        wanted = reference.history[column]
+        size = np.abs(wanted).max()
+        loose = 0.06 if column in ("stick", "open") else 0.01  # shares jump by whole points
+        assert np.abs(r.history[column] - wanted).max() < loose * size
+    for got, wanted in (
+        (r.displacement, reference.displacement),
+        (r.velocity, reference.velocity),
+        (r.q_history, reference.q_history),
+        (r.v, reference.v),
+    ):
+        assert np.abs(got - wanted).max() < 0.01 * np.abs(wanted).max()
+    total = r.history["stick"] + r.history["slip"] + r.history["open"]
+    np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+    if name in SOLVERS:
+        assert np.isnan(r.energy.friction)
+    else:
+        assert abs(r.energy.relative) < 2e-3
+
+
+def test_twins(rough):
+    system, design, _, _ = rough
+    h, n = 4e-7, 60
+    settings = TransientSettings(n * h, h, 1, save_q=True, **SHARP)
+    cases = {
+        "central_difference": (twins.central_difference, {}),
+        "generalised_alpha": (twins.generalised_alpha, {"rho": 0.6}),
+        "exponential_2": (twins.exponential_2, {}),
+    }
+    for name, (twin, given) in cases.items():
+        options = {"rho_inf": 0.6} if given else {}
+        r = run(name, system, design, settings, np.zeros(12), KICK, **options)
+        states = twin(system, design, h, n, np.zeros(12), KICK, **given)
+        size = np.abs(states[:, 1]).max()
+        np.testing.assert_allclose(r.velocity, states[:, 1, :2], atol=1e-8 * size)
+        np.testing.assert_allclose(
+            r.q_history, states[:, 0], atol=1e-8 * np.abs(states[:, 0]).max()
+        )
+        if name in EXPLICIT:
+            assert r.mean_iterations == r.max_iterations == 1.0
+
+
+def test_members_of_families_that_are_newmark(rough):
+    system, design, _, _ = rough
+    settings = TransientSettings(2e-4, 1e-6, 0, **SHARP)
+    ours = run("newmark", system, design, settings, np.zeros(12), KICK)
+    for name, options in (("hht_alpha", {"alpha": 0.0}), ("exponential_implicit", {"limit": 0.0})):
+        r = run(name, system, design, settings, np.zeros(12), KICK, **options)
+        np.testing.assert_allclose(r.v, ours.v, rtol=1e-7, atol=1e-7)
+    damped = run("hht_alpha", system, design, settings, np.zeros(12), KICK, alpha=-0.3)
+    assert la.norm(damped.v - ours.v) > 1e-4 * la.norm(ours.v)
+
+
+def wide_system(n=40, nc=24):
+    """As random_system with modes to 200 kHz, as a brake's reduced model has them."""
+    rng = np.random.default_rng(3)
+    w2 = (2 * np.pi * np.geomspace(800, 200e3, n)) ** 2
+    area = rng.uniform(0.5, 1.5, nc) * 1e-2 / nc
+    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    p = rng.uniform(0.5, 1.5, nc) * 1e6
+    k = area * p * law.lam
+    shapes = rng.normal(size=(3, nc, n)) * np.sqrt(0.04 * w2 / k.sum())
+    values, phi = la.eigh(np.diag(w2) + shapes[0].T @ (k[:, None] * shapes[0]))
+    N, T1, T2 = shapes @ phi
+    gap = np.array([law.gap_at(x) for x in p])
+    force = np.column_stack([area * p, -0.5 * area * p, 0 * p])
+    one = np.ones(nc)
+    system = ModalSystem(values, N, T1, T2, area, one, 0.1 * one, gap, k, force)
+    friction = FrictionLaw(0.5, 0.5, 0.5 * p.max() / 0.01)
+    v = rng.normal(size=n) / (1 + (np.sqrt(values) / (2 * np.pi * 4e3)) ** 3)
+    v *= 0.6 / np.hypot(T1 @ v, T2 @ v).max()
+    return system, TransientDesign(law, friction, 0.5, 0.01 * np.sqrt(values)), v
+
+
+def test_exact_resolved_modes_beat_average_acceleration():
+    # stick, lift-off and omega h to 2.6: all modes exact resonate with the changes of contact
+    system, design, v0 = wide_system()
+    settings = TransientSettings(1e-3, 2e-6, 10)
+    rest = np.zeros(len(v0))
+    reference = run("dop853", system, design, settings, rest, v0, rtol=1e-9)
+    assert reference.history["stick"].max() > 0.1
+    assert reference.history["open"].max() > 0.1
+    assert math.sqrt(system.omega2[-1]) * settings.step > 2.5
+
+    def error(name, **options):
+        r = run(name, system, design, settings, rest, v0, **options)
+        assert r.outcome == "ok"
+        return la.norm(r.v - reference.v) / la.norm(reference.v)
+
+    limited = error("exponential_implicit")
+    assert limited < 0.1 * error("newmark")
+    assert limited < 0.1 * error("exponential_implicit", limit=1e9)
+
+
+def test_predictor_held_constant_reaches_the_same_state(rough):
+    system, design, _, _ = rough
+    names = ("newmark", "newmark_newton", "generalised_alpha", "discrete_gradient")
+    for name in (*names, "exponential_implicit"):
+        sharp = {"tolerance": 1e-5, "tolerance_t": 1e-4} if name == "newmark_newton" else SHARP
+        settings = TransientSettings(2e-4, 1e-6, 0, **sharp)
+        one = run(name, system, design, settings, np.zeros(12), KICK)
+        held = run(name, system, design, settings, np.zeros(12), KICK, extrapolate=False)
+        assert held.mean_iterations > one.mean_iterations
+        np.testing.assert_allclose(held.v, one.v, rtol=1e-6, atol=1e-6)
+
+
+def test_mockup_shortens_the_iteration_of_sticking_points():
+    system, design = belt(0.5, k_t=1e5)
+    settings = TransientSettings(5, 1e-3, 0)
+    names = ("hht_alpha", "generalised_alpha", "discrete_gradient", "exponential_implicit")
+    for name in names:
+        with_it, without = (
+            run(name, system, design, settings, 1.2, 0.4, mockup=x) for x in ("auto", "never")
+        )
+        assert with_it.outcome == "ok"
+        assert with_it.mean_iterations < without.mean_iterations
+
+
+def test_jacobian_is_the_slope_of_the_rate(rough):
+    system, design, settings, reference = rough
+    given = {"rtol": 1e-6, "atol": 0.0}
+    case = arrays(system, design, settings, np.zeros(12), KICK, given)
+    equations = Equations(system, design, case)
+    for y in (np.concatenate([np.zeros(12), KICK]), np.concatenate([reference.q, reference.v])):
+        J = equations.jacobian(0.0, y)
+        size = np.concatenate([np.full(12, 1e-12), np.full(12, 1e-7)])
+        columns = [
+            (equations.rate(0.0, y + e) - equations.rate(0.0, y - e)) / (2 * e.max())
+            for e in np.diag(size)
+        ]
+        difference = np.abs(np.array(columns).T - J)
+        scale = np.abs(J).max(axis=0)
+        assert (difference / scale).max() < 1e-4
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")  # without the compiler
+@pytest.mark.parametrize("name", ORDERS)
+def test_a_step_far_too_long_is_a_failure(name):
+    law, peak = LAWS["exponential"]
+    system, design = ball(law)
+    h = 30 / peak
+    settings = TransientSettings(3000 * h, h, 1, max_iterations=2)
+    options = {} if name in EXPLICIT else {"max_halvings": 0}
+    r = run(name, system, design, settings, 0.0, 1.0, **options)
+    assert r.outcome in ("not_converged", "not_finite", "blown_up")
+    assert r.outcome == "not_converged" or name in EXPLICIT
+    assert f"t = {r.time:.9g} s" in r.message
+    assert r.time < settings.duration
+    assert np.isnan(r.energy.stored_end)
+    assert len(r.history["time"]) <= r.steps + 1
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")  # without the compiler
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_overflow_is_a_failure(name):
+    system, design = ball(ContactLaw("power", stiffness=1e200, exponent=9.0))
+    r = run(name, system, design, TransientSettings(1e-2, 1e-4, 0), 1e-3, -1e30)
+    if name in SOLVERS and r.outcome == "ok":  # steps of 1e-60 s may follow the bounce
+        assert r.energy.stored_end == pytest.approx(r.energy.stored_start, rel=1e-4)
+    else:
+        assert r.outcome in ("not_finite", "not_converged", "blown_up", "solver_failed")
+        assert r.message
+
+
+def test_adaptive_solvers_give_up_in_words(smooth):
+    system, design, start, _ = smooth
+    settings = TransientSettings(0.1, 1e-3, 10)
+    r = run("dop853", system, design, settings, start[:2], start[2:], max_evaluations=100)
+    assert r.outcome == "solver_failed"
+    assert "100 evaluations" in r.message
+    assert 0 < r.time < 0.1
+    assert len(r.history["time"]) == int(r.time / 0.01) + 1
+    assert np.isnan(r.energy.stored_end)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "key", "message"),
+    [
+        ("runge_kutta", {}, "integrator", "none of newmark, newmark_newton, hht_alpha"),
+        ("newmark", {"rho_inf": 0.5}, "rho_inf", "it takes prewarp, extrapolate"),
+        ("exponential_2", {"prewarp": True}, "prewarp", "it takes nothing"),
+        ("hht_alpha", {"alpha": 0.1}, "alpha", r"a number in \[-0.333333, 0\], got 0.1"),
+        ("hht_alpha", {"alpha": math.nan}, "alpha", "a number in"),
+        ("generalised_alpha", {"rho_inf": True}, "rho_inf", "a number in"),
+        ("generalised_alpha", {"aitken": 1}, "aitken", "true or false, got 1"),
+        ("central_difference", {"velocity": "new"}, "velocity", "one of extrapolated, lagged"),
+        ("exponential_3", {"start_parts": 1.5}, "start_parts", "a whole number"),
+        ("dop853", {"rtol": 0.0}, "rtol", "a number in"),
+    ],
+)
+def test_options_are_checked(stick_slip, name, options, key, message):
+    system, design, settings, _ = stick_slip
+    with pytest.raises(ParameterError, match=message) as caught:
+        run(name, system, design, settings, 0.0, 0.0, **options)
+    assert caught.value.key == key
+
+
+def test_initial_states_are_checked(stick_slip):
+    system, design, settings, _ = stick_slip
+    for name in INTEGRATORS:
+        for q0 in (np.zeros(2), np.zeros((1, 1)), np.array([np.inf])):
+            with pytest.raises(ModelError, match="initial state"):
+                integrate(name, system, design, settings, q0, np.zeros(1), {})
+
+
+def test_catalogue_has_words_and_allowed_defaults():
+    for entry in INTEGRATORS.values():
+        assert entry.label
+        assert entry.description
+        assert entry.values({}) == {k: x.default for k, x in entry.options.items()}
+        for option in entry.options.values():
+            assert option.description
+            assert option.takes(option.default)
+
+
+def test_warming_runs_every_integrator():
+    assert warm_integrators() >= 0.0
+    with pytest.raises(ParameterError, match="none of newmark"):
+        warm_integrators(["euler"])
