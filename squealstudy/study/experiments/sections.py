@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from squealstudy.study.section import Changes, FloatList, NumberTable, Section
@@ -143,12 +144,19 @@ class KnobSection(Section):
                 raise ValueError(f"a log scale needs a start above 0, got {self.start:g}")
         return self
 
+    def axis(self) -> np.ndarray:
+        """The values (n,)."""
+        if self.start is None or self.stop is None:
+            return np.array(self.values, dtype=float)
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        return np.asarray(spaced(self.start, self.stop, self.num), dtype=float)
+
 
 class MethodStabilitySection(Section):
     """Which method, on its minimal model."""
 
     case: str = Field(description="method whose limits are mapped")
-    values: NumberTable = Field(
+    set: NumberTable = Field(
         default_factory=dict, description="knobs that are not swept, where not by default"
     )
 

@@ -19,7 +19,6 @@ from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.errors import ParameterError
 from squealstudy.study.chunks import read_chunks, write_chunk
 from squealstudy.study.experiments.definition import StabilityFile
-from squealstudy.study.experiments.sections import KnobSection
 from squealstudy.study.files import write_parquet
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.kind import Progress
@@ -53,7 +52,7 @@ class MethodStability:
     def __init__(self, experiment: StabilityFile) -> None:
         self.experiment = experiment
         self.case = self._case()
-        self.axes = tuple(self._axis(i, k) for i, k in enumerate(experiment.definition.knob))
+        self.axes = tuple(k.axis() for k in experiment.definition.knob)
         self._check()
 
     @property
@@ -76,17 +75,9 @@ class MethodStability:
             )
         return CASES[name]
 
-    def _axis(self, number: int, knob: KnobSection) -> np.ndarray:
-        if knob.values:
-            return np.array(knob.values, dtype=float)
-        assert knob.start is not None
-        assert knob.stop is not None
-        spaced = np.geomspace if knob.scale == "log" else np.linspace
-        return np.asarray(spaced(knob.start, knob.stop, knob.num), dtype=float)
-
     def _check(self) -> None:
         """StudyFileError for knobs that the case does not have, or values it cannot take."""
-        fixed = self.experiment.definition.method_stability.values
+        fixed = self.experiment.definition.method_stability.set
         if self.knobs[0] == self.knobs[1]:
             raise self.experiment.error(("knob", 1, "name"), f"'{self.knobs[1]}' is both axes")
         for i, (name, axis) in enumerate(zip(self.knobs, self.axes, strict=True)):
@@ -94,10 +85,10 @@ class MethodStability:
                 self._allowed({name: float(value)}, ("knob", i))
             if name in fixed:
                 raise self.experiment.error(
-                    ("method_stability", "values", name), f"'{name}' is an axis of the map"
+                    ("method_stability", "set", name), f"'{name}' is an axis of the map"
                 )
         for name, value in fixed.items():
-            self._allowed({name: value}, ("method_stability", "values", name))
+            self._allowed({name: value}, ("method_stability", "set", name))
 
     def _allowed(self, values: Values, keys: tuple[str | int, ...]) -> None:
         try:
@@ -123,7 +114,7 @@ class MethodStability:
 
     def _values(self, i: int, j: int) -> dict[str, float]:
         x, y = float(self.axes[0][i]), float(self.axes[1][j])
-        fixed = self.experiment.definition.method_stability.values
+        fixed = self.experiment.definition.method_stability.set
         return {**fixed, self.knobs[0]: x, self.knobs[1]: y}
 
     def _cells(self) -> Iterator[tuple[int, int]]:
@@ -138,8 +129,7 @@ class MethodStability:
         """Lines of the map, by name."""
         n = len(self.axes[0])
         names = [
-            content_hash([self._identity(i, j) for i in range(n)])
-            for j in range(len(self.axes[1]))
+            content_hash([self._identity(i, j) for i in range(n)]) for j in range(len(self.axes[1]))
         ]
         return [(name, j) for j, name in enumerate(names)]
 
@@ -178,8 +168,6 @@ class MethodStability:
             "boundary": self.case.boundary,
             "knobs": list(self.knobs),
             "units": {k.name: k.unit for k in known},
-            "log": [k.scale == "log" or known[i].log and bool(k.values)
-                    for i, k in enumerate(self.experiment.definition.knob)],
-            "values": dict(self.experiment.definition.method_stability.values),
+            "values": dict(self.experiment.definition.method_stability.set),
             **agreement(table),
         }

@@ -19,6 +19,7 @@ from squealstudy.study.experiments.work_precision import rows
 from squealstudy.study.experiments.work_precision.integrator import (
     check_integrator,
     chosen_integrator,
+    warm_chosen,
 )
 from squealstudy.study.experiments.work_precision.tables import measurement_tables
 from squealstudy.study.experiments.work_precision.variants import (
@@ -140,6 +141,7 @@ class WorkPrecision:
         for variant in self.variants:
             build_structures(variant.plan, jobs, progress)
         kind_named(self.base_kind).check(self.variants[0].plan)
+        warm_chosen({v.integrator for v in self.variants if v.integrator})
 
     def runs(self) -> list[tuple[str, Variant, int]]:
         """Name, variant and round of every run: the reference once, then rounds over all."""
