@@ -98,3 +98,10 @@ def test_the_row_of_a_run_says_so():
     text = _drifting(0.024, 1e-6)
     assert "2.4 % of the energy of the vibration" in text
     assert "a step of 5e-07 s" in text
+
+
+@pytest.mark.parametrize("number", [1.0, 2.5, 5.0])
+def test_the_discrete_gradient_gains_nothing(number):
+    cells = [IMPACT_ENERGY.evaluate({**at(number, s), "gradient": 1.0}) for s in PHASES]
+    assert all(x.outcome == CONVERGED for x in cells)
+    assert max(x.error for x in cells) < 1e-6

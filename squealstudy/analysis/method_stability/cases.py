@@ -8,6 +8,7 @@ from squealstudy.analysis.method_stability.coalescence import COALESCENCE
 from squealstudy.analysis.method_stability.contract import Case
 from squealstudy.analysis.method_stability.default_chain import DEFAULT_CHAIN
 from squealstudy.analysis.method_stability.equilibrium import WORKING_POINT
+from squealstudy.analysis.method_stability.explicit import EXPLICIT
 from squealstudy.analysis.method_stability.fixed_jacobian import (
     FIXED_JACOBIAN,
     FIXED_JACOBIAN_POINT,
@@ -24,6 +25,7 @@ CASES: Mapping[str, Case] = {
         FIXED_JACOBIAN_POINT,
         DEFAULT_CHAIN,
         IMPACT_ENERGY,
+        EXPLICIT,
         COALESCENCE,
         TRACKING,
         LINEARISATION,

@@ -57,7 +57,8 @@ class DefaultChain:
         """`measured` is the largest number of passes a step over what it has before it is halved.
 
         `error` is the distance to Newton's method at the same step; where a step had to be halved,
-        to Newton's method at the smallest of its sub-steps.
+        to Newton's method at the smallest of its sub-steps. `flagged` may be a false alarm: the
+        run is shorter than an impact, inside of which the energy balance is off.
         """
         knobs = checked(self.knobs, values)
         state = rough_state(knobs)
@@ -72,7 +73,7 @@ class DefaultChain:
             error = deviation(state, settings, result)
             by = help_needed(state, settings, result)
         outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
-        flagged = energy_drift(result) > DRIFT_LIMIT
+        flagged = not energy_drift(result) <= DRIFT_LIMIT
         if error > SAME:
             outcome, by = WRONG, ENERGY if flagged else by
         return Cell(outcome, by, flagged, predicted, measured, error, cost)
