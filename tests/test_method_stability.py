@@ -17,6 +17,7 @@ from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
 
 SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))
+CAUTIOUS = ("tracking_step",)  # the prediction is where labels may go wrong, not where they do
 MAP = """
 [study]
 name = "map"
@@ -133,4 +134,5 @@ def test_shipped_maps(path, tmp_path):
     found = run_experiment(experiment, tmp_path / "out", 1).manifest
     assert found["n_failed"] == 0
     assert found["unflagged_wrong"] == 0
-    assert found["agreement"] >= 0.8
+    assert found["unpredicted_failures"] == 0
+    assert found["agreement"] >= 0.8 or path.stem in CAUTIOUS

@@ -44,3 +44,11 @@ def test_growth_in_stick_is_flagged_and_its_factor_that_of_the_recurrence():
     assert (cell.outcome, cell.flagged) == (WRONG, True)
     roots = np.roots([1.0, -(2.0 - h * c - (h * OMEGA) ** 2), 1.0 - h * c])
     assert cell.measured == pytest.approx(np.abs(roots).max(), rel=0.1)
+
+
+def test_a_run_that_is_gone_within_a_step_has_grown():
+    cell = EXPLICIT.evaluate({"step": 1e-3, "stick_rate": 1e6})
+    assert cell.outcome in ("failed", "wrong")
+    assert cell.flagged
+    assert cell.measured > 1e3
+    assert EXPLICIT.evaluate({"step": 3e-4, "stick_rate": 1e6}).outcome != "converged"

@@ -115,7 +115,9 @@ def rate(result: TransientResult) -> float:
     """Growth of the amplitude a step, 1 where it stays bounded."""
     energy = result.history["modal_energy"]
     beyond = np.flatnonzero(~(energy < HUGE * energy[0]))
-    if len(beyond) and beyond[0] > 1:
+    if len(energy) < PARTS or (len(beyond) and beyond[0] <= 1):
+        return np.inf  # gone within a step or two
+    if len(beyond):
         last = beyond[0] - 1  # what is beyond may slip, or be no number
         middle = last // 2
         return float((energy[last] / energy[middle]) ** (0.5 / max(last - middle, 1)))
