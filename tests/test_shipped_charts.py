@@ -1,0 +1,79 @@
+"""Shipped work-precision studies, at reduced size, with one of their numbers."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import squealstudy
+from squealstudy.study.experiments.definition import load_any
+from squealstudy.study.experiments.runner import run_experiment
+
+STUDIES = Path(__file__).parents[1] / "studies"
+
+
+def measured(name, place, *changes):
+    """Measurements of a shipped study with some of its text replaced."""
+    text = (STUDIES / f"{name}.toml").read_text()
+    for old, new in [
+        (r"base = \"", f'base = "{STUDIES}/'),
+        (r"repeats = \d+", "repeats = 1"),
+        *changes,
+    ]:
+        assert re.search(old, text), old
+        text = re.sub(old, new, text)
+    path = place / f"{name}.toml"
+    path.write_text(text)
+    run_experiment(load_any(path), place / "results", 1)
+    table = squealstudy.open_results(place / "results").measurements
+    return table[~table["reference"]].set_index("label")
+
+
+@pytest.fixture(scope="module")
+def belt(tmp_path_factory):
+    """All integrators over a third of a second of stick-slip, at two settings each."""
+    return measured(
+        "integrators_belt",
+        tmp_path_factory.mktemp("belt"),
+        (r"points = 3", "points = 1"),
+        (r"transient.save_every = 0", "transient.save_every = 0\ntransient.duration = 0.4"),
+        (r"rtol = 1e-10", "rtol = 1e-8"),
+        (r"values = \[0.25, 1.0\]", "values = [0.25, 0.5]"),
+        (r"(values = \[\S+, \S+)\S*, .*\]", r"\1]"),
+    )
+
+
+def test_every_integrator_runs_and_implicit_ones_agree(belt):
+    assert belt["method"].nunique() == 17
+    newmark = belt[belt["method"] == "Newmark"]
+    assert (newmark["status"] == "ok").all()
+    assert newmark["error_torque_rms"].max() < 2e-2
+    for name in ("HHT-alpha", "generalised alpha", "discrete gradient", "exponential, implicit"):
+        own = belt[belt["method"] == name].iloc[0]
+        assert own["status"] == "ok", name
+        assert own["error_torque_rms"] < 5e-2, name
+
+
+def test_outside_solvers_tighten_with_their_tolerance(belt):
+    solver = belt[belt["method"] == "Radau"]["error_torque_rms"]
+    assert solver.iloc[-1] < min(1e-3, solver.iloc[0])
+
+
+def test_rungs_of_reanalysis(tmp_path):
+    table = measured(
+        "reanalysis",
+        tmp_path,
+        (r"points = 4", "points = 2"),
+        (r"num = 400", "num = 24"),
+        (
+            r"\[work_precision.set\]",
+            '[work_precision.set]\nmodel.mesh = "coarse"\n'
+            "model.contact_points = 2\nmodes.band = [500.0, 2000.0]\nreduction.enrichment = false",
+        ),
+        (r"values = \[1e-2.*\]", "values = [1e-4]"),
+        (r"(?s)\[\[method\]\]\nname = \"full order\".*", ""),
+    )
+    assert table.loc["dense", "error_frequency"] == 0.0
+    assert table.loc["sweep basis, tolerance 0.0001", "error_frequency"] < 1e-4
+    assert table.loc["two-step", "error_frequency"] > 1e-5
+    assert (table[["missed", "n_failed"]].drop(index="perturbation").to_numpy() == 0).all()
