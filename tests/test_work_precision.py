@@ -14,6 +14,7 @@ from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.measure.time_domain import together
 
 BELT = """
 [study]
@@ -224,6 +225,33 @@ def test_screens(write, tmp_path):
     assert (tmp_path / "out" / "work_precision.png").stat().st_size > 10_000
     with pytest.raises(ResultsError, match="no ranking of modes"):
         open_results(tmp_path / "out").rank()
+
+
+def test_several_starts_widen_the_bounds():
+    one = {
+        "status": "ok",
+        "values": {"torque_rms": [10.0, 9.0, 11.0], "growth_rate": [None, None, None]},
+        "energy_share": {"3": 1.0},
+    }
+    other = one | {"values": one["values"] | {"torque_rms": [12.0, 10.0, 14.0]}}
+    other |= {"energy_share": {"3": 0.5, "12": 0.5}}
+    merged = together([one, other])
+    assert merged["values"]["torque_rms"] == [11.0, 9.0, 14.0]
+    assert merged["values"]["growth_rate"] == [None, None, None]
+    assert merged["energy_share"] == {"3": 0.75, "12": 0.25}
+    failed = {"status": "not_finite", "message": "t = 1 s"}
+    assert together([one, failed]) == failed
+
+
+def test_starts_differ_in_size(write, tmp_path):
+    text = IN_TIME.replace("repeats = 2", "repeats = 1\nstarts = 2").replace(
+        "[2e-5, 2e-4]", "[2e-5]"
+    )
+    run_experiment(load_any(write(BELT, text)), tmp_path / "out", 1)
+    errors = open_results(tmp_path / "out").errors
+    rms = errors[(errors["quantity"] == "torque_rms") & (errors["label"] == "small steps")].iloc[0]
+    assert rms["error"] == 0.0
+    assert rms["high"] > 0.0
 
 
 def table_of(**columns):

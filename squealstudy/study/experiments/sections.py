@@ -57,6 +57,13 @@ class WorkPrecisionSection(Section):
     repeats: int = Field(
         default=3, ge=1, le=100, description="rounds over all methods, one after the other"
     )
+    starts: int = Field(
+        default=1,
+        ge=1,
+        le=20,
+        description="runs of each point in time from perturbations of other sizes: bounds of the "
+        "levels of irregular cycles",
+    )
     quantities: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(),
         description="what the chart judges; of complex modes "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +34,12 @@ WITH_BOUNDS = {
     "growth_rate": ("growth_rate_low", "growth_rate_high"),
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
+START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
 PLAIN = {"torque_mean": "torque_mean", "dominant_frequency": "dominant_frequency_hz"}
 
 
 def measure_runs(
-    plan: Plan, measured: Sequence[int], integrate: Integrate = simulate
+    plan: Plan, measured: Sequence[int], integrate: Integrate = simulate, starts: int = 1
 ) -> Measurement:
     """Run chosen points of a transient study; only the integration is timed as theirs.
 
@@ -51,6 +53,9 @@ def measure_runs(
         Positions of the points among the plan's.
     integrate : callable
         In place of the study's own integrator (modal representation only).
+    starts : int
+        Runs of each point from perturbations of other sizes, so that bounds of levels hold what
+        an irregular cycle owes to its start; seconds are those of one.
     """
     section = plan.study.definition.transient
     forecast.warm(section)
@@ -61,10 +66,12 @@ def measure_runs(
         chosen = [plan.tasks[i] for i in measured]
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
-            found, seconds, memory, finished = _batch(plan, part, integrate)
-            findings |= {str(first + n): one for n, one in enumerate(found)}
-            spent += seconds
-            memory_mb = max(memory_mb, memory)
+            runs = [_batch(plan, part, integrate, START_RATIO**n) for n in range(starts)]
+            merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
+            findings |= {str(first + n): one for n, one in enumerate(merged)}
+            spent += sum(r[1] for r in runs) / starts
+            memory_mb = max(memory_mb, *(r[2] for r in runs))
+            finished = [done for r in runs for done in r[3]]
             passes += [done.run.result.mean_iterations for done in finished]
             size = max([size, *(done.n_coordinates for done in finished)])
     setup, reduction = training_seconds(plan), reduction_seconds(plan)
@@ -73,7 +80,7 @@ def measure_runs(
 
 
 def _batch(
-    plan: Plan, part: tuple[PointTask, ...], integrate: Integrate
+    plan: Plan, part: tuple[PointTask, ...], integrate: Integrate, start: float
 ) -> tuple[list[dict[str, Any]], float, float, list[Finished]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
     choice = full_choice(plan, part[0].prepared_key)
@@ -83,7 +90,11 @@ def _batch(
     except SquealstudyError as error:
         return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
     found = [set_up(task, reference, point, NewGaps()) for point in part]
-    ready = [one for one in found if isinstance(one, Ready)]
+    ready = [
+        replace(one, q0=start * one.q0, v0=start * one.v0)
+        for one in found
+        if isinstance(one, Ready)
+    ]
     seconds, finished, message = 0.0, [], ("failed", "")
     with memory_above() as memory:
         started = time.perf_counter()
@@ -110,6 +121,29 @@ def _integrated(
     if task.section.representation == "hybrid":
         return hybrid_runs(task, reference, ready)
     return modal_runs(task, reference, ready, integrate)
+
+
+def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Findings of several starts of one point as one: means, bounds around all of theirs."""
+    first = found[0]
+    bad = [one for one in found if one["status"] != "ok"]
+    if bad or len(found) == 1:
+        return bad[0] if bad else first
+    values = {name: _hull([one["values"][name] for one in found]) for name in first["values"]}
+    modes = {mode for one in found for mode in one["energy_share"]}
+    shares = {
+        mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in found]))
+        for mode in sorted(modes, key=int)
+    }
+    return {**first, "values": values, "energy_share": shares}
+
+
+def _hull(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
+    """Mean of values, least of their lower and largest of their upper bounds; unknown if one is."""
+    columns = [[n for n in column if n is not None] for column in zip(*numbers, strict=True)]
+    if any(len(column) < len(numbers) for column in columns):
+        return [None, None, None]
+    return [float(np.mean(columns[0])), min(columns[1]), max(columns[2])]
 
 
 def _failed(status: str, message: str) -> dict[str, Any]:

@@ -149,7 +149,8 @@ class WorkPrecision:
         reference = [(v, 0) for v in self.variants if v.reference]
         repeats = self.experiment.definition.work_precision.repeats
         order = reference + [(v, n) for n in range(repeats) for v in methods]
-        found = {content_hash([v.identity, n]): (v, n) for v, n in order}
+        starts = self.experiment.definition.work_precision.starts
+        found = {content_hash([v.identity, n, starts]): (v, n) for v, n in order}
         return [(name, v, n) for name, (v, n) in found.items()]
 
     def ids(self, run: tuple[str, Variant, int]) -> list[str]:
@@ -173,10 +174,11 @@ class WorkPrecision:
     def _measured(self, variant: Variant) -> Measurement:
         if self.base_kind == "complex_modes":
             return measure_modes(variant.plan, variant.measured)
+        starts = self.experiment.definition.work_precision.starts
         if not variant.integrator:
-            return measure_runs(variant.plan, variant.measured)
+            return measure_runs(variant.plan, variant.measured, starts=starts)
         chosen = chosen_integrator(variant.integrator, variant.options)
-        return measure_runs(variant.plan, variant.measured, chosen)
+        return measure_runs(variant.plan, variant.measured, chosen, starts)
 
     @property
     def schema(self) -> pa.Schema:
