@@ -1,5 +1,6 @@
 """Method-stability studies: files, cells, tables, screens."""
 
+import json
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 from squealstudy import open_results
 from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.cli.app import app
-from squealstudy.errors import StudyFileError
+from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
@@ -101,6 +102,16 @@ def test_screens(write, tmp_path):
     assert done.exit_code == 0, done.output
     assert "wrong, unflagged  none" in done.output
     assert (out / "method_stability.png").stat().st_size > 10_000
+
+
+def test_schema_of_experiments():
+    runner = CliRunner()
+    for kind, table in (("method_stability", "knob"), ("work_precision", "method")):
+        shown = json.loads(runner.invoke(app, ["schema", "--kind", kind]).output)
+        assert {"study", kind, table} <= set(shown["properties"])
+        assert "null" not in json.dumps(shown)
+    with pytest.raises(SquealstudyError, match="expected work_precision or method_stability"):
+        runner.invoke(app, ["schema", "--kind", "transient"], catch_exceptions=False)
 
 
 def cells(outcomes, predicted, flagged=True):

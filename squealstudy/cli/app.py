@@ -175,11 +175,15 @@ def models(
 
 
 @app.command()
-def schema() -> None:
+def schema(
+    kind: Annotated[
+        str | None, typer.Option(help="work_precision or method_stability, else study files.")
+    ] = None,
+) -> None:
     """Print the JSON Schema of study files, for editors."""
     from squealstudy.cli.check import schema_command
 
-    schema_command()
+    schema_command(kind)
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.fidelity.run import resolve
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
+from squealstudy.study.results import EXPERIMENTS
 from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
     build_first,
@@ -26,7 +27,7 @@ from squealstudy.study.runner import (
     kind_of,
 )
 from squealstudy.study.sampling import check_limit
-from squealstudy.study.schema import study_schema
+from squealstudy.study.schema import experiment_schema, study_schema
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -154,7 +155,10 @@ def _duration(seconds: float) -> str:
     return f"{math.ceil(seconds / 60)} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-def schema_command() -> None:
-    """Print the JSON Schema of study files."""
-    json.dump(study_schema(), sys.stdout, indent=2)
+def schema_command(kind: str | None) -> None:
+    """Print the JSON Schema of study files, or of those of an experiment."""
+    if kind is not None and kind not in EXPERIMENTS:
+        raise SquealstudyError(f"kind '{kind}': expected {' or '.join(EXPERIMENTS)}")
+    found = study_schema() if kind is None else experiment_schema(kind)
+    json.dump(found, sys.stdout, indent=2)
     sys.stdout.write("\n")

@@ -26,6 +26,19 @@ def study_schema() -> dict[str, Any]:
     return head | {k: v for k, v in schema.items() if k not in head}
 
 
+def experiment_schema(kind: str) -> dict[str, Any]:
+    """JSON Schema of the files of an experiment, ``work_precision`` or ``method_stability``."""
+    from squealstudy.study.experiments.sections import (
+        MethodStabilityDefinition,
+        WorkPrecisionDefinition,
+    )
+
+    definition = WorkPrecisionDefinition if kind == "work_precision" else MethodStabilityDefinition
+    schema: dict[str, Any] = _without_null(definition.model_json_schema())
+    head = {"$schema": DIALECT, "title": f"squealstudy {kind} file"}
+    return head | {k: v for k, v in schema.items() if k not in head}
+
+
 def _without_null(node: Any) -> Any:
     """The schema without `null`, which TOML does not have: such keys are left out instead."""
     if isinstance(node, list):

@@ -16,7 +16,8 @@ REDUCTIONS = ((1.1, 1e-3), (1.25, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 STANDARD = 2  # the rung that a study has by itself
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
-BASES = ((1.0, 50), (1.0, 120), (2.0, 50))  # modes up to so many tops of the band, POD vectors
+# modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
+BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
 
 
