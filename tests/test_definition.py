@@ -616,7 +616,7 @@ def test_schema_names_every_table_and_model():
     schema = study_schema()
     assert schema["$schema"].startswith("https://json-schema.org/")
     tables = {"study", "model", "parameters", "sweep", "design", "modes", "reduction"}
-    tables |= {"transient", "sensitivity"}
+    tables |= {"transient", "sensitivity", "fidelity"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
     assert model["name"]["enum"] == ["disc_brake", "hulten", "hoffmann", "belt", "matrices"]
