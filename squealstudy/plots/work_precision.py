@@ -125,20 +125,31 @@ def _panel(
         kept = own & good & np.isfinite(error)
         order = np.flatnonzero(kept)  # as the file has them: along the knob
         axes.plot(cost[order], error[order], label=name, **style)
-        _knob_values(axes, methods.iloc[order], cost[order], error[order], str(style["color"]))
         _bounds(axes, methods.iloc[order], quantity, str(style["color"]))
     front = on_front(cost, np.where(good, error, np.nan))
     order = np.flatnonzero(front)[np.argsort(cost[front])]
     axes.plot(cost[order], error[order], color=GREY, lw=7, alpha=0.35, zorder=0)
+    named = np.flatnonzero(good & (front | methods["default"].to_numpy(bool)))
+    _knob_values(axes, methods.iloc[named], cost[named], error[named], styles)
     _failures(axes, methods[~good], styles)
 
 
 def _knob_values(
-    axes: Axes, own: pd.DataFrame, cost: np.ndarray, error: np.ndarray, colour: str
+    axes: Axes,
+    own: pd.DataFrame,
+    cost: np.ndarray,
+    error: np.ndarray,
+    styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    for text, x, y in zip(own["value"], cost, error, strict=True):
+    """Beside the default's measurements and those on the front; more would hide each other."""
+    for text, name, x, y in zip(own["value"], own["method"], cost, error, strict=True):
         axes.annotate(
-            text, (x, y), xytext=(5, 4), textcoords="offset points", fontsize=7, color=colour
+            text,
+            (x, y),
+            xytext=(5, 4),
+            textcoords="offset points",
+            fontsize=7,
+            color=styles[name]["color"],
         )
 
 
@@ -155,8 +166,8 @@ def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
             [down, high[wide] - error[wide]],
             fmt="none",
             ecolor=colour,
-            elinewidth=0.8,
-            alpha=0.6,
+            elinewidth=0.7,
+            alpha=0.3,
         )
 
 
