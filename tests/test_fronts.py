@@ -52,6 +52,20 @@ def test_missed_and_spurious_instabilities_are_counted(roots, count):
     assert root_errors(found(roots), found(TRUE))[1] == count
 
 
+def test_a_light_mode_that_is_lost_is_an_error():
+    errors, count = root_errors(found([20.0 + 2000j]), found(TRUE))
+    assert count == (0, 0)
+    assert largest(errors, "frequency") == 0.05
+    assert largest(errors, "damping_ratio") == 0.05
+
+
+def test_a_value_that_only_the_reference_knows_is_all_wrong():
+    unknown = run(40.0)
+    unknown["values"]["growth_rate"] = [None, None, None]
+    errors, _ = run_errors(unknown, run(40.0))
+    assert next(e.error for e in errors if e.quantity == "growth_rate") == 1.0
+
+
 def run(rms, bounds=(None, None), growth=10.0, shares=None, line=3000.0, what="limit_cycle"):
     values = {
         "growth_rate": [growth, growth, growth],

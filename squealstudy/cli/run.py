@@ -16,6 +16,7 @@ from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, run_study
+from squealstudy.study.sampling import check_limit
 
 LISTED = 12  # modes in the ranking that a run prints
 
@@ -35,6 +36,7 @@ def run_command(
         if loaded.definition.fidelity is None:
             report = run_study(plan, directory, jobs, yes, progress, screen.warning)
         else:
+            check_limit(plan.study, yes)
             check_ownership(directory, plan)
             chosen = resolve(loaded, jobs, progress)
             report = run_resolved(chosen, directory, yes, progress, screen.warning)

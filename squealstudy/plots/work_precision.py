@@ -172,15 +172,16 @@ def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
 
 
 def _failures(axes: Axes, failed: pd.DataFrame, styles: Mapping[str, Mapping[str, Any]]) -> None:
+    """Crosses on top at their cost; at the right edge where nothing was integrated."""
     for row in failed.to_dict("records"):
-        if np.isfinite(row["cost"]):
-            axes.plot(
-                [row["cost"]],
-                [0.97],
-                "x",
-                color=styles[row["method"]]["color"],
-                ms=9,
-                mew=2.2,
-                transform=axes.get_xaxis_transform(),
-                clip_on=False,
-            )
+        known = np.isfinite(row["cost"])
+        axes.plot(
+            [row["cost"] if known else 0.985],
+            [0.97],
+            "x",
+            color=styles[row["method"]]["color"],
+            ms=9,
+            mew=2.2,
+            transform=axes.get_xaxis_transform() if known else axes.transAxes,
+            clip_on=False,
+        )

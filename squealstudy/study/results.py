@@ -69,7 +69,8 @@ class Results:
         if manifest is None:
             raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
         tables = TABLES.get(str(manifest.get("kind")), ())
-        if not tables or not all((directory / name).is_file() for name in tables):
+        stale = manifest.get("kind") in EXPERIMENTS and manifest.get("status") != "complete"
+        if not tables or stale or not all((directory / name).is_file() for name in tables):
             raise ResultsError(
                 f"{directory}: the run is not finished; run the study again to go on"
             )

@@ -61,8 +61,7 @@ def root_errors(
         own = partner[k]
         if own < 0 or (zeta < -CLEARLY and lam[own].real <= 0):
             missed += zeta < -CLEARLY
-        if own >= 0:
-            errors += _mode_errors(k + 1, lam[own], root)
+        errors += _mode_errors(k + 1, lam[own], root) if own >= 0 else _lost(k + 1, root)
     taken = set(partner.tolist())
     clearly = lam.real > CLEARLY * np.abs(lam)
     spurious = sum(j not in taken for j in np.flatnonzero(clearly))
@@ -86,6 +85,13 @@ def _paired(light: np.ndarray, lam: np.ndarray) -> np.ndarray:
         near = distance[rows, columns] < PAIRED
         partner[rows[near]] = columns[near]
     return partner
+
+
+def _lost(mode: int, root: complex) -> Iterator[FoundError]:
+    """A mode that has no partner is wrong by what pairs may differ, at least."""
+    values = {"frequency": abs(root) / (2 * np.pi), "damping_ratio": -root.real / abs(root)}
+    for name, truth in values.items():
+        yield FoundError(name, mode, np.nan, float(truth), *[PAIRED] * 3)
 
 
 def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]:
@@ -136,9 +142,11 @@ def _upper(finding: Mapping[str, Any], name: str) -> float:
 def _interval_error(
     name: str, found: list[float | None], truth: list[float | None], scale: float
 ) -> FoundError | None:
-    """Relative error of a value; None where either is unknown."""
-    if found[0] is None or truth[0] is None:
+    """Relative error of a value, all of it where only the truth is known; None without one."""
+    if truth[0] is None:
         return None
+    if found[0] is None:
+        return FoundError(name, 0, np.nan, truth[0], 1.0, 1.0, 1.0)
     value, ref = found[0], truth[0]
     low, high = (value if x is None else x for x in found[1:])
     ref_low, ref_high = (ref if x is None else x for x in truth[1:])

@@ -49,7 +49,7 @@ def at_tolerances(
         Columns ``label``, ``default``, ``reference``, ``cost``, ``status``, ``n_failed``,
         ``missed``, ``spurious`` and ``error_<quantity>``.
     quantities : sequence of str
-        All of them together too, under the name ``all``.
+        All of them together too, under the name ``all``, but those that nothing has.
     tolerances : sequence of float
 
     Returns
@@ -59,8 +59,9 @@ def at_tolerances(
     """
     good = measurements[usable(measurements) & ~measurements["reference"].to_numpy(bool)]
     rows = []
+    known = [q for q in quantities if good[f"error_{q}"].notna().any()]
     for name in [*quantities, *(["all"] if len(quantities) > 1 else [])]:
-        columns = [f"error_{q}" for q in (quantities if name == "all" else [name])]
+        columns = [f"error_{q}" for q in (known if name == "all" else [name])]
         error = good[columns].max(axis=1, skipna=False).to_numpy(float)
         rows += [
             {"quantity": name, "tolerance": tolerance} | _at(good, error <= tolerance, error)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study, resolve_study
 from squealstudy.study.source import SourceText, parse_toml, read_text
 
@@ -35,7 +36,11 @@ class BaseStudy:
         """The study with other values of some keys; StudyFileError about one it cannot take."""
         tables = copy.deepcopy(dict(self.tables))
         for key, value in changes.items():
-            set_key(tables, key, value)
+            try:
+                set_key(tables, key, value)
+            except KeyError as error:
+                message = f"'{error.args[0]}' is no table of single keys in this file"
+                raise StudyFileError(message, self.source.path, key) from None
         return resolve_study(self.source, tables)
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, Strict, model_validator
 from squealstudy.study.section import Changes, FloatList, NumberTable, Section
 
 Scalar = bool | int | float | str
+OPTION = "option."  # knobs that are options of an integrator
 FREQUENCY_QUANTITIES = (
     "frequency",
     "damping_ratio",
@@ -125,7 +126,7 @@ class MethodSection(Section):
             raise ValueError("knob and values go together: both, or neither for a single point")
         if len(set(map(repr, self.values))) < len(self.values):
             raise ValueError("a value of the knob appears twice")
-        if self.options and self.integrator is None:
+        if (self.options or self.knob.startswith(OPTION)) and self.integrator is None:
             raise ValueError("options are those of an integrator: name one")
         return self
 
@@ -187,5 +188,5 @@ class WorkPrecisionDefinition(Section):
         default=ReferenceSection(), description="what is taken as true"
     )
     method: Annotated[tuple[MethodSection, ...], Strict(False)] = Field(
-        min_length=1, description="lines of the chart"
+        description="lines of the chart"
     )

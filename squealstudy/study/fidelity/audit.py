@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from squealstudy.study.fidelity.ladders import BASIS, free_ladders, given_keys
+from squealstudy.study.chunks import read_chunks
+from squealstudy.study.fidelity.frequency_search import exact_method
+from squealstudy.study.fidelity.ladders import BASIS, free_ladders
 from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import QUIET
-from squealstudy.study.method import FULL
-from squealstudy.study.plan import has_mesh
+from squealstudy.study.fidelity.time_search import ALL_MODES, QUIET
+from squealstudy.study.kinds import kind_named
+from squealstudy.study.measure.frequency_domain import modes_finding
+from squealstudy.study.measure.time_domain import run_finding
+from squealstudy.study.plan import Plan
 
 SEED = 5
 
@@ -24,7 +29,7 @@ class Audit:
     Attributes
     ----------
     error : float or None
-        Largest, None where no point was audited.
+        Largest, None where no point could be audited.
     points : tuple of int
         Which, among the study's design points.
     against : str
@@ -36,54 +41,68 @@ class Audit:
     against: str
 
 
-def audit(scene: Scene, changes: Mapping[str, Any], round_: int = 0) -> Audit:
-    """Solve random points by the chosen settings and by better ones; other points each round.
-
-    Complex modes are held against the full-order model; runs against half the step and, one after
-    the other tried ladder, its next rung.
-    """
+def drawn_points(scene: Scene, round_: int) -> tuple[int, ...]:
+    """Random design points, others in each round."""
     count = min(scene.section.audit, len(scene.plan.tasks))
     rng = np.random.default_rng([SEED, round_])
-    drawn = tuple(int(i) for i in rng.permutation(len(scene.plan.tasks))[:count])
+    return tuple(int(i) for i in rng.permutation(len(scene.plan.tasks))[:count])
+
+
+def audit(
+    scene: Scene, plan: Plan, directory: Path, changes: Mapping[str, Any], points: Sequence[int]
+) -> Audit:
+    """Hold the study's own rows of some points against better settings.
+
+    Complex modes against exact solves, of the brake at full order; runs against half the step,
+    more contact points and all modes. Points that failed are left out.
+    """
     better, against = _better(scene, changes)
-    if not drawn or better is None:
+    found = _own_findings(scene, plan, directory, points)
+    usable = [i for i in points if found[i]["status"] == "ok"]
+    if not usable:
         return Audit(None, (), against)
-    made = scene.measure(_alone(scene, changes), drawn)
-    truth = scene.measure(_alone(scene, {**changes, **better}), drawn)
-    return Audit(scene.error(made, truth), drawn, against)
+    quiet = QUIET if scene.in_time else {}
+    truth = scene.measure({**changes, **better, **quiet}, usable, pilots=False).findings
+    pairs = [(i, truth[str(n)]) for n, i in enumerate(usable)]
+    kept = [(i, true) for i, true in pairs if true["status"] == "ok"]
+    if not kept:
+        return Audit(None, (), against)
+    error = max(scene.point_error(found[i], true) for i, true in kept)
+    return Audit(error, tuple(i for i, _ in kept), against)
 
 
-def _alone(scene: Scene, changes: Mapping[str, Any]) -> dict[str, Any]:
-    return {**changes, **(QUIET if scene.in_time else {})}
+def _own_findings(
+    scene: Scene, plan: Plan, directory: Path, points: Sequence[int]
+) -> dict[int, dict[str, Any]]:
+    """What the finished study says of some of its points."""
+    ids = {i: plan.tasks[i].point_id for i in points}
+    schema = kind_named(scene.study.definition.study.kind).schema
+    rows = read_chunks(directory, set(ids.values()), schema)
+    read = run_finding if scene.in_time else modes_finding
+    return {i: read(rows[name]) for i, name in ids.items()}
 
 
-def _better(scene: Scene, changes: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, str]:
-    """Settings one rung up from the chosen ones, and in words; None where there are none."""
+def _better(scene: Scene, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """Settings one rung up from the chosen ones, and in words."""
     if not scene.in_time:
-        if not has_mesh(scene.study) and scene.variant(changes, None).method.name != FULL:
-            return {"modes.method": "dense"}, "exact solves"
-        return {"modes.method": FULL}, "the full-order model"
+        exact = exact_method(scene.study)
+        words = "the full-order model" if exact == "full" else "exact solves"
+        return {"modes.method": exact}, words
     better: dict[str, Any] = {}
-    words = []
+    words_of = []
     for name, ladder in free_ladders(scene.study).items():
         keys = {key for rung in ladder.rungs for key in rung.changes}
         own = {k: changes[k] for k in keys if k in changes}
         if name == BASIS:
-            if own:
-                better |= {"transient.modes_below": None, "transient.pod_vectors": 0}
-                words.append("all modes")
+            better |= ALL_MODES if own else {}
+            words_of += ["all modes"] if own else []
             continue
         at = [dict(r.changes) for r in ladder.rungs].index(own)
         if at + 1 < len(ladder.rungs):
             better |= ladder.rungs[at + 1].changes
-            words.append(ladder.rungs[at + 1].label)
-    if not better:  # all explicit: the step alone can be judged
-        step = scene.study.definition.transient.step
-        better, words = {"transient.step": 0.5 * step}, [f"step {0.5 * step:.3g} s"]
-    return better, ", ".join(words)
-
-
-def explicit(scene: Scene) -> list[str]:
-    """Keys of the file that fidelity might have chosen otherwise."""
-    given = given_keys(scene.study)
-    return sorted(given & {"transient.step", "transient.modes_below", "model.contact_points"})
+            words_of.append(ladder.rungs[at + 1].label)
+    if "transient.step" not in better:  # explicit, or the last rung
+        step = 0.5 * float(changes.get("transient.step", scene.study.definition.transient.step))
+        better["transient.step"] = step
+        words_of.append(f"step {step:.3g} s")
+    return better, ", ".join(words_of)

@@ -71,6 +71,7 @@ def choose(
     base_cost: float,
     tolerance: float,
     budget: float | None,
+    fixed: float = 0.0,
 ) -> Choice:
     """Errors of ladders add up, costs multiply.
 
@@ -83,8 +84,10 @@ def choose(
     tolerance : float
     budget : float or None
         Seconds.
+    fixed : float
+        Seconds that no rung changes, beside `base_cost`.
     """
-    front = _front(_combinations(tried, base_error, base_cost))
+    front = _front(_combinations(tried, base_error, base_cost, fixed))
     affordable = [c for c in front if budget is None or c.cost <= budget]
     good = [c for c in affordable if c.error <= tolerance]
     if good:
@@ -95,6 +98,7 @@ def choose(
             reason = f"the budget buys an error of {chosen.error:.1e}, not {tolerance:g}"
         else:
             reason = f"no setting tried meets the tolerance of {tolerance:g}: this errs least"
+            reason += "" if budget is None else " within the budget"
     else:
         chosen = min(front, key=lambda c: c.cost)
         reason = f"the budget of {budget:g} s buys not even the cheapest setting"
@@ -105,7 +109,7 @@ def choose(
 
 
 def _combinations(
-    tried: Mapping[str, Sequence[Tried]], base_error: float, base_cost: float
+    tried: Mapping[str, Sequence[Tried]], base_error: float, base_cost: float, fixed: float
 ) -> list[Combination]:
     found = []
     for rungs in itertools.product(*tried.values()):
@@ -116,7 +120,8 @@ def _combinations(
         for rung in rungs:
             changes |= rung.changes
         error = base_error + sum(rung.error for rung in rungs)
-        found.append(Combination(tuple(r.label for r in rungs), changes, error, cost))
+        labels = tuple(r.label for r in rungs if r.label)
+        found.append(Combination(labels, changes, error, fixed + cost))
     return found
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from squealstudy.models.matrix_family import FamilyDefinition
+from squealstudy.study.definition import Study
 from squealstudy.study.fidelity.choice import Choice, Tried, choose
 from squealstudy.study.fidelity.ladders import REDUCTION, STANDARD, Rung, free_ladders, given_keys
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import AUTO, DENSE, FULL, OVER_A_BASIS, WINDOWS
+from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, WINDOWS
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
@@ -52,17 +54,21 @@ class ModeSearch:
     @property
     def method_error(self) -> float:
         """What reanalysis may add."""
-        return METHOD * self.scene.tolerance if self.method in OVER_A_BASIS else 0.0
+        if self.method not in OVER_A_BASIS:
+            return 0.0
+        explicit = float(self.scene.study.definition.modes.tolerance)
+        return METHOD * self.scene.tolerance if self.common else explicit
 
     def attempt(self, rung: Rung) -> Tried:
         """Solve the pilots exactly with a reduction; its error is that against full order."""
         scene, changes = self.scene, {**self.common, **rung.changes}
-        own = self.method if self.method not in OVER_A_BASIS else DENSE
-        meshed = has_mesh(scene.study)
-        made = scene.measure({**changes, "modes.method": own if meshed else AUTO}, self.points)
+        exact, own = exact_method(scene.study), self.method
+        if own in OVER_A_BASIS:  # whose own error is another share
+            own = DENSE if has_mesh(scene.study) else exact
+        made = scene.measure({**changes, "modes.method": own}, self.points)
         error = 0.0
-        if meshed:
-            truth = scene.measure({**self.common, "modes.method": FULL}, self.points)
+        if own != exact:
+            truth = scene.measure({**self.common, "modes.method": exact}, self.points)
             error = scene.error(made, truth)
         self.making = made.reduction_seconds
         return Tried(rung.label, rung.changes, error, self.study_seconds(made))
@@ -91,6 +97,12 @@ class ModeSearch:
         if self.method in OVER_A_BASIS:
             solves = BASIS_SOLVES * self.scene.jobs + SERVED[self.method] * solves
         return made.reduction_seconds + made.seconds * solves / self.scene.jobs
+
+
+def exact_method(study: Study) -> str:
+    """What others are held against: full order, of a model without a reduction its own modes."""
+    small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
+    return DENSE if small else FULL
 
 
 def _method_changes(scene: Scene) -> Mapping[str, Any]:

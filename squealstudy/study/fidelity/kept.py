@@ -28,8 +28,8 @@ def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
 
 
 def _path(scene: Scene) -> Path:
-    design = [sorted(point.items()) for point in scene.plan.swept]
-    content = [source_hash(CODE), scene.base.tables, design, scene.tolerance, scene.jobs]
+    ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
+    content = [source_hash(CODE), scene.base.tables, ids, scene.tolerance, scene.jobs]
     return cache_directory() / "fidelity" / f"{content_hash(content)}.json"
 
 

@@ -16,6 +16,7 @@ REDUCTIONS = ((1.1, 1e-3), (1.25, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 STANDARD = 2  # the rung that a study has by itself
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
+LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
 BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
@@ -84,8 +85,9 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model the step alone; a continued run keeps the contact points it has."""
     section = study.definition.transient
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
-    steps = tuple(Rung(f"step {n * unit:.3g} s", {"transient.step": n * unit}) for n in STEPS)
-    ladders = [Ladder(STEP, steps)]
+    usable = [n * unit for n in STEPS if LEAST_STEPS * n * unit <= section.duration]
+    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in usable)
+    ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))
         if not section.continued:

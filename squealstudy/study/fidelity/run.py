@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from squealstudy.study.definition import Study
-from squealstudy.study.fidelity.audit import Audit, audit
+from squealstudy.study.fidelity.audit import Audit, audit, drawn_points
 from squealstudy.study.fidelity.choice import Choice, Combination
 from squealstudy.study.fidelity.frequency_search import search_modes
 from squealstudy.study.fidelity.kept import kept_choice
@@ -20,6 +20,7 @@ from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.runner import RunReport, run_study
 
 MOST_ROUNDS = 3
+FOLLOWING = ("transient.settle_tolerance",)
 
 
 @dataclass(frozen=True)
@@ -91,18 +92,25 @@ def run_resolved(
     """
     scene = resolved.scene
     asked = scene.section.tolerance
+    doubtful: set[int] = set()
+    errors: list[float | None] = []
     for number in range(MOST_ROUNDS):
         done = run_study(resolved.plan, directory, scene.jobs, yes, report, warn)
-        found = audit(scene, resolved.choice.chosen.changes, number)
+        changes = resolved.choice.chosen.changes
+        points = sorted(doubtful | set(drawn_points(scene, number)))
+        found = audit(scene, resolved.plan, directory, changes, points)
+        errors.append(found.error)
+        doubtful |= set(found.points)  # once audited, always: another draw must not hide an error
         passed = found.error is None or found.error <= asked
-        facts = resolved.facts | {"audit": _audited(found, passed), "rounds": number + 1}
+        audited = _audited(found, passed) | {"errors_of_rounds": errors}
+        facts = resolved.facts | {"audit": audited, "rounds": number + 1}
         manifest = done.manifest | {"fidelity": facts}
         write_manifest(directory, manifest)
         if passed or number + 1 == MOST_ROUNDS:
             break
         stricter = 0.5 * resolved.scene.tolerance * asked / max(found.error or asked, asked)
         again = resolve(scene.study, scene.jobs, report, stricter)
-        if again.choice.chosen.changes == resolved.choice.chosen.changes:
+        if _deciding(again.choice) == _deciding(resolved.choice):
             break
         warn(
             f"fidelity: the audit found an error of {found.error:.1e}, more than {asked:g}: once "
@@ -114,10 +122,15 @@ def run_resolved(
     return RunReport(done.directory, manifest, done.n_solved, done.n_reused)
 
 
-def _audited(found: Audit, passed: bool) -> Mapping[str, Any]:
+def _deciding(choice: Choice) -> dict[str, Any]:
+    """Settings without the tolerances that follow the one asked for."""
+    return {k: v for k, v in choice.chosen.changes.items() if k not in FOLLOWING}
+
+
+def _audited(found: Audit, passed: bool) -> dict[str, Any]:
     return {
         "error": found.error,
         "points": list(found.points),
         "against": found.against,
-        "passed": passed,
+        "passed": passed if found.error is not None else None,
     }

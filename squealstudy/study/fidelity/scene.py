@@ -86,20 +86,23 @@ class Scene:
         """The study with other settings; `swept` replaces its design points."""
         return Plan(self.base.variant(changes), swept)
 
-    def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
+    def measure(
+        self, changes: Mapping[str, Any], points: Sequence[int], pilots: bool = True
+    ) -> Measurement:
         """Measure settings at some of the study's design points, once.
 
         Raises
         ------
         SquealstudyError
-            Where a point fails: nothing can be chosen by it.
+            Where one of the pilots fails: nothing can be chosen by it.
         """
         name = content_hash([sorted(changes.items(), key=str), list(points)])
         if name not in self.measured:
             plan = self.variant(changes, self.plan.swept)
             build_structures(plan, self.jobs, self.report)
             made = measure_runs(plan, points) if self.in_time else measure_modes(plan, points)
-            self._expect_ok(made)
+            if pilots:
+                self._expect_ok(made)
             self.measured[name] = made
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
         return self.measured[name]
@@ -114,23 +117,16 @@ class Scene:
 
     def error(self, found: Measurement, truth: Measurement) -> float:
         """Largest error of the judged quantities; MISSED where instabilities differ."""
+        return max(self.point_error(f, truth.findings[p]) for p, f in found.findings.items())
+
+    def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
+        """The same of one design point."""
         compare, judged = (run_errors, IN_TIME) if self.in_time else (root_errors, IN_FREQUENCY)
-        worst = 0.0
-        for point, finding in found.findings.items():
-            errors, count = compare(finding, truth.findings[point])
-            worst = max(worst, largest(errors, count, judged))
-        return worst
+        errors, count = compare(finding, truth)
+        return largest(errors, count, judged)
 
 
 def largest(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
-    """Largest of some errors.
-
-    Where both values have intervals (levels of irregular cycles) that overlap, what is left is
-    the distance that is certain, not that of two averages.
-    """
+    """Largest of some errors, of averages where values have intervals."""
     worst = MISSED if count.missed or count.spurious else 0.0
-    for error in errors:
-        if error.quantity in judged:
-            certain = error.low if error.high > 2 * error.error else error.error
-            worst = max(worst, certain)
-    return worst
+    return max([worst, *(error.error for error in errors if error.quantity in judged)])

@@ -23,6 +23,7 @@ from squealstudy.study.plan import Plan
 SHARE = 0.4  # of the tolerance that one ladder may take
 RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
 SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
+ALL_MODES = {"transient.modes_below": None, "transient.pod_vectors": 0}
 QUIET = {"transient.save_every": 0}  # pilots keep no histories
 TRIAL_STEP = 2  # rung of steps at which bases and contact points are compared
 
@@ -36,8 +37,9 @@ def search_runs(scene: Scene) -> Choice:
     if STEP in search.ladders:
         search.try_steps(search.ladders[STEP])
     section = scene.section
-    cost = search.study_seconds()
-    chosen = choose(search.tried, 0.0, cost, scene.tolerance, section.budget)
+    cost, fixed = search.study_seconds()
+    given = search.given_error()
+    chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
     return chosen.with_changes(search.always)
 
 
@@ -111,13 +113,26 @@ class RunSearch:
         self.kept[name] = best
         self.now |= best.changes
 
-    def study_seconds(self) -> float:
-        """Seconds of the whole study with the first rung of every ladder."""
+    def given_error(self) -> float:
+        """What explicit settings add: of a step against half of it, of a basis against all modes.
+
+        Contact points and mesh that the file gives are the model, not an approximation of one.
+        """
+        section, error = self.scene.study.definition.transient, 0.0
+        if STEP not in self.ladders:
+            half = self.measure({"transient.step": 0.5 * section.step})
+            error += RICHARDSON * self.scene.error(self.measure({}), half)
+        if BASIS not in self.ladders and section.modes_below is not None:
+            error += self.scene.error(self.measure({}), self.measure(ALL_MODES))
+        return error
+
+    def study_seconds(self) -> tuple[float, float]:
+        """Seconds of all points with the first rung of every ladder, and of what they share."""
         made = self.measure({})
         cost = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
         for name, best in self.kept.items():
             cost *= self.tried[name][0].cost / best.cost if best.cost > 0 else 1.0
-        return made.reduction_seconds + made.setup_seconds + cost
+        return cost, made.reduction_seconds + made.setup_seconds
 
 
 def interior_pilots(plan: Plan, count: int) -> list[int]:

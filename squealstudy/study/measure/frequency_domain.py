@@ -53,7 +53,7 @@ def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
                 kind.solve(_forgetful(task))
             seconds = (time.perf_counter() - started) / len(solved)
         rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
-    findings = {str(n): _found(rows[t.point_id]) for n, t in enumerate(chosen)}
+    findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
     setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
     coordinates = int(load_any(chosen[0].prepared_key).model.n)
     return Measurement(seconds, setup, reduction, memory.megabytes, np.nan, coordinates, findings)
@@ -88,7 +88,8 @@ def _bases_s(tasks: Sequence[ChunkTask | WindowTask]) -> float:
     return float(sum(load_basis(path).seconds for path in found if path.is_file()))
 
 
-def _found(row: dict[str, Any]) -> dict[str, Any]:
+def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
+    """What errors are measured on, from a chunk row of a complex-mode study."""
     kept = ~np.array(row["overdamped"], dtype=bool)
     roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[kept]
     estimates = np.array(row["error_estimate"], dtype=float)[kept]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -69,7 +69,7 @@ def measure_runs(
             runs = [_batch(plan, part, integrate, START_RATIO**n) for n in range(starts)]
             merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
             findings |= {str(first + n): one for n, one in enumerate(merged)}
-            spent += sum(r[1] for r in runs) / starts
+            spent += sum(r[1] if r[3] else np.nan for r in runs) / starts
             memory_mb = max(memory_mb, *(r[2] for r in runs))
             finished = [done for r in runs for done in r[3]]
             passes += [done.run.result.mean_iterations for done in finished]
@@ -151,18 +151,27 @@ def _failed(status: str, message: str) -> dict[str, Any]:
 
 
 def _found(done: Finished) -> dict[str, Any]:
-    """What errors are measured on, with bounds where there are some."""
     result = done.run.result
     if result.outcome != "ok":
         return _failed(result.outcome, result.message)
     summary = summarise(done.run)
-    point = summary.point
+    return _finding(summary.point, summary.modes)
+
+
+def run_finding(row: dict[str, Any]) -> dict[str, Any]:
+    """What errors are measured on, from a chunk row of a transient study."""
+    if row["status"] != "ok":
+        return _failed(row["status"], row["message"])
+    return _finding(row, row["modes"])
+
+
+def _finding(point: Mapping[str, Any], modes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Values with bounds where there are some."""
     values: dict[str, list[float | None]] = {}
     for name, (low, high) in WITH_BOUNDS.items():
         values[name] = _numbers(point, name, low, high)
     for name, column in PLAIN.items():
         values[name] = _numbers(point, column, column, column)
-    shares = {str(m["mode"]): m["energy_share"] for m in summary.modes}
     return {
         "status": "ok",
         "message": "",
@@ -171,7 +180,7 @@ def _found(done: Finished) -> dict[str, Any]:
         "predicted_frequency_hz": float(np.nan_to_num(point["predicted_frequency_hz"])),
         "energy_balance": float(point["energy_balance"]),
         "values": values,
-        "energy_share": shares,
+        "energy_share": {str(m["mode"]): m["energy_share"] for m in modes},
     }
 
 

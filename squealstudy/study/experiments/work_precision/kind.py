@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.errors import ParameterError
+from squealstudy.errors import ParameterError, ResultsError
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.chunks import read_chunks, write_chunk
 from squealstudy.study.experiments.definition import PrecisionFile
@@ -81,6 +81,8 @@ class WorkPrecision:
                 ("work_precision", "base"),
                 f"expected a study of kind {kinds}, got {self.base_kind}",
             )
+        if not self.experiment.definition.method:
+            raise self.experiment.error(("method",), "expected at least one [[method]]")
         names = [method.name for method in self.experiment.definition.method]
         for i, name in enumerate(names):
             if name in names[:i]:
@@ -104,6 +106,13 @@ class WorkPrecision:
     def _check_integrator(self, variant: Variant) -> None:
         if not variant.integrator:
             return
+        section = variant.plan.study.definition.transient
+        if section.stop != "end" or section.representation != "modal":
+            raise self.experiment.error(
+                (*variant.keys, "integrator"),
+                'integrators run to the end, in modal coordinates: set transient.stop = "end" and '
+                'transient.representation = "modal" for all methods',
+            )
         if self.base_kind != "transient":
             raise self.experiment.error(
                 (*variant.keys, "integrator"), f"a {self.base_kind} study integrates nothing"
@@ -168,6 +177,8 @@ class WorkPrecision:
         else:
             wall = time.perf_counter() - started
             row = rows.row(name, variant.identity, number, wall, made)
+        if variant.reference and row["status"] != "ok":
+            raise ResultsError(f"the reference '{variant.method}' failed: {row['message']}")
         write_chunk(directory, name, [row], self.schema)
         return str(row["status"])
 

@@ -12,13 +12,17 @@ import numpy as np
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study
 from squealstudy.study.experiments.definition import PrecisionFile
-from squealstudy.study.experiments.sections import MethodSection, ReferenceSection, Scalar
+from squealstudy.study.experiments.sections import (
+    OPTION,
+    MethodSection,
+    ReferenceSection,
+    Scalar,
+)
 from squealstudy.study.keys import content_hash
 from squealstudy.study.plan import Plan
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_lines import KeyPath
 
-OPTION = "option."  # knobs that are options of an integrator
 REFERENCE = "reference"
 
 
@@ -60,9 +64,10 @@ class Variant:
 
     @cached_property
     def identity(self) -> str:
-        """Hash of all that decides what it finds."""
+        """Hash of all that decides what it finds, and of its name: each is run on its own."""
         ids = [self.plan.tasks[i].point_id for i in self.measured]
-        return content_hash([ids, self.integrator, sorted(self.options.items())])
+        own = [self.reference, self.method, repr(self.value)]
+        return content_hash([ids, self.integrator, sorted(self.options.items()), own])
 
     @property
     def label(self) -> str:
