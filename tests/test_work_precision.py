@@ -9,12 +9,15 @@ from typer.testing import CliRunner
 
 from squealstudy import open_results
 from squealstudy.cli.app import app
-from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.experiments.work_precision import kind as kind_module
+from squealstudy.study.experiments.work_precision.kind import WorkPrecision
 from squealstudy.study.measure.time_domain import together
+from squealstudy.study.runner import build_structures
 
 BELT = """
 [study]
@@ -286,3 +289,31 @@ def test_picture_draws_front_failures_and_tolerance():
     assert [list(c.get_xdata()) for c in crosses] == [[0.5]]
     dashed = [line for line in axes.lines if list(line.get_ydata()) == [1e-2, 1e-2]]
     assert dashed
+
+
+def test_a_method_whose_model_cannot_be_made_is_a_failed_row(write, tmp_path, monkeypatch):
+    experiment = load_any(write(BELT, IN_TIME.replace("repeats = 2", "repeats = 1")))
+    kind = WorkPrecision(experiment)
+    kind.prepare(1, lambda *_: None)
+    name, variant, number = kind.runs()[-1]
+    monkeypatch.setattr(kind_module, "is_prepared", lambda _: False)
+    assert kind.solve(tmp_path, name, variant, number) == "structure"
+    reference = kind.runs()[0]
+    with pytest.raises(ResultsError, match="no reduction of its model can be made"):
+        kind.solve(tmp_path, *reference)
+    assert len(list((tmp_path / "chunks").glob("*.parquet"))) == 1
+
+
+def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
+    kind = WorkPrecision(load_any(write(BELT, IN_TIME)))
+    asked = []
+
+    def build(plan, jobs, progress):
+        asked.append(plan)
+        if len(asked) == 2:
+            raise SquealstudyError("singular")
+        return build_structures(plan, jobs, progress)
+
+    monkeypatch.setattr(kind_module, "build_structures", build)
+    kind.prepare(1, lambda *_: None)
+    assert len(asked) == 4

@@ -10,7 +10,13 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.errors import ParameterError, ResultsError
+from squealstudy.errors import (
+    ConvergenceError,
+    ParameterError,
+    ResultsError,
+    SquealstudyError,
+    StudyFileError,
+)
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.chunks import read_chunks, write_chunk
 from squealstudy.study.experiments.definition import PrecisionFile
@@ -148,7 +154,12 @@ class WorkPrecision:
     def prepare(self, jobs: int, progress: Progress) -> None:
         """Make the reductions of all variants; what the models show of the file is checked."""
         for variant in self.variants:
-            build_structures(variant.plan, jobs, progress)
+            try:
+                build_structures(variant.plan, jobs, progress)
+            except StudyFileError:
+                raise
+            except SquealstudyError:  # no structure of it can be made: its rows say so
+                continue
         kind_named(self.base_kind).check(self.variants[0].plan)
         warm_chosen({v.integrator for v in self.variants if v.integrator})
 
@@ -183,6 +194,8 @@ class WorkPrecision:
         return str(row["status"])
 
     def _measured(self, variant: Variant) -> Measurement:
+        if not all(is_prepared(s.key) for s in variant.plan.structures):
+            raise ConvergenceError("structure", "no reduction of its model can be made")
         if self.base_kind == "complex_modes":
             return measure_modes(variant.plan, variant.measured)
         starts = self.experiment.definition.work_precision.starts
