@@ -107,7 +107,11 @@ class TransientSection(Section):
         le=1000,
         description="factor on the contact stiffness k_c of the fixed Jacobian (eq. 7)",
     )
-    prewarp: bool = Field(default=False, description="correct Newmark's period error of free modes")
+    prewarp: bool = Field(
+        default=False,
+        description="correct Newmark's period error of free modes; where contact opens levels come "
+        "out worse (studies/integrators.toml)",
+    )
     storage: Literal["double", "single"] = Field(
         default="double", description="precision in which the observation matrix is stored"
     )
