@@ -1,6 +1,7 @@
 """Fidelity: ladders, choices, pilots, audits."""
 
 import json
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given
@@ -8,17 +9,18 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from squealstudy import open_results
+from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity import run as fidelity_run
-from squealstudy.study.fidelity.audit import Audit
+from squealstudy.study.fidelity.audit import Audit, drawn_points
 from squealstudy.study.fidelity.choice import Tried, choose
 from squealstudy.study.fidelity.kept import _path
 from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.run import resolve, run_resolved
-from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import interior_pilots
+from squealstudy.study.fidelity.scene import Scene, largest
+from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.plan import Plan
 
 BELT = """
@@ -324,3 +326,38 @@ def test_screens(tmp_path, monkeypatch):
     assert "audit" in done.output
     assert "passed" in done.output
     assert json.loads((out / "manifest.json").read_text())["fidelity"]["tolerance"] == 0.001
+
+
+def test_audits_draw_other_points_each_round(tmp_path):
+    scene = Scene(study(BELT.replace("audit = 1", "audit = 2"), tmp_path), 1, quiet)
+    drawn = [drawn_points(scene, number) for number in range(6)]
+    assert all(len(set(points)) == 2 for points in drawn)
+    assert len(set(drawn)) > 1
+
+
+def test_a_missed_instability_is_an_error_of_one():
+    assert largest([], Miscount(1, 0), ()) == 1.0
+    assert largest([], Miscount(0, 1), ()) == 1.0
+    error = FoundError("growth_rate", 0, 1.2, 1.0, 0.2, 0.0, 0.5)
+    assert largest([error], Miscount(0, 0), ("growth_rate",)) == 0.2
+    assert largest([error], Miscount(0, 0), ("torque_rms",)) == 0.0
+
+
+def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):
+    """A method of order 2: the change to half the step is 3/4 of the error."""
+    scene = Scene(study(BELT.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    search = RunSearch(scene)
+    monkeypatch.setattr(search, "measure", lambda x: Step(x["transient.step"], 1.0))
+    monkeypatch.setattr(Scene, "error", lambda _, a, b: 1e7 * (a.step**2 - b.step**2))
+    ladder = search.ladders["step"]
+    found = search._refined(ladder, RICHARDSON)
+    for tried in found:
+        assert tried.error == pytest.approx(1e7 * tried.changes["transient.step"] ** 2, rel=1e-9)
+    assert found[-2].error <= search.share < found[-3].error if len(found) > 2 else True
+
+
+class Step(NamedTuple):
+    """What stands for a measurement."""
+
+    step: float
+    seconds: float

@@ -317,3 +317,18 @@ def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
     monkeypatch.setattr(kind_module, "build_structures", build)
     kind.prepare(1, lambda *_: None)
     assert len(asked) == 4
+
+
+def test_rounds_alternate_over_the_methods(write):
+    kind = WorkPrecision(load_any(write(BELT, IN_TIME)))
+    order = [(variant.label, number) for _, variant, number in kind.runs()]
+    labels = ["Newmark, step 2e-05", "Newmark, step 0.0002", "Newton"]
+    assert order == [("small steps", 0), *((x, 0) for x in labels), *((x, 1) for x in labels)]
+
+
+def test_cost_has_its_share_of_the_set_up(steps):
+    table = open_results(steps[1]).measurements
+    over = open_results(steps[1]).manifest["over"]
+    assert over == 2
+    share = table["cost"] - table["seconds_median"]
+    np.testing.assert_allclose(share, table["setup_seconds"] / over, atol=1e-12)
