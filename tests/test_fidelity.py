@@ -353,7 +353,8 @@ def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):
     found = search._refined(ladder, RICHARDSON)
     for tried in found:
         assert tried.error == pytest.approx(1e7 * tried.changes["transient.step"] ** 2, rel=1e-9)
-    assert found[-2].error <= search.share < found[-3].error if len(found) > 2 else True
+    assert len(found) == 3
+    assert found[1].error <= search.share < found[0].error
 
 
 class Step(NamedTuple):
