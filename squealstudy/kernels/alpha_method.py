@@ -4,9 +4,10 @@ Unknown is the acceleration a_m = (1 - alpha_m) a_1 + alpha_m a_0 in the balance
 
     a_m + C v_f + K q_f = load + F(q_f, v_f),    q_f = (1 - alpha_f) q_1 + alpha_f q_0,
 
-in which q_f and v_f are affine with the factors b_q, b_v on a_m: Newmark's iteration serves all
-members. HHT-alpha has alpha_m = 0; alpha_m = alpha_f = 1/2 is the midpoint rule, which with the
-forces of `gradient_pass` conserves energy.
+in which q_f and v_f are affine in a_m, with the factors b_q, b_v, and so in the pull
+g = a_m + C v_f + K q_f: Newmark's iteration serves all members. HHT-alpha has alpha_m = 0;
+alpha_m = alpha_f = 1/2 is the midpoint rule, which with the forces of `gradient_pass` conserves
+energy.
 """
 
 from __future__ import annotations
@@ -24,9 +25,8 @@ from squealstudy.kernels.integrator_state import (
     shown,
 )
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_correct import divide, place, relax
+from squealstudy.kernels.newmark_correct import place, relax
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     D_DAMPING,
     D_FRICTION,
     DELTA,
@@ -34,6 +34,8 @@ from squealstudy.kernels.newmark_layout import (
     E2_OLD,
     FLOOR2,
     ITERATION,
+    LAST_Q,
+    LAST_V,
     LEVEL,
     LOAD,
     NOT_CONVERGED,
@@ -41,6 +43,7 @@ from squealstudy.kernels.newmark_layout import (
     OMEGA,
     PULL,
     PULL_OLD,
+    PULL_TRIAL,
     Q_BASE,
     Q_TRIAL,
     RUNNING,
@@ -70,16 +73,13 @@ from squealstudy.kernels.newmark_vector import copy, dot, move
 
 
 @fast_kernel
-def slopes(scheme: Scheme, h: float) -> tuple[float, float]:
-    """b_q [s2] and b_v [s]: derivatives of q_f and v_f after a_m."""
-    share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
-    return share * scheme.beta * h * h, share * scheme.gamma * h
+def predict(
+    x: np.ndarray, modes: np.ndarray, E: np.ndarray, scheme: Scheme, h: float, ratio: float
+) -> None:
+    """q_f and v_f without the pull, and a trial state as newmark_step.predict makes it.
 
-
-@fast_kernel
-def predict(x: np.ndarray, modes: np.ndarray, scheme: Scheme, h: float, ratio: float) -> None:
-    """q_f and v_f without a_m, and a trial state as newmark_step.predict makes it."""
-    b_q, b_v = slopes(scheme, h)
+    With a_m = 0 they are q and v, whose own forces C v + K q come off the pull.
+    """
     past = scheme.alpha_m / (1.0 - scheme.alpha_m)
     now = 1.0 - scheme.alpha_f
     a_q = now * h * h * (0.5 - scheme.beta - scheme.beta * past)
@@ -87,11 +87,10 @@ def predict(x: np.ndarray, modes: np.ndarray, scheme: Scheme, h: float, ratio: f
     for j in range(x.shape[1]):
         q = x[Q, j] + now * h * x[V, j] + a_q * x[A, j]
         v = x[V, j] + a_v * x[A, j]
-        c, w2 = modes[C, j], modes[W2, j]
-        pull = x[PULL, j] + ratio * (x[PULL, j] - x[PULL_OLD, j])
-        a = (modes[LOAD, j] + pull - c * v - w2 * q) / (1.0 + b_v * c + b_q * w2)
-        x[Q_BASE, j], x[V_BASE, j], x[A_TRIAL, j] = q, v, a
-    place(x, b_q, b_v)
+        free = modes[C, j] * v + modes[W2, j] * q
+        x[Q_BASE, j], x[V_BASE, j] = q - E[LAST_Q, j] * free, v - E[LAST_V, j] * free
+        x[PULL_TRIAL, j] = x[PULL, j] + ratio * (x[PULL, j] - x[PULL_OLD, j])
+    place(x, E)
 
 
 @fast_kernel
@@ -102,7 +101,7 @@ def begin(modal: Modal, settings: Settings, scheme: Scheme, work: Work, h: float
     real[SUBSTEP], real[OMEGA], real[E2_OLD] = h, 1.0, 0.0
     counts[ITERATION] = 0
     ratio = h / real[SUBSTEP_OLD] if known else 0.0
-    predict(work.x[0], modal.modes[0], scheme, h, ratio)
+    predict(work.x[0], modal.modes[0], modal.steps[0, counts[LEVEL]], scheme, h, ratio)
     guess_friction(work.point[0], h if settings.extrapolate else 0.0)
 
 
@@ -110,7 +109,7 @@ def begin(modal: Modal, settings: Settings, scheme: Scheme, work: Work, h: float
 def solve(B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work: Work) -> int:
     """Iterate to balance at the alpha point: DONE, or the reason why not."""
     counts, real, x = work.counts[0], work.real[0], work.x[0]
-    b_q, b_v = slopes(scheme, real[SUBSTEP])
+    E = modal.steps[0, counts[LEVEL]]
     limit, limit_t = settings.tolerance**2, settings.tolerance_t**2
     while True:
         if scheme.gradient:
@@ -129,15 +128,13 @@ def solve(B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work:
             return DONE  # as it was evaluated: the gaps at its end are needed
         if not balanced and counts[ITERATION] >= settings.max_iterations:
             return NOT_CONVERGED
-        divide(x[DELTA], modal.modes[0], b_q, b_v)
-        mock_up(modal, work, 0, b_q, b_v)
-        if balanced:
-            move(x[A_TRIAL], real[OMEGA], x[DELTA])
-        else:
-            relax(settings, work, 0, e2)
-        place(x, b_q, b_v)
-        if balanced:
-            return DONE
+        mock_up(modal, work, 0, counts[LEVEL])
+        if not balanced:
+            relax(settings, work, 0, E, e2)
+            continue
+        move(x[PULL_TRIAL], real[OMEGA], x[DELTA])
+        place(x, E)
+        return DONE
 
 
 @fast_kernel
@@ -173,9 +170,10 @@ def keep_state(x: np.ndarray, modes: np.ndarray, scheme: Scheme) -> None:
     """The state at the end of the sub-step from that at its alpha point."""
     now, kept = 1.0 / (1.0 - scheme.alpha_f), 1.0 / (1.0 - scheme.alpha_m)
     for j in range(x.shape[1]):
-        q, v, a = x[Q_TRIAL, j], x[V_TRIAL, j], x[A_TRIAL, j]
+        q, v, pull = x[Q_TRIAL, j], x[V_TRIAL, j], x[PULL_TRIAL, j]
+        a = pull - modes[C, j] * v - modes[W2, j] * q
         x[PULL_OLD, j] = x[PULL, j]
-        x[PULL, j] = a + modes[C, j] * v + modes[W2, j] * q - modes[LOAD, j]
+        x[PULL, j] = pull
         x[Q, j] += now * (q - x[Q, j])
         x[V, j] += now * (v - x[V, j])
         x[A, j] = kept * (a - scheme.alpha_m * x[A, j])

@@ -11,14 +11,15 @@ import numpy as np
 from squealstudy.kernels.integrator_state import close_step, count_pass, open_run
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     DELTA,
+    PULL_TRIAL,
     Q_TRIAL,
     RUNNING,
     STATUS,
     STEP,
     V_BASE,
     V_TRIAL,
+    W2,
     A,
     C,
     Modal,
@@ -49,24 +50,24 @@ def drift(x: np.ndarray, h: float, lagged: bool) -> None:
 
 @fast_kernel
 def kick(x: np.ndarray, modes: np.ndarray, h: float) -> None:
-    """The next half-step velocity from the residual of the trial state without acceleration.
+    """The next half-step velocity from the pull of the trial state in DELTA.
 
-    It leaves the velocity and the acceleration of the whole step in V_TRIAL and A_TRIAL.
+    It leaves the velocity and the acceleration of the whole step in V_TRIAL and A.
     """
     for j in range(x.shape[1]):
         c, before = modes[C, j], x[V_BASE, j]
-        force = x[DELTA, j] + c * x[V_TRIAL, j]
+        force = x[DELTA, j] - modes[W2, j] * x[Q_TRIAL, j]
         after = ((1.0 - 0.5 * h * c) * before + h * force) / (1.0 + 0.5 * h * c)
         x[V_BASE, j] = after
         x[V_TRIAL, j] = 0.5 * (before + after)
-        x[A_TRIAL, j] = (after - before) / h
+        x[A, j] = (after - before) / h
 
 
 @fast_kernel
 def keep_state(x: np.ndarray) -> None:
     """The trial state is accepted."""
     for j in range(x.shape[1]):
-        x[Q, j], x[V, j], x[A, j] = x[Q_TRIAL, j], x[V_TRIAL, j], x[A_TRIAL, j]
+        x[Q, j], x[V, j] = x[Q_TRIAL, j], x[V_TRIAL, j]
 
 
 @entry_kernel
@@ -86,10 +87,10 @@ def central_difference(
         drift(x, h, lagged)
         pass_one(B, modal, work, 0)
         count_pass(work)
-        fill(x[A_TRIAL], 0.0)
+        fill(x[PULL_TRIAL], 0.0)
         residual(modal, work, 0)
         kick(x, modal.modes[0], h)
-        add_work(modal, work, 0, h)
+        add_work(modal, settings, work, 0, h)
         keep_state(x)
         keep_points(work.point[0], h)
         counts[STEP] += 1

@@ -24,12 +24,12 @@ from squealstudy.kernels.integrator_layout import (
 from squealstudy.kernels.integrator_state import close_step, count_pass, finite, open_run
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     DELTA,
     DELTA_OLD,
     NOT_FINITE,
     PULL,
     PULL_OLD,
+    PULL_TRIAL,
     Q_BASE,
     Q_TRIAL,
     RUNNING,
@@ -37,8 +37,6 @@ from squealstudy.kernels.newmark_layout import (
     STEP,
     V_BASE,
     V_TRIAL,
-    W2,
-    C,
     Modal,
     Q,
     Saved,
@@ -56,11 +54,8 @@ from squealstudy.kernels.newmark_vector import copy, fill
 @fast_kernel
 def forces(modal: Modal, work: Work) -> None:
     """All forces beyond the free modes at the evaluated trial state, into row DELTA."""
-    x, modes = work.x[0], modal.modes[0]
-    fill(x[A_TRIAL], 0.0)
+    fill(work.x[0, PULL_TRIAL], 0.0)
     residual(modal, work, 0)
-    for j in range(x.shape[1]):
-        x[DELTA, j] += modes[C, j] * x[V_TRIAL, j] + modes[W2, j] * x[Q_TRIAL, j]
 
 
 @fast_kernel
@@ -93,7 +88,15 @@ def correct(x: np.ndarray, E: np.ndarray, quadratic: bool) -> None:
 
 
 @fast_kernel
-def one_step(B: np.ndarray, modal: Modal, work: Work, E: np.ndarray, h: float, third: bool) -> None:
+def one_step(
+    B: np.ndarray,
+    modal: Modal,
+    settings: Settings,
+    work: Work,
+    E: np.ndarray,
+    h: float,
+    third: bool,
+) -> None:
     """A step with the coefficients E (N_COEFFICIENT, n) of its length h, accepted."""
     x = work.x[0]
     predict(x, E, third)
@@ -101,7 +104,7 @@ def one_step(B: np.ndarray, modal: Modal, work: Work, E: np.ndarray, h: float, t
     count_pass(work)
     forces(modal, work)
     correct(x, E, third)
-    add_work(modal, work, 0, h)
+    add_work(modal, settings, work, 0, h)
     copy(x[Q_TRIAL], x[Q])
     copy(x[V_TRIAL], x[V])
     copy(x[PULL], x[PULL_OLD])
@@ -132,17 +135,14 @@ def exponential_steps(
     """
     open_run(B, modal, settings, work, saved)
     x, counts = work.x[0], work.counts[0]
-    forces(modal, work)
-    copy(x[DELTA], x[PULL])
-    copy(x[DELTA], x[PULL_OLD])
     while counts[STATUS] == RUNNING:
         if parts > 0 and counts[STEP] == 0:
             copy(x[PULL], x[DELTA_OLD])
             for _ in range(parts):
-                one_step(B, modal, work, E[1], settings.h / parts, False)
+                one_step(B, modal, settings, work, E[1], settings.h / parts, False)
             copy(x[DELTA_OLD], x[PULL_OLD])
         else:
-            one_step(B, modal, work, E[0], settings.h, parts > 0)
+            one_step(B, modal, settings, work, E[0], settings.h, parts > 0)
         counts[STEP] += 1
         if counts[STATUS] == RUNNING:
             close_step(modal, settings, work, saved)

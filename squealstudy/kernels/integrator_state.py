@@ -18,6 +18,7 @@ from squealstudy.kernels.newmark_layout import (
     NOT_FINITE,
     PASSES,
     POSITION,
+    PULL,
     STATUS,
     STEP,
     STEP_PASSES,
@@ -26,7 +27,10 @@ from squealstudy.kernels.newmark_layout import (
     W2,
     W_BELT,
     W_LOAD,
+    A,
+    C,
     Modal,
+    Q,
     Saved,
     Settings,
     V,
@@ -47,7 +51,9 @@ def open_run(B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved:
     if not start(B, modal, settings, work, 0):
         work.counts[0, STATUS] = NOT_FINITE
         return
-    real, point = work.real[0], work.point[0]
+    real, point, x, modes = work.real[0], work.point[0], work.x[0], modal.modes[0]
+    for j in range(x.shape[1]):
+        x[A, j] = x[PULL, j] - modes[C, j] * x[V, j] - modes[W2, j] * x[Q, j]
     for i in range(point.shape[1]):
         point[X_START, i] = point[0, i]
     real[STORED_START] = stored_energy(modal, work, 0)

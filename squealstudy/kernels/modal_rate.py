@@ -8,10 +8,12 @@ from squealstudy.kernels.contact_laws import law_at
 from squealstudy.kernels.friction_laws import friction_tangent
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     DELTA,
+    PULL_TRIAL,
     Q_TRIAL,
     V_TRIAL,
+    W2,
+    C,
     Modal,
     Q,
     Saved,
@@ -37,14 +39,14 @@ def take(y: np.ndarray, x: np.ndarray) -> None:
 @entry_kernel
 def modal_rate(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, dy: np.ndarray) -> None:
     """Rate dy = f(y) of design 0, both (2 m,) with m modes."""
-    x, m = work.x[0], y.size // 2
+    x, modes, m = work.x[0], modal.modes[0], y.size // 2
     take(y, x)
     pass_one(B, modal, work, 0)
-    fill(x[A_TRIAL], 0.0)
+    fill(x[PULL_TRIAL], 0.0)
     residual(modal, work, 0)
     for j in range(m):
         dy[j] = y[m + j]
-        dy[m + j] = x[DELTA, j]
+        dy[m + j] = x[DELTA, j] - modes[C, j] * y[m + j] - modes[W2, j] * y[j]
 
 
 @entry_kernel

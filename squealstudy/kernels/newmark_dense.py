@@ -1,4 +1,7 @@
-"""Dense Jacobians of a Newmark step and their LU factors (rows pivoted), without exceptions."""
+"""Dense Jacobians of a step after its new pull, and their LU factors (rows pivoted).
+
+-dR/dpull has forces after q and v, times the answers LAST_Q and LAST_V of these to the pull.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import numpy as np
 from squealstudy.kernels.contact_laws import law_at
 from squealstudy.kernels.friction_laws import friction_tangent
 from squealstudy.kernels.jit import fast_kernel
-from squealstudy.kernels.newmark_layout import Modal
+from squealstudy.kernels.newmark_layout import LAST_Q, LAST_V, Modal
 from squealstudy.kernels.newmark_vector import fill, move
 from squealstudy.kernels.tile import POINTS
 
@@ -56,23 +59,25 @@ def lu_solve(A: np.ndarray, pivots: np.ndarray, x: np.ndarray) -> None:
 
 
 @fast_kernel
-def linear_jacobian(modal: Modal, k: int, h: float, A: np.ndarray) -> None:
-    """A = M + h C / 2 + h^2 K / 4 of design k without contact beyond the reference tangent."""
-    modes, tuned = modal.modes[k], modal.tuned[k]
+def linear_jacobian(modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray) -> None:
+    """A of design k without contact beyond the reference tangent; `row` (3, n) is room."""
+    tuned, E = modal.tuned[k], modal.steps[k, level]
     for i in range(A.shape[0]):
         fill(A[i], 0.0)
-        A[i, i] = 1.0 + 0.5 * h * modes[1, i] + 0.25 * h * h * modes[0, i]
+        A[i, i] = 1.0
     for m in range(modal.shapes.shape[0]):
-        weight = 0.5 * h * tuned[0, m] + 0.25 * h * h * tuned[1, m]
-        u = modal.shapes[m]
+        d, s, u, answer = tuned[0, m], tuned[1, m], modal.shapes[m], row[0]
+        for j in range(u.size):
+            answer[j] = u[j] * (d * E[LAST_V, j] + s * E[LAST_Q, j])
         for i in range(A.shape[0]):
-            move(A[i], weight * u[i], u)
+            move(A[i], u[i], answer)
 
 
 @fast_kernel
 def add_point(
     A: np.ndarray,
     row: np.ndarray,
+    E: np.ndarray,
     D00: float,
     D10: float,
     D11: float,
@@ -80,14 +85,18 @@ def add_point(
     D20: float,
     D22: float,
 ) -> None:
-    """A += row^T D row with row = [N; T1; T2] (3, n), D01 = D02 = 0 and D21 = D12."""
+    """A += row^T D answer with row = [N; T1; T2] (3, n), D01 = D02 = 0 and D21 = D12.
+
+    The answers of gap and velocities to the pull are N LAST_Q, T1 LAST_V, T2 LAST_V.
+    """
     for i in range(A.shape[0]):
         b0, b1, b2 = row[0, i], row[1, i], row[2, i]
         x0 = b0 * D00 + b1 * D10 + b2 * D20
         x1 = b1 * D11 + b2 * D12
         x2 = b1 * D12 + b2 * D22
         for j in range(A.shape[1]):
-            A[i, j] += x0 * row[0, j] + x1 * row[1, j] + x2 * row[2, j]
+            A[i, j] += E[LAST_Q, j] * x0 * row[0, j]
+            A[i, j] += E[LAST_V, j] * (x1 * row[1, j] + x2 * row[2, j])
 
 
 @fast_kernel
@@ -101,19 +110,19 @@ def point_row(B: np.ndarray, i: int, row: np.ndarray) -> None:
 
 @fast_kernel
 def fixed_jacobian(
-    B: np.ndarray, modal: Modal, k: int, h: float, row: np.ndarray, A: np.ndarray
+    B: np.ndarray, modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray
 ) -> None:
     """The fixed Jacobian with its contact factor and tangential mock-up (eq. 7), dense.
 
     `row` (3, n) is room for one point's rows of B.
     """
-    linear_jacobian(modal, k, h, A)
+    linear_jacobian(modal, k, level, row, A)
     for i in range(modal.fixed.shape[2]):
-        normal = 0.25 * h * h * modal.fixed[k, 0, i]
-        tangential = 0.5 * h * modal.fixed[k, 1, i]
+        normal, tangential = modal.fixed[k, 0, i], modal.fixed[k, 1, i]
         if normal != 0.0 or tangential != 0.0:
             point_row(B, i, row)
-            add_point(A, row, normal, 0.0, tangential, 0.0, 0.0, tangential)
+            E = modal.steps[k, level]
+            add_point(A, row, E, normal, 0.0, tangential, 0.0, 0.0, tangential)
 
 
 @fast_kernel
@@ -121,15 +130,14 @@ def true_jacobian(
     B: np.ndarray,
     modal: Modal,
     k: int,
-    h: float,
+    level: int,
     point: np.ndarray,
     row: np.ndarray,
     A: np.ndarray,
 ) -> None:
     """The consistent Jacobian of the step at the state `point` (N_POINT, nc) of the points."""
-    linear_jacobian(modal, k, h, A)
-    law, points = modal.laws[k], modal.points[k]
-    hk, hc = 0.25 * h * h, 0.5 * h
+    linear_jacobian(modal, k, level, row, A)
+    law, points, E = modal.laws[k], modal.points[k], modal.steps[k, level]
     for i in range(modal.fixed.shape[2]):
         area, factor = points[1, i], points[2, i]
         p, kappa = law_at(int(law[0]), law[1], law[2], points[0, i] + point[0, i])
@@ -143,8 +151,8 @@ def true_jacobian(
             point[1, i],
             point[2, i],
         )
-        normal = hk * (area * kappa - points[4, i])
-        push = hk * area * kappa  # dt/dg = -kappa dt/dp, and the residual has -T^T t
-        drag = -hc * area
+        normal = area * kappa - points[4, i]
+        push = area * kappa  # dt/dg = -kappa dt/dp, and the residual has -T^T t
+        drag = -area
         point_row(B, i, row)
-        add_point(A, row, normal, push * s1, drag * d11, drag * d12, push * s2, drag * d22)
+        add_point(A, row, E, normal, push * s1, drag * d11, drag * d12, push * s2, drag * d22)

@@ -49,12 +49,17 @@ HISTORY = (
 
 # rows of Modal.modes
 W2, C, LOAD = 0, 1, 2
-# rows of Work.x: accepted state; forces beyond the diagonal system in it and in the one before;
-# q and v of the new time without the part of the new acceleration; trial state; B^T r there;
-# residual, then correction; correction before
+# rows of Modal.steps: propagator of (q, v); answers in q and v to the pull at the start and at the
+# end of a sub-step
+QQ, QV, VQ, VV, FIRST_Q, FIRST_V, LAST_Q, LAST_V = 0, 1, 2, 3, 4, 5, 6, 7
+N_STEP = 8
+# rows of Work.x: accepted state, its acceleration (of methods that need it), its pull: all forces
+# but those of the diagonal system, loads included; that of the state before; q and v of the new
+# time without the part of the new pull; trial state; B^T r there; residual, then correction;
+# correction before; room
 Q, V, A, PULL, PULL_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5, 6
-Q_TRIAL, V_TRIAL, A_TRIAL, FORCE, DELTA, DELTA_OLD = 7, 8, 9, 10, 11, 12
-N_ROWS = 13
+Q_TRIAL, V_TRIAL, PULL_TRIAL, FORCE, DELTA, DELTA_OLD, ROOM = 7, 8, 9, 10, 11, 12, 13
+N_ROWS = 14
 # rows of Work.point after contact_point.OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted
 # last; t1, t2 of the iteration before; their change a second over the last sub-step
 OLD, GUESS, SLOPE = 9, 13, 15
@@ -67,12 +72,13 @@ class Modal(NamedTuple):
     points: np.ndarray  # (nb, 8, nc) contact_point.POINT_*
     laws: np.ndarray  # (nb, 9) contact_point.LAW_*
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
+    steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     tuned: np.ndarray  # (nb, 2, m) d, s
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
-    compliance: np.ndarray  # (2 nc, 2 nc) T D^-1 T^T, D the diagonal Jacobian of the first design
+    compliance: np.ndarray  # (2 nc, 2 nc) T diag(LAST_V) T^T of the first design's whole step
     own: np.ndarray  # (nc,) the larger diagonal entry of each point there
 
 
@@ -90,6 +96,7 @@ class Settings(NamedTuple):
     aitken: bool
     dense: bool  # the fixed Jacobian is not diagonal
     extrapolate: bool  # forces of the last two steps predict the next ones; else the last alone
+    changes: float  # share of the products of changes in works, see newmark_output.add_work
 
 
 class Work(NamedTuple):

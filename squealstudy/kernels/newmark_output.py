@@ -32,23 +32,25 @@ OPEN = 0.01  # a point is open below this share of the mean pressure
 
 
 @fast_kernel
-def add_work(modal: Modal, work: Work, k: int, h: float) -> None:
-    """Work over an accepted sub-step h by the trapezoidal rule: exact for average acceleration.
+def add_work(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
+    """Work over an accepted sub-step h, with the new velocity in row V_TRIAL and the old one in V.
 
-    Called with the new velocity in row V_TRIAL and the old one in V.
+    Products of means are exact for average acceleration, whose energies balance; with the products
+    of `settings.changes` = 1 this is the trapezoidal rule of force times velocity, which has no
+    bias over periods of motion that is smooth.
     """
-    x, modes = work.x[k], modal.modes[k]
+    x, modes, share = work.x[k], modal.modes[k], settings.changes
     w_load = 0.0
     damped = 0.0
     for j in range(x.shape[1]):
-        total = x[V, j] + x[V_TRIAL, j]
+        total, change = x[V_TRIAL, j] + x[V, j], x[V_TRIAL, j] - x[V, j]
         w_load += modes[LOAD, j] * total
-        damped += modes[C, j] * total * total
+        damped += modes[C, j] * (total * total + share * change * change)
     for m in range(modal.shapes.shape[0]):
         if modal.tuned[k, 0, m] == 0.0:
             continue
-        y = dot(modal.shapes[m], x[V]) + dot(modal.shapes[m], x[V_TRIAL])
-        damped += modal.tuned[k, 0, m] * y * y
+        y0, y1 = dot(modal.shapes[m], x[V]), dot(modal.shapes[m], x[V_TRIAL])
+        damped += modal.tuned[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
     speed = modal.laws[k, 8]
     belt = 0.0
     sliding = 0.0
@@ -58,8 +60,10 @@ def add_work(modal: Modal, work: Work, k: int, h: float) -> None:
         w2 = point[OLD + 1, i] + point[2, i]
         t1 = point[OLD + 2, i] + point[4, i]
         t2 = point[OLD + 3, i] + point[5, i]
+        along = (point[1, i] - point[OLD, i]) * (point[4, i] - point[OLD + 2, i])
+        across = (point[2, i] - point[OLD + 1, i]) * (point[5, i] - point[OLD + 3, i])
         belt += t1
-        sliding += w1 * t1 + w2 * t2
+        sliding += w1 * t1 + w2 * t2 + share * (along + across)
         w_load -= points[6, i] * (w1 - 2.0 * speed) + points[7, i] * w2
     real = work.real[k]
     real[W_LOAD] += 0.5 * h * w_load

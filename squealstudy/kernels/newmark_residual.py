@@ -1,4 +1,4 @@
-"""Residual of a Newmark step at a trial state, and the change of the friction forces."""
+"""Residual of an implicit step at a trial state, and the change of the friction forces."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     DELTA,
     FLOOR2,
     FORCE,
     GUESS,
     LOAD,
+    PULL_TRIAL,
     Q_TRIAL,
     V_TRIAL,
     W2,
@@ -24,13 +24,13 @@ from squealstudy.kernels.newmark_vector import dot, move
 
 @fast_kernel
 def balance(x: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
-    """DELTA = load + FORCE - a - c v - w2 q; the squares of it and of its scale |a|, |FORCE|."""
+    """DELTA = load + FORCE - pull; the squares of it and of its scale: inertia, contact forces."""
     e2 = 0.0
     scale2 = 0.0
     for j in range(x.shape[1]):
-        a, F = x[A_TRIAL, j], x[FORCE, j]
-        R = modes[LOAD, j] + F - a
-        R -= modes[C, j] * x[V_TRIAL, j] + modes[W2, j] * x[Q_TRIAL, j]
+        pull, F = x[PULL_TRIAL, j], x[FORCE, j]
+        a = pull - modes[C, j] * x[V_TRIAL, j] - modes[W2, j] * x[Q_TRIAL, j]
+        R = modes[LOAD, j] + F - pull
         x[DELTA, j] = R
         e2 += R * R
         scale2 += a * a + F * F

@@ -13,10 +13,11 @@ from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.newmark_correct import correct_fixed, correct_newton, direction, place
 from squealstudy.kernels.newmark_dense import point_row
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     DELTA,
     DONE,
     E2_OLD,
+    FIRST_Q,
+    FIRST_V,
     FIXED,
     FLOOR2,
     GUESS,
@@ -35,8 +36,11 @@ from squealstudy.kernels.newmark_layout import (
     POSITION,
     PULL,
     PULL_OLD,
+    PULL_TRIAL,
     Q_BASE,
     Q_TRIAL,
+    QQ,
+    QV,
     RUNNING,
     SINGULAR,
     SLOPE,
@@ -51,9 +55,8 @@ from squealstudy.kernels.newmark_layout import (
     SUBSTEP_OLD,
     V_BASE,
     V_TRIAL,
-    W2,
-    A,
-    C,
+    VQ,
+    VV,
     Modal,
     Q,
     Saved,
@@ -72,31 +75,27 @@ GO_ON, BEGIN, CLOSE = 0, 1, 2
 
 
 @fast_kernel
-def predict(x: np.ndarray, modes: np.ndarray, h: float, ratio: float) -> None:
-    """Newmark's explicit part over a sub-step h (beta 1/4, gamma 1/2) and a first trial state.
+def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
+    """What a sub-step of coefficients E (N_STEP, n) does without the new pull; a trial state.
 
-    It solves the diagonal system with the other forces extrapolated over `ratio` times the last
-    sub-step: free motion of any frequency is exact, and only those forces need iterations.
+    The pull is extrapolated over `ratio` times the last sub-step: the diagonal system is solved
+    for it as the method does that for any, and only the pull needs iterations.
     """
     for j in range(x.shape[1]):
-        q = x[Q, j] + h * x[V, j] + 0.25 * h * h * x[A, j]
-        v = x[V, j] + 0.5 * h * x[A, j]
-        c, w2 = modes[C, j], modes[W2, j]
-        pull = x[PULL, j] + ratio * (x[PULL, j] - x[PULL_OLD, j])
-        a = (modes[LOAD, j] + pull - c * v - w2 * q) / (1.0 + 0.5 * h * c + 0.25 * h * h * w2)
-        x[Q_BASE, j], x[V_BASE, j], x[A_TRIAL, j] = q, v, a
-        x[Q_TRIAL, j] = q + 0.25 * h * h * a
-        x[V_TRIAL, j] = v + 0.5 * h * a
+        q, v, pull = x[Q, j], x[V, j], x[PULL, j]
+        x[Q_BASE, j] = E[QQ, j] * q + E[QV, j] * v + E[FIRST_Q, j] * pull
+        x[V_BASE, j] = E[VQ, j] * q + E[VV, j] * v + E[FIRST_V, j] * pull
+        x[PULL_TRIAL, j] = pull + ratio * (pull - x[PULL_OLD, j])
+    place(x, E)
 
 
 @fast_kernel
-def keep_state(x: np.ndarray, modes: np.ndarray) -> None:
+def keep_state(x: np.ndarray) -> None:
     """The trial state is accepted."""
     for j in range(x.shape[1]):
-        q, v, a = x[Q_TRIAL, j], x[V_TRIAL, j], x[A_TRIAL, j]
-        x[Q, j], x[V, j], x[A, j] = q, v, a
+        x[Q, j], x[V, j] = x[Q_TRIAL, j], x[V_TRIAL, j]
         x[PULL_OLD, j] = x[PULL, j]
-        x[PULL, j] = a + modes[C, j] * v + modes[W2, j] * q - modes[LOAD, j]
+        x[PULL, j] = x[PULL_TRIAL, j]
 
 
 @fast_kernel
@@ -118,7 +117,7 @@ def begin(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> Non
     real[STEP_LENGTH] = 1.0
     real[E2_OLD] = 0.0
     counts[ITERATION] = 0
-    predict(work.x[k], modal.modes[k], h, ratio)
+    predict(work.x[k], modal.steps[k, counts[LEVEL]], ratio)
     guess_friction(work.point[k], h if settings.extrapolate else 0.0)
 
 
@@ -152,13 +151,13 @@ def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
 
 @fast_kernel
 def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
-    """Acceleration of the initial state from the first evaluation; False if it is not finite."""
+    """Pull of the initial state from the first evaluation; False if it is not finite."""
     x, real = work.x[k], work.real[k]
-    fill(x[A_TRIAL], 0.0)
+    fill(x[PULL_TRIAL], 0.0)
     e2, _ = residual(modal, work, k)
     real[FLOOR2] = force_floor(B, modal, work, k)
-    copy(x[DELTA], x[A_TRIAL])
-    keep_state(x, modal.modes[k])
+    copy(x[DELTA], x[PULL_TRIAL])
+    keep_state(x)
     copy(x[PULL], x[PULL_OLD])
     keep_points(work.point[k], 0.0)
     work.counts[k, MODE] = NEWTON if settings.newton else FIXED
@@ -184,10 +183,10 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
     counts, real, x = work.counts[k], work.real[k], work.x[k]
     h = real[SUBSTEP]
     if counts[MODE] == FIXED and direction(B, modal, settings, work, k):
-        move(x[A_TRIAL], real[OMEGA], x[DELTA])
-        place(x, 0.25 * h * h, 0.5 * h)
-    add_work(modal, work, k, h)
-    keep_state(x, modal.modes[k])
+        move(x[PULL_TRIAL], real[OMEGA], x[DELTA])
+        place(x, modal.steps[k, counts[LEVEL]])
+    add_work(modal, settings, work, k, h)
+    keep_state(x)
     real[SUBSTEP_OLD] = h
     keep_points(work.point[k], h)
     counts[MODE] = NEWTON if settings.newton else FIXED

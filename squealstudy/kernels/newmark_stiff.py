@@ -1,13 +1,14 @@
 """The tangential mock-up: friction solved at the points that are stiff against sliding.
 
-Sticking points multiply a correction by up to h k_t |T|^2 / 2; with that beyond 1 the diagonal
-Jacobian D diverges. Few points stick at a time. Their sliding velocities answer to their friction
-forces t through the compliance H = T D^-1 T^T of the points alone::
+Sticking points multiply a correction by up to h k_t |T|^2 / 2; with that beyond 1 plain corrections
+diverge. Few points stick at a time. Their sliding velocities answer to their friction forces t
+through the compliance H = T diag(b) T^T of the points alone, with b the answer of the modes'
+velocities to the pull (LAST_V)::
 
-    w(t) = w + b_v (T D^-1 R + H (t - t_last)),    t = friction(p, w(t))
+    w(t) = w + T b R + H (t - t_last),    t = friction(p, w(t))
 
-with b_v = h/2 of average acceleration; it is solved point by point (Gauss-Seidel, closed form at
-each), stick and slip included; the correction is then D^-1 (R + T^T (t - t_last)).
+It is solved point by point (Gauss-Seidel, closed form at each), stick and slip included; the
+correction is then R + T^T (t - t_last).
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import numpy as np
 
 from squealstudy.kernels.friction_laws import mu_at, resistance
 from squealstudy.kernels.jit import fast_kernel
-from squealstudy.kernels.newmark_layout import DELTA, GUESS, W2, C, Modal, Work
-from squealstudy.kernels.newmark_vector import dot, fill, move
+from squealstudy.kernels.newmark_layout import DELTA, GUESS, LAST_V, ROOM, Modal, Work
+from squealstudy.kernels.newmark_vector import dot, move
 
 STIFF = 0.05  # contraction that a point alone may cause before it is treated
 FEWEST, SWEEPS = 6, 30
@@ -31,20 +32,23 @@ Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3
 
 
 @fast_kernel
-def stiff_points(modal: Modal, work: Work, k: int, b_v: float) -> int:
-    """List the stiff points of design k with their velocities at the next trial state."""
-    law, points, point, delta = modal.laws[k], modal.points[k], work.point[k], work.x[k, DELTA]
+def stiff_points(modal: Modal, work: Work, k: int, part: float) -> int:
+    """List the stiff points of design k with their velocities at the next trial state.
+
+    `part` of the whole step is taken; row ROOM holds what the modes' velocities change by.
+    """
+    law, points, point, change = modal.laws[k], modal.points[k], work.point[k], work.x[k, ROOM]
     T, stiff = modal.tangential, work.stiff
     m = 0
     for i in range(modal.own.size):
-        own = b_v * modal.own[i]
+        own = part * modal.own[i]
         force2 = point[4, i] * point[4, i] + point[5, i] * point[5, i]
         s2 = point[1, i] * point[1, i] + point[2, i] * point[2, i]
         if force2 * own * own > STIFF * STIFF * s2:
             mu, _ = mu_at(law[4], law[5], law[6], math.sqrt(s2))
             work.listed[m] = i
-            work.free[2 * m] = point[1, i] + b_v * dot(T[2 * i], delta)
-            work.free[2 * m + 1] = point[2, i] + b_v * dot(T[2 * i + 1], delta)
+            work.free[2 * m] = point[1, i] + dot(T[2 * i], change)
+            work.free[2 * m + 1] = point[2, i] + dot(T[2 * i + 1], change)
             stiff[m, Z_1] = stiff[m, Z_2] = 0.0
             stiff[m, BOUND] = points[1, i] * points[2, i] * mu * point[3, i]
             stiff[m, OWN] = own
@@ -107,27 +111,27 @@ def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
 
 
 @fast_kernel
-def mock_up(modal: Modal, work: Work, k: int, b_q: float, b_v: float) -> None:
-    """Correct row DELTA, which holds D^-1 R, for the stiff points; the friction then expected.
-
-    D = 1 + b_v C + b_q W2 is the diagonal Jacobian.
-    """
-    m = stiff_points(modal, work, k, b_v)
+def mock_up(modal: Modal, work: Work, k: int, level: int) -> None:
+    """Correct row DELTA, which holds the residual, for the stiff points; the friction expected."""
+    if modal.own.size == 0:
+        return
+    delta, answer, change = work.x[k, DELTA], modal.steps[k, level, LAST_V], work.x[k, ROOM]
+    for j in range(delta.size):
+        change[j] = answer[j] * delta[j]
+    part = 1.0 / (1 << level)
+    m = stiff_points(modal, work, k, part)
     if m == 0:
         return
-    gather(modal.compliance, work.listed, m, b_v, work.small)
+    gather(modal.compliance, work.listed, m, part, work.small)
     # many points at once: about the work of a pass over the observation matrix
     worth = modal.own.size * work.x.shape[2] // (m * m)
     for _ in range(min(max(worth, FEWEST), SWEEPS)):
         if sweep(modal, work, k, m) < STILL * STILL:
             break
-    delta, force, point, modes = work.x[k, DELTA], work.row[0], work.point[k], modal.modes[k]
-    fill(force, 0.0)
+    point = work.point[k]
     for a in range(m):
         i, z1, z2 = work.listed[a], work.stiff[a, Z_1], work.stiff[a, Z_2]
-        move(force, z1, modal.tangential[2 * i])
-        move(force, z2, modal.tangential[2 * i + 1])
+        move(delta, z1, modal.tangential[2 * i])
+        move(delta, z2, modal.tangential[2 * i + 1])
         point[GUESS, i] += z1
         point[GUESS + 1, i] += z2
-    for j in range(delta.size):
-        delta[j] += force[j] / (1.0 + b_v * modes[C, j] + b_q * modes[W2, j])

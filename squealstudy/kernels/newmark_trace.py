@@ -7,20 +7,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.jit import entry_kernel
+from squealstudy.kernels.newmark_correct import place
 from squealstudy.kernels.newmark_layout import (
-    A_TRIAL,
     E2_OLD,
     FIXED,
     MODE,
-    Q_BASE,
-    Q_TRIAL,
+    PULL_TRIAL,
     RUNNING,
     START,
     STATUS,
-    SUBSTEP,
-    V_BASE,
-    V_TRIAL,
     Modal,
     Saved,
     Settings,
@@ -28,15 +24,7 @@ from squealstudy.kernels.newmark_layout import (
 )
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import advance
-
-
-@fast_kernel
-def start_from(first: np.ndarray, x: np.ndarray, h: float) -> None:
-    """Trial state of a step h (beta 1/4, gamma 1/2) with the acceleration `first` (n,)."""
-    for j in range(first.size):
-        x[A_TRIAL, j] = first[j]
-        x[Q_TRIAL, j] = x[Q_BASE, j] + 0.25 * h * h * first[j]
-        x[V_TRIAL, j] = x[V_BASE, j] + 0.5 * h * first[j]
+from squealstudy.kernels.newmark_vector import copy
 
 
 @entry_kernel
@@ -56,13 +44,13 @@ def newmark_trace(
     B, modal, settings, work, saved
         As of `newmark.newmark`, of one step without halvings.
     first : ndarray (n,) or (0,)
-        Trial acceleration to start from; empty for that of the predictor.
+        Trial pull to start from; empty for that of the predictor.
 
     Notes
     -----
     The step converged where `work.counts[0, STATUS]` is DONE; its last residual is not written.
     """
-    counts, real, n = work.counts[0], work.real[0], 0
+    counts, real, x, n = work.counts[0], work.real[0], work.x[0], 0
     while counts[STATUS] == RUNNING and n < squares.size:
         starts = counts[MODE] == START
         pass_one(B, modal, work, 0)
@@ -70,7 +58,8 @@ def newmark_trace(
         if counts[STATUS] != RUNNING or not (starts or counts[MODE] == FIXED):
             break
         if starts and first.size > 0:
-            start_from(first, work.x[0], real[SUBSTEP])
+            copy(first, x[PULL_TRIAL])
+            place(x, modal.steps[0, 0])
         elif not starts:
             squares[n] = real[E2_OLD]
             n += 1

@@ -44,10 +44,10 @@ class TransientSection(Section):
 
     duration: float = Field(default=0.1, description="simulated time, s")
     step: float = Field(default=1e-6, description="time step, s")
-    method: Literal["newmark", "newmark_newton"] = Field(
+    method: Literal["newmark", "newmark_newton", "exponential"] = Field(
         default="newmark",
-        description="Newmark (beta 1/4, gamma 1/2) with fixed Jacobian, or full Newton: the slow "
-        "reference",
+        description="'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; 'newmark_newton', the "
+        "slow reference; 'exponential': free modes exact, contact as Newmark's",
     )
     representation: Literal["modal", "hybrid"] = Field(
         default="modal",

@@ -55,6 +55,16 @@ INTEGRATORS: Mapping[str, IntegratorEntry] = MappingProxyType(
         "newmark_newton": IntegratorEntry(
             "Newmark, Newton", "average acceleration, a fresh Jacobian an iteration", NEWTON
         ),
+        "exponential": IntegratorEntry(
+            "exponential",
+            "resolved free modes exact, contact by the trapezoidal rule, iterated as Newmark's",
+            {
+                "exact_limit": Option(
+                    2.0, "omega h beyond which a mode moves by average acceleration", 0.0
+                ),
+                **{name: option for name, option in NEWMARK.items() if name != "prewarp"},
+            },
+        ),
         "hht_alpha": IntegratorEntry(
             "HHT-alpha",
             "Hilber, Hughes & Taylor 1977, fixed Jacobian",
@@ -87,16 +97,6 @@ INTEGRATORS: Mapping[str, IntegratorEntry] = MappingProxyType(
             "exponential, order 3",
             "free modes exact, contact by PEC of order 3",
             {"start_parts": Option(16, "parts of the first step, of order 2", 1, 1000)},
-        ),
-        "exponential_implicit": IntegratorEntry(
-            "exponential, implicit",
-            "resolved free modes exact, contact by the trapezoidal rule, iterated as Newmark's",
-            {
-                "limit": Option(
-                    2.0, "omega h beyond which a mode moves by average acceleration", 0.0
-                ),
-                **ITERATION,
-            },
         ),
         "dop853": IntegratorEntry(
             "DOP853", "explicit Runge-Kutta of order 8, adaptive (Hairer)", ADAPTIVE

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.analysis.integrators.options import Value
-from squealstudy.analysis.integrators.propagators import propagators, with_limit
 from squealstudy.analysis.transient.arrays import (
     kernel_settings,
     modal_arrays,
@@ -16,6 +15,7 @@ from squealstudy.analysis.transient.arrays import (
     work_arrays,
 )
 from squealstudy.analysis.transient.observation import aligned_zeros, observation
+from squealstudy.analysis.transient.propagators import propagators
 from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import result_of
 from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
@@ -24,11 +24,8 @@ from squealstudy.kernels import integrator_layout
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.alpha_method import alpha_method
 from squealstudy.kernels.central_difference import central_difference
-from squealstudy.kernels.exponential_implicit import exponential_implicit
 from squealstudy.kernels.exponential_steps import exponential_steps
-from squealstudy.kernels.integrator_layout import N_COEFFICIENT, P2_V, Scheme
-
-STIFFEST = 1e-9  # answer of a mode to a force, over the step, below which it counts as this
+from squealstudy.kernels.integrator_layout import N_COEFFICIENT, Scheme
 
 
 @dataclass(frozen=True)
@@ -130,20 +127,24 @@ def own_settings(settings: TransientSettings, options: Mapping[str, Value]) -> T
 
 def run_alpha(case: Arrays, scheme: Scheme) -> TransientResult:
     """HHT, generalised alpha and the discrete gradient."""
-    h, modes = case.settings.step, case.modal.modes[0]
-    share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
-    D = 1.0 + share * scheme.gamma * h * modes[layout.C]
-    D += share * scheme.beta * h * h * modes[layout.W2]
-    modal = with_compliance(case.modal, D)
+    modal = with_answers(case.modal, scheme, case.settings.step)
     alpha_method(case.B, modal, case.options, scheme, case.work, case.saved)
     return case.result()
 
 
-def with_compliance(modal: layout.Modal, D: np.ndarray) -> layout.Modal:
-    """The same with the compliance of the points T D^-1 T^T, D (n,) the diagonal Jacobian."""
-    compliance = np.ascontiguousarray((modal.tangential / D) @ modal.tangential.T)
+def with_answers(modal: layout.Modal, scheme: Scheme, h: float) -> layout.Modal:
+    """The same with the answers of q_f and v_f to the pull, and the points' compliance to it."""
+    share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
+    steps = modal.steps.copy()
+    for level, E in enumerate(steps[0]):
+        part = h / 2**level
+        b_q, b_v = share * scheme.beta * part * part, share * scheme.gamma * part
+        D = 1.0 + b_v * modal.modes[0, layout.C] + b_q * modal.modes[0, layout.W2]
+        E[layout.LAST_Q], E[layout.LAST_V] = b_q / D, b_v / D
+    rows = modal.tangential
+    compliance = np.ascontiguousarray((rows * steps[0, 0, layout.LAST_V]) @ rows.T)
     own = compliance.diagonal().reshape(-1, 2).max(axis=1)
-    return modal._replace(compliance=compliance, own=own)
+    return modal._replace(steps=steps, compliance=compliance, own=own)
 
 
 def hht(alpha: float) -> Scheme:
@@ -174,20 +175,4 @@ def run_exponential(case: Arrays, parts: int) -> TransientResult:
     if parts > 0:
         E[1] = propagators(w2, c, h / parts)
     exponential_steps(case.B, case.modal, case.options, E, parts, case.work, case.saved)
-    return case.result()
-
-
-def run_exponential_implicit(case: Arrays, limit: float) -> TransientResult:
-    """The exponential trapezoidal rule for modes with omega h up to a limit; Newmark's beyond."""
-    modal, h = case.modal, case.settings.step
-    w2, c = modal.modes[0, layout.W2], modal.modes[0, layout.C]
-    levels = case.settings.max_halvings + 1
-    E, D = aligned_zeros(levels, N_COEFFICIENT, len(w2)), aligned_zeros(levels, len(w2))
-    for level in range(levels):
-        part = h / 2**level
-        E[level] = with_limit(propagators(w2, c, part), w2, c, part, limit)
-        # fast modes may not answer at all; free ones answer with h/2
-        D[level] = 0.5 * part / np.maximum(E[level, P2_V], STIFFEST * part) - 1.0
-    like = with_compliance(modal._replace(modes=np.zeros_like(modal.modes)), 1.0 + D[0])
-    exponential_implicit(case.B, modal, like, case.options, E, D, case.work, case.saved)
     return case.result()

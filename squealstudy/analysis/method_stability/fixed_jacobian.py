@@ -67,7 +67,7 @@ class FixedJacobian:
             measured = local_contraction(state, settings, end)
         if not trace.converged:
             return Cell(FAILED, NOT_CONVERGED, True, predicted, measured, np.nan, cost)
-        error = float(np.linalg.norm(trace.a - end.a)) / scale(state, end.a)
+        error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
         outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
         return Cell(outcome, "", False, predicted, measured, error, cost)
 

@@ -1,6 +1,6 @@
 """One Newmark step by the plain fixed Jacobian: what the theory says of it, and what it does.
 
-The iteration a <- a - J^-1 R(a) contracts near its solution by the spectral radius of
+The iteration g <- g - J^-1 R(g) contracts near its solution by the spectral radius of
 I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (theory.md section 6).
 """
 
@@ -33,11 +33,11 @@ GROWN, SHRUNK = 1e5, 1e-3  # times its first residual: between them rates are re
 
 @dataclass(frozen=True)
 class Trace:
-    """Residuals (m,) of an iteration, whether it converged, and its last acceleration (n,)."""
+    """Residuals (m,) of an iteration, whether it converged, and its last pull (n,)."""
 
     residuals: np.ndarray
     converged: bool
-    a: np.ndarray
+    pull: np.ndarray
 
 
 def plain_settings(step: float, contact_factor: float) -> TransientSettings:
@@ -58,15 +58,15 @@ def plain_settings(step: float, contact_factor: float) -> TransientSettings:
 
 @dataclass(frozen=True)
 class Solution:
-    """End of a step (n,) each: displacement, velocity, acceleration."""
+    """End of a step (n,) each: displacement, velocity, pull (forces beyond the free modes)."""
 
     q: np.ndarray
     v: np.ndarray
-    a: np.ndarray
+    pull: np.ndarray
 
 
 def iterate(state: ContactState, settings: TransientSettings, first: np.ndarray) -> Trace:
-    """Run the kernel's iteration of one step from an acceleration (n,); (0,): the predictor's."""
+    """Run the kernel's iteration of one step from a pull (n,); (0,): the predictor's."""
     arrays = _arrays(state, settings)
     work = arrays[3]
     start = np.zeros(work.x.shape[2] if len(first) else 0)
@@ -74,7 +74,7 @@ def iterate(state: ContactState, settings: TransientSettings, first: np.ndarray)
     squares = np.zeros(settings.max_iterations)
     n = newmark_trace(*arrays, start, squares)
     converged = bool(work.counts[0, layout.STATUS] == layout.DONE)
-    return Trace(np.sqrt(squares[:n]), converged, work.x[0, layout.A, : state.system.n].copy())
+    return Trace(np.sqrt(squares[:n]), converged, work.x[0, layout.PULL, : state.system.n].copy())
 
 
 def solved(state: ContactState, step: float) -> Solution | None:
@@ -94,7 +94,7 @@ def solved(state: ContactState, step: float) -> Solution | None:
     work, n = arrays[3], state.system.n
     if work.counts[0, layout.STATUS] != layout.DONE:
         return None
-    return Solution(*(work.x[0, row, :n].copy() for row in (layout.Q, layout.V, layout.A)))
+    return Solution(*(work.x[0, row, :n].copy() for row in (layout.Q, layout.V, layout.PULL)))
 
 
 def _arrays(
@@ -151,9 +151,9 @@ def local_contraction(
 
     Above 1 it leaves the solution; 0 where it is there at once.
     """
-    a = solution.a
-    direction = np.random.default_rng(1).normal(size=len(a))
-    first = a + NUDGE * scale(state, a) * direction / np.linalg.norm(direction)
+    pull = solution.pull
+    direction = np.random.default_rng(1).normal(size=len(pull))
+    first = pull + NUDGE * scale(state, pull) * direction / np.linalg.norm(direction)
     endless = replace(settings, tolerance=ENDLESS, tolerance_t=ENDLESS)
     trace = iterate(state, endless, first)
     if len(trace.residuals) < 2:
@@ -161,9 +161,9 @@ def local_contraction(
     return rate(trace.residuals)
 
 
-def scale(state: ContactState, a: np.ndarray) -> float:
-    """Size of the forces that balance an acceleration a (n,): it may vanish, they do not."""
-    return float(np.linalg.norm(a) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
+def scale(state: ContactState, pull: np.ndarray) -> float:
+    """Size of the forces of which a pull (n,) is the sum: it may vanish, they do not."""
+    return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
 
 
 def rate(e: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from squealstudy.analysis.transient.observation import aligned_zeros, padded
+from squealstudy.analysis.transient.propagators import step_table
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
 from squealstudy.errors import ModelError
@@ -39,17 +40,33 @@ def modal_arrays(
     nc = len(system.area)
     points = np.zeros((len(designs), 8, -(-nc // POINTS) * POINTS))
     points[:, :, :nc] = [system.points(x) for x in designs]
+    steps = step_tables(modes, settings)
     modal = layout.Modal(
         points,
         np.array([x.law_row() for x in designs], dtype=float),
         modes,
+        steps,
         _padded_rows(system.shapes, n),
         np.stack(tuned, axis=1),
         fixed,
         _sensors(system, designs, n),
-        *_tangential(system, modes, settings),
+        *_tangential(system, steps[0, 0, layout.LAST_V], settings),
     )
     return modal, bool(fixed.any())
+
+
+def step_tables(modes: np.ndarray, settings: TransientSettings) -> np.ndarray:
+    """Modal.steps for modes (nb, 3, n); designs of the same damping share the work."""
+    nb, _, n = modes.shape
+    steps = aligned_zeros(nb, settings.max_halvings + 1, layout.N_STEP, n)
+    limit = settings.exact_limit if settings.method == "exponential" else None
+    made: dict[bytes, np.ndarray] = {}
+    for k, (w2, c, _) in enumerate(modes):
+        key = w2.tobytes() + c.tobytes()
+        if key not in made:
+            made[key] = step_table(w2, c, settings.step, settings.max_halvings, limit)
+        steps[k] = made[key]
+    return steps
 
 
 def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
@@ -69,21 +86,19 @@ def _sensors(system: ModalSystem, designs: Sequence[TransientDesign], n: int) ->
 
 
 def _tangential(
-    system: ModalSystem, modes: np.ndarray, settings: TransientSettings
+    system: ModalSystem, answer: np.ndarray, settings: TransientSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Modal.tangential, compliance and own of the points; empty if unused.
 
-    The compliance is that of the first design: dampings of the others hardly change it, and it
-    only has to make the iteration contract.
+    The compliance is that of the first design, whose velocities answer to the pull with `answer`
+    (n,): dampings of the others hardly change it, and it only has to make the iteration contract.
     """
-    wanted = settings.mockup == "auto" and settings.method == "newmark"
-    nc, n = (len(system.area) if wanted else 0), modes.shape[2]
+    wanted = settings.mockup == "auto" and settings.method != "newmark_newton"
+    nc, n = (len(system.area) if wanted else 0), len(answer)
     rows = aligned_zeros(2 * nc, n)
     rows[::2, : system.n] = system.T1[:nc]
     rows[1::2, : system.n] = system.T2[:nc]
-    h = settings.step
-    D = 1.0 + 0.5 * h * modes[0, layout.C] + 0.25 * h * h * modes[0, layout.W2]
-    compliance = np.ascontiguousarray((rows / D) @ rows.T)
+    compliance = np.ascontiguousarray((rows * answer) @ rows.T)
     return rows, compliance, compliance.diagonal().reshape(nc, 2).max(axis=1)
 
 
@@ -91,7 +106,7 @@ def _mockup(
     system: ModalSystem, design: TransientDesign, settings: TransientSettings
 ) -> np.ndarray:
     """Tangential damping of the fixed Jacobian (nc,), N s/m."""
-    wanted = settings.mockup == "always" and settings.method == "newmark"
+    wanted = settings.mockup == "always" and settings.method != "newmark_newton"
     return 0.5 * wanted * design.friction.k_t * system.area * (system.frictional > 0)
 
 
@@ -131,6 +146,7 @@ def kernel_settings(settings: TransientSettings, dense: bool) -> layout.Settings
         settings.aitken,
         dense,
         settings.extrapolate,
+        1.0 if settings.method == "exponential" else 0.0,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 
-METHODS = ("newmark", "newmark_newton")
+METHODS = ("newmark", "newmark_newton", "exponential")
 MOCKUPS = ("auto", "always", "never")
 
 
@@ -23,7 +23,8 @@ class TransientSettings:
     save_every : int
         Steps between saved rows; 0 keeps none.
     method : str
-        ``newmark`` (fixed Jacobian) or ``newmark_newton`` (the slow reference).
+        ``newmark`` (fixed Jacobian), ``newmark_newton`` (the slow reference) or ``exponential``
+        (free modes exact, contact forces by the trapezoidal rule, iterated as Newmark's).
     tolerance, tolerance_t : float
         Largest imbalance of forces, relative to inertia and contact forces, and largest change of
         the friction forces between iterations, relative to their bounds; the state is corrected
@@ -36,6 +37,9 @@ class TransientSettings:
         Tangential mock-up k_t/2 in the Jacobian: ``auto``, ``always``, ``never``.
     prewarp : bool
         Frequencies and dampings that cancel Newmark's period error of free modes.
+    exact_limit : float
+        Of ``exponential``: omega h up to which a mode's free motion is exact; average
+        acceleration beyond.
     single_storage : bool
         Observation matrix in single precision.
     save_q : bool
@@ -62,6 +66,7 @@ class TransientSettings:
     contact_stiffness: float | None = None
     mockup: str = "auto"
     prewarp: bool = False
+    exact_limit: float = 2.0
     single_storage: bool = False
     save_q: bool = False
     extrapolate: bool = True
@@ -75,6 +80,8 @@ class TransientSettings:
             raise ParameterError("save_every", f"must not be negative, got {self.save_every}")
         if self.method not in METHODS:
             raise ParameterError("method", f"'{self.method}' is none of {', '.join(METHODS)}")
+        if self.prewarp and self.method == "exponential":
+            raise ParameterError("prewarp", "free modes of method 'exponential' are exact")
         if self.mockup not in MOCKUPS:
             raise ParameterError("mockup", f"'{self.mockup}' is none of {', '.join(MOCKUPS)}")
         if not (self.tolerance > 0 and self.tolerance_t > 0):
@@ -122,8 +129,8 @@ class TransientResult:
     Attributes
     ----------
     outcome : str
-        ``ok``, ``not_converged``, ``not_finite`` or ``singular_jacobian``; of other integrators
-        also ``blown_up`` and ``solver_failed``.
+        ``ok``, ``not_converged``, ``not_finite``, ``singular_jacobian`` or ``blown_up`` (far more
+        energy than was put in); of adaptive solvers also ``solver_failed``.
     message : str
         Time and reason of a failure; empty otherwise.
     time : float

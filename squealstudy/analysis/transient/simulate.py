@@ -13,6 +13,7 @@ from squealstudy.analysis.transient.arrays import (
     saved_arrays,
     work_arrays,
 )
+from squealstudy.analysis.transient.blow_up import blown_up
 from squealstudy.analysis.transient.observation import observation
 from squealstudy.analysis.transient.settings import (
     EnergyBalance,
@@ -94,7 +95,19 @@ def simulate(
             work.counts[k, layout.PAUSE] += blocks[k]
         kernel(B, modal, options, work, saved)
     finished = [result_of(work, saved, settings, k, x) for k, x in enumerate(seen)]
-    return [replace(r, stopped=why) for r, why in zip(finished, stopped, strict=True)]
+    starts = zip(*(np.broadcast_to(x, (len(designs), system.n)) for x in (q0, v0)), strict=True)
+    return [
+        _judged(replace(r, stopped=why), blown_up(r, system, design, *start))
+        for r, why, design, start in zip(finished, stopped, designs, starts, strict=True)
+    ]
+
+
+def _judged(result: TransientResult, blew_up: bool) -> TransientResult:
+    """The result, with its outcome and message where it blew up."""
+    if not blew_up:
+        return result
+    message = f"t = {result.time:.9g} s: {REASONS[layout.BLOWN_UP]}"
+    return replace(result, outcome=OUTCOMES[layout.BLOWN_UP], message=message, stopped="")
 
 
 def _set_out(work: layout.Work, n: int, q0: np.ndarray, v0: np.ndarray) -> None:

@@ -112,12 +112,15 @@ def reference_of(task: BatchTask) -> ReferenceModes:
 def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
     """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
 
+    Else a power of two: runs whose steps are halves of each other are then seen at equal times,
+    and differences of what is found in them are those of the integration.
+
     Raises
     ------
     ValueError
         Where that has none of a useful size.
     """
-    enough = max(1, int(1.0 / (SAMPLES_A_PERIOD * band_hz[1] * section.step)))
+    enough = 2 ** int(np.log2(max(1.0, 1.0 / (SAMPLES_A_PERIOD * band_hz[1] * section.step))))
     if section.save_every == 0:
         return enough
     best = max(d for d in range(1, enough + 1) if section.save_every % d == 0)

@@ -1,0 +1,153 @@
+"""Method `exponential` of the product's kernels: batches, halving, Newton, energies, limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from newmark_reference import acceleration
+from test_newmark import KICK, distance, random_system
+
+from squealstudy.analysis.transient.energy_drift import energy_drift
+from squealstudy.analysis.transient.propagators import propagator_levels, propagators, step_table
+from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.errors import ParameterError
+
+SHORT = TransientSettings(1e-3, 2e-6, 1, "exponential", tolerance=1e-10, tolerance_t=1e-9)
+REST = np.zeros(12)
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """Stick, slip and lift-off; a batch of five frictions."""
+    system, design = random_system()
+    designs = [
+        replace(design, friction=replace(design.friction, mu_s=mu, mu_d=mu), c=(1 + mu) * design.c)
+        for mu in (0.0, 0.1, 0.3, 0.45, 0.6)
+    ]
+    return system, designs, simulate(system, designs, SHORT, REST, KICK)
+
+
+def trapezoidal(system, design, h, n_steps, q, v):
+    """Slow twin: variation of constants with forces linear over a step, solved by Picard."""
+    n = system.n
+    load = np.concatenate([np.zeros(n), np.ones(n)])
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(system.omega2), -np.diag(design.c)]])
+    X = la.expm(h * np.block([[A, np.diag(load)], [np.zeros((2 * n, 4 * n))]]))
+    held = X[: 2 * n, 3 * n :]
+    chain = np.zeros((6 * n, 6 * n))
+    chain[: 2 * n, : 2 * n], chain[: 2 * n, 2 * n : 4 * n] = A, np.diag(load)
+    chain[2 * n : 4 * n, 4 * n :] = np.eye(2 * n) / h
+    ramp = la.expm(h * chain)[: 2 * n, 5 * n :]
+
+    def pull(y):
+        free = design.c * y[n:] + system.omega2 * y[:n]
+        return acceleration(system, design, y[:n], y[n:]) + free
+
+    y = np.concatenate([q, v])
+    states = [y]
+    for _ in range(n_steps):
+        g0 = g1 = pull(y)
+        base = X[: 2 * n, : 2 * n] @ y + (held - ramp) @ g0
+        for _ in range(200):
+            new = pull(base + ramp @ g1)
+            if np.abs(new - g1).max() <= 1e-13 * np.abs(new).max():
+                break
+            g1 = g1 + 0.5 * (new - g1)
+        y = base + ramp @ g1
+        states.append(y)
+    return np.array(states)
+
+
+def test_slow_twin(rough):
+    system, designs, results = rough
+    states = trapezoidal(system, designs[2], 2e-6, 60, REST, KICK)
+    np.testing.assert_allclose(
+        results[2].velocity[:61],
+        states[:, system.n : system.n + 2],
+        atol=1e-7 * np.abs(states[:, system.n :]).max(),
+    )
+
+
+def test_batches_agree_with_single_runs(rough):
+    system, designs, results = rough
+    assert max(r.history["open"].max() for r in results) > 0.1
+    assert max(r.history["stick"].max() for r in results) > 0.05
+    for design, together in zip(designs, results, strict=True):
+        alone = simulate(system, [design], SHORT, REST, KICK)[0]
+        assert alone.outcome == together.outcome == "ok"
+        assert distance(alone, together) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"aitken": False, "max_iterations": 400},
+        {"mockup": "never"},
+        {"mockup": "always"},
+        {"contact_factor": 3.0},
+        {"extrapolate": False},
+    ],
+)
+def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
+    system, designs, results = rough
+    r = simulate(system, [designs[3]], replace(SHORT, **changes), REST, KICK)[0]
+    assert r.outcome == "ok"
+    assert distance(r, results[3]) < 1e-6
+
+
+def test_a_fresh_jacobian_serves_where_the_fixed_one_fails(rough):
+    system, designs, results = rough
+    helped = replace(SHORT, max_iterations=4, max_halvings=0)
+    r = simulate(system, [designs[3]], helped, REST, KICK)[0]
+    assert r.outcome == "ok"
+    assert r.newton_steps > 500
+    assert distance(r, results[3]) < 1e-6
+
+
+def test_halved_steps_use_the_coefficients_of_their_size(rough):
+    system, designs, _ = rough
+    fine = simulate(system, [designs[3]], replace(SHORT, step=2.5e-7), REST, KICK)[0]
+    halved = replace(SHORT, max_iterations=5, step=4e-6)
+    r = simulate(system, [designs[3]], halved, REST, KICK)[0]
+    coarse = simulate(system, [designs[3]], replace(SHORT, step=4e-6), REST, KICK)[0]
+    assert r.halvings > 10
+    assert distance(r, fine) < 1.2 * distance(coarse, fine) < 0.5
+
+
+def test_levels_by_squaring_are_the_propagators():
+    w2 = np.concatenate([(2 * np.pi * np.geomspace(10, 2e5, 20)) ** 2, [0.0, -1e6, 1e6]])
+    c = np.concatenate([0.02 * np.sqrt(w2[:20]), [3.0, 0.0, 1e4]])
+    for level, rows in enumerate(propagator_levels(w2, c, 1e-5, 4)):
+        wanted = propagators(w2, c, 1e-5 / 2**level)
+        size = np.abs(wanted).max(axis=1, keepdims=True)
+        np.testing.assert_allclose(rows / size, wanted / size, atol=1e-12)
+
+
+def test_modes_beyond_the_limit_move_as_newmarks():
+    w2 = np.array([1.9, 2.1]) ** 2
+    exact, newmark = (step_table(w2, 0 * w2, 1.0, 1, limit) for limit in (2.0, None))
+    np.testing.assert_array_equal(exact[0, :, 1], newmark[0, :, 1])
+    assert np.abs(exact[0, :, 0] - newmark[0, :, 0]).max() > 0.1
+    assert np.abs(exact[1, :, 1] - newmark[1, :, 1]).max() > 1e-3  # half the step resolves it
+
+
+def test_energy_balance_has_no_bias_over_smooth_motion():
+    system, design = random_system()
+    gentle = replace(design, d=np.zeros(1))
+    drifts = []
+    for step in (2e-6, 4e-6):
+        settings = TransientSettings(4e-3, step, 1, "exponential")
+        r = simulate(system, [gentle], settings, REST, 0.01 * KICK)[0]
+        assert r.history["dissipated_damping"][-1] > 0.05 * r.history["modal_energy"].max()
+        drifts.append(energy_drift(r))
+    assert drifts[0] < 1e-3
+    assert drifts[1] < 4e-3
+
+
+def test_prewarping_is_newmarks():
+    with pytest.raises(ParameterError, match="free modes of method 'exponential' are exact"):
+        replace(SHORT, prewarp=True)
