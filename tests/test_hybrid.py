@@ -240,7 +240,7 @@ def test_second_order_against_expm(case):
         assert r.outcome == "ok"
         difference = r.v - exact[model.n :]
         errors.append(np.sqrt(difference @ (model.M @ difference)))
-        assert abs(r.energy.relative) < 1e-6
+        assert abs(r.energy.relative) < 1e-5  # of the residuals at which steps were accepted
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order == pytest.approx(2.0, abs=0.15)
     assert errors[-1] < 0.02

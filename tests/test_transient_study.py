@@ -15,6 +15,9 @@ from squealstudy.study.names import HISTORIES, STATES
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
+from squealstudy.study.transient.basis import training_path
+from squealstudy.study.transient.batch import sampling
+from squealstudy.study.transient_section import TransientSection
 
 BELT = """
 [study]
@@ -68,6 +71,15 @@ def finished(tmp_path_factory):
         (("perturbation = 1e-5", 'method = "newmrk"'), "did you mean 'newmark'"),
         (("perturbation = 1e-5", 'start_point = "ab"'), "needs a results directory"),
         (("perturbation = 1e-5", "pod_vectors = 5"), "give modes_below too"),
+        (("perturbation = 1e-5", "pod_step = 1.0"), "longer than pod_duration"),
+        (
+            ("perturbation = 1e-5", 'method = "exponential"\nprewarp = true'),
+            'prewarp is for method = "newmark", not "exponential"',
+        ),
+        (
+            ("perturbation = 1e-5", 'method = "exponential"\nrepresentation = "hybrid"'),
+            "hybrid.* is for method",
+        ),
         (('kind = "transient"', 'kind = "complex_modes"'), 'needs kind = "transient"'),
     ],
 )
@@ -266,3 +278,27 @@ def test_a_failed_point_is_a_row_and_the_others_go_on(tmp_path):
     assert points.loc[soft, "message"].str.contains("must saturate at the sliding speed").all()
     assert points.loc[soft, "torque_rms"].isna().all()
     assert soft.sum() == 5
+
+
+def test_steps_that_are_halves_are_seen_at_equal_times():
+    def rows(step, save_every=0):
+        section = TransientSection(step=step, duration=1e-2, save_every=save_every)
+        return sampling(section, (500.0, 8000.0)) * step
+
+    assert {f"{rows(h):.1e}" for h in (1.25e-7, 2.5e-7, 5e-7, 1e-6, 2e-6, 4e-6, 8e-6)} == {
+        "8.0e-06"
+    }
+    assert rows(2e-5) == 2e-5
+    assert rows(1e-6, 30) == pytest.approx(6e-6)  # a divisor of what is kept
+
+
+def test_a_training_step_makes_one_basis_of_many_steps():
+    def training(**changes):
+        more = "".join(f"{k} = {v}\n" for k, v in {"modes_below": 1e3, **changes}.items())
+        return training_path(belt(more="pod_vectors = 1\n" + more), "key")
+
+    given = {"pod_step": 1e-4}
+    assert training(**given) != training()
+    assert training(**given) == training(**given, tolerance=1e-5, method='"exponential"')
+    assert training(pod_step=2e-5) == training()  # that of the study
+    assert training(pod_duration=0.02) != training()

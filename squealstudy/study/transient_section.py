@@ -12,9 +12,11 @@ from pydantic import (
     model_validator,
 )
 
+from squealstudy.analysis.transient.settings import TOLERANCE
 from squealstudy.study.section import Section
 
 MOST_STEPS = 1e9
+SLOW_TOLERANCE = 1e-3  # of the contact iteration in the slow references
 WORKING_POINT = "working_point"  # where a run starts by default
 
 
@@ -47,7 +49,8 @@ class TransientSection(Section):
     method: Literal["newmark", "newmark_newton", "exponential"] = Field(
         default="newmark",
         description="'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; 'newmark_newton', the "
-        "slow reference; 'exponential': free modes exact, contact as Newmark's",
+        "slow reference; 'exponential': free modes exact, contact as Newmark's, for longer steps "
+        "where impacts are soft",
     )
     representation: Literal["modal", "hybrid"] = Field(
         default="modal",
@@ -94,12 +97,13 @@ class TransientSection(Section):
         default="regularised",
         description="friction below the bound: straight (Coulomb with a corner) or tanh",
     )
-    tolerance: float = Field(
-        default=1e-3,
+    tolerance: float | None = Field(
+        default=None,
         gt=0,
         le=0.1,
         description="force imbalance at which a step is corrected a last time, relative; friction "
-        "forces may change by ten times this",
+        f"forces may change by ten times this. By default {TOLERANCE:g}, at which it is far below "
+        f"the error of the step, and {SLOW_TOLERANCE:g} for the slow references",
     )
     contact_factor: float = Field(
         default=1.0,
@@ -143,6 +147,12 @@ class TransientSection(Section):
     pod_duration: float = Field(
         default=0.03, gt=0, description="length of the training run at the nominal point, s"
     )
+    pod_step: float | None = Field(
+        default=None,
+        gt=0,
+        description="time step of the training run, s; that of the study by default. Runs with "
+        "other steps are comparable in one basis only",
+    )
 
     @field_validator("duration", "step")
     @classmethod
@@ -167,9 +177,30 @@ class TransientSection(Section):
             raise ValueError("modes_below truncates the modal representation, not the hybrid one")
         if self.representation == "hybrid" and self.stop == "settled":
             raise ValueError('stop = "settled" is for the modal representation, not the hybrid one')
+        if self.method == "exponential" and (self.prewarp or self.representation == "hybrid"):
+            what = "prewarp" if self.prewarp else 'representation = "hybrid"'
+            raise ValueError(f'{what} is for method = "newmark", not "exponential"')
+        if self.pod_step is not None and not self.pod_step <= self.pod_duration:
+            raise ValueError(f"pod_step {self.pod_step:g} s is longer than pod_duration")
         if self.stop == "end" and "settle_tolerance" in self.model_fields_set:
             raise ValueError('settle_tolerance needs stop = "settled"')
         return self
+
+    @property
+    def balance(self) -> float:
+        """The tolerance that runs, the default resolved."""
+        if self.tolerance is not None:
+            return self.tolerance
+        slow = self.representation == "hybrid" or self.method == "newmark_newton"
+        return SLOW_TOLERANCE if slow else TOLERANCE
+
+    @property
+    def training(self) -> TransientSection:
+        """The same for the training run, however the study itself integrates."""
+        step = self.step if self.pod_step is None else self.pod_step
+        changes = {"duration": self.pod_duration, "step": step, "method": "newmark"}
+        plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
+        return self.model_copy(update=changes | plain)
 
     @property
     def continued(self) -> bool:

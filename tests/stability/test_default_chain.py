@@ -57,7 +57,7 @@ def test_nothing_is_wrong_without_a_word(cells):
 
 def test_cells_tell_the_distance_to_newton(cells):
     near = [x for x in cells if x.outcome in (CONVERGED, RECOVERED) and x.measured < 1]
-    assert max(x.error for x in near) < 5e-3
+    assert max(x.error for x in near) < 1e-2
 
 
 def helped(values, **switched_off):

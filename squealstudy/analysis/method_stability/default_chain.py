@@ -24,7 +24,7 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
+from squealstudy.analysis.transient.settings import TOLERANCE, TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
@@ -80,8 +80,9 @@ class DefaultChain:
 
 
 def chain_settings(step: float) -> TransientSettings:
-    """A few steps by the defaults."""
-    return TransientSettings(STEPS * step, step, save_every=1)
+    """A few steps by the defaults of a study."""
+    loose = {"tolerance": TOLERANCE, "tolerance_t": 10 * TOLERANCE}
+    return TransientSettings(STEPS * step, step, save_every=1, **loose)
 
 
 def run(state: ContactState, settings: TransientSettings) -> TransientResult:

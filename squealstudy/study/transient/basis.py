@@ -10,7 +10,7 @@ from squealstudy.study.cache import prepared_path
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.plan import Plan
 
-TRAINING_KEYS = {"step", "tolerance", "friction", "pod_duration"}
+TRAINING_KEYS = {"step", "duration", "friction"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def truncated_choice(plan: Plan) -> BasisChoice:
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
     """Where the snapshots of the study's training run are kept, there or not."""
-    section = plan.study.definition.transient
+    section = plan.study.definition.transient.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
     values = [sorted(d.values.items()) for d in plan.training_designs]
     code = [source_hash(), source_hash(("study/transient",))]

@@ -71,8 +71,7 @@ def training_run(plan: Plan, prepared_key: str) -> np.ndarray:
     reference = reference_of(task)
     ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]
     starts = [_start(task, r) for r in ready]
-    section = task.section.model_copy(update={"duration": task.section.pod_duration})
-    settings = settings_of(section, 0)
+    settings = settings_of(task.section.training, 0)
     settings = replace(settings, save_every=max(1, settings.n_steps // SNAPSHOTS), save_q=True)
     results = simulate(
         reference.system,
