@@ -81,8 +81,9 @@ class DefaultChain:
 
 def chain_settings(step: float) -> TransientSettings:
     """A few steps by the defaults of a study."""
-    loose = {"tolerance": TOLERANCE, "tolerance_t": 10 * TOLERANCE}
-    return TransientSettings(STEPS * step, step, save_every=1, **loose)
+    return TransientSettings(
+        STEPS * step, step, save_every=1, tolerance=TOLERANCE, tolerance_t=10 * TOLERANCE
+    )
 
 
 def run(state: ContactState, settings: TransientSettings) -> TransientResult:
