@@ -326,6 +326,19 @@ def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
     np.testing.assert_allclose(full.solve(x).lam, dense.solve(x).lam, rtol=1e-9)
 
 
+def test_between_its_points_a_study_by_perturbation_is_solved_so_too(tmp_path):
+    """On exact modes root finding would hide what the method errs by."""
+    found = {}
+    for method in ("perturbation", "dense"):
+        text = study() + f'method = "{method}"\ntrack = false\n'
+        growth = run(text, tmp_path / method).modes.groupby("point_id")["growth_rate"].max()
+        plan = Plan(parse_study(text, Path("study.toml")))
+        at = Neighbourhoods(plan).of(0).solve(plan.coordinates[2])
+        found[method] = at.lam.real.max()
+        assert found[method] == pytest.approx(growth[plan.tasks[2].point_id], rel=1e-9)
+    assert abs(found["perturbation"] / found["dense"] - 1.0) > 1e-2
+
+
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [

@@ -392,8 +392,7 @@ def test_onset_of_hulten_by_each_method(onsets):
     assert read_off["high"] >= abs(read_off["value"] / LOCK_IN - 1)  # somewhere between two points
 
 
-def test_root_finding_is_by_the_method_under_test(onsets):
-    """On exact modes between the points it would find what the reference finds."""
+def test_a_method_that_misleads_about_the_onset_is_seen_to(onsets):
     assert onset_of(onsets, "perturbation")["error"] > 1e-3
 
 
