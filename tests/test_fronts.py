@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.analysis.tables.finding_errors import root_errors, run_errors
+from squealstudy.analysis.tables.finding_errors import (
+    onset_errors,
+    root_errors,
+    run_errors,
+)
 from squealstudy.analysis.tables.fronts import at_tolerances, on_front
 
 TRUE = [-3.0 + 1000j, 20.0 + 2000j, -900.0 + 3000j]
@@ -153,3 +157,34 @@ def test_default_against_the_cheapest_within_each_tolerance():
     assert found.loc[("all", 1e-2), "ratio"] == 1.0
     assert found.loc[("x", 1e-4), "cheapest"] == ""
     assert np.isnan(found.loc[("x", 1e-4), "ratio"])
+
+
+def onset(value, low=None, high=None):
+    return {"onset": [value, low or value, high or value], "onset_range": 0.7}
+
+
+def test_onsets_are_compared_relative_to_their_size():
+    (error,), count = onset_errors(onset(0.303, 0.302, 0.304), onset(0.3, 0.299, 0.3))
+    assert count == (0, 0)
+    assert error[:2] == ("onset", 0)
+    assert error[4:] == pytest.approx((0.01, 0.002 / 0.3, 0.005 / 0.3))
+    (early,), _ = onset_errors(onset(0.003), onset(0.0))
+    assert early.error == pytest.approx(0.003 / 0.007)
+
+
+@pytest.mark.parametrize(
+    ("own", "truth", "count"), [(None, 0.3, (1, 0)), (0.3, None, (0, 1)), (None, None, (0, 0))]
+)
+def test_an_onset_that_only_one_has_is_no_error_but_counts(own, truth, count):
+    assert onset_errors(onset(own), onset(truth)) == ([], count)
+
+
+def test_an_onset_costs_its_own_seconds():
+    rows = [
+        {"label": "a", "default": True, "cost": 1.0, "cost_onset": 9.0},
+        {"label": "b", "default": False, "cost": 2.0, "cost_onset": 6.0},
+    ]
+    table = measurements([row | {"error_x": 1e-3, "error_onset": 1e-3} for row in rows])
+    found = at_tolerances(table, ["x", "onset"], [1e-2]).set_index("quantity")
+    assert found["cheapest"].to_dict() == {"x": "a", "onset": "b", "all": "b"}
+    assert found["ratio"].to_dict() == {"x": 1.0, "onset": 1.5, "all": 1.5}

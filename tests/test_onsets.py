@@ -16,9 +16,12 @@ from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.study.complex_modes.between import Neighbourhoods
+from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.definition import parse_study
+from squealstudy.study.measure.onset_lines import first_onset
 from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
+from squealstudy.study.runner import build_structures, run_study
 
 HZ = 2 * np.pi
 W1, W2 = 100 * HZ, 75 * HZ
@@ -307,3 +310,47 @@ def test_results_of_an_older_version_are_run_again(tmp_path):
         squealstudy.open_results(tmp_path / "r")
     again = run(study(), tmp_path / "r")
     pd.testing.assert_frame_equal(again.onsets, results.onsets)
+
+
+def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
+    both = []
+    for method in ("full", "dense"):
+        text = study() + f'method = "{method}"\n'
+        plan = Plan(parse_study(text, Path("study.toml")))
+        build_structures(plan, 1, lambda *_: None)
+        both.append(Neighbourhoods(plan).of(1))
+    full, dense = both
+    assert isinstance(full.by, FullRung)
+    assert dense.by is None
+    x = np.array([0.23])
+    np.testing.assert_allclose(full.solve(x).lam, dense.solve(x).lam, rtol=1e-9)
+
+
+def test_between_its_points_a_study_by_perturbation_is_solved_so_too(tmp_path):
+    """On exact modes root finding would hide what the method errs by."""
+    found = {}
+    for method in ("perturbation", "dense"):
+        text = study() + f'method = "{method}"\ntrack = false\n'
+        growth = run(text, tmp_path / method).modes.groupby("point_id")["growth_rate"].max()
+        plan = Plan(parse_study(text, Path("study.toml")))
+        at = Neighbourhoods(plan).of(0).solve(plan.coordinates[2])
+        found[method] = at.lam.real.max()
+        assert found[method] == pytest.approx(growth[plan.tasks[2].point_id], rel=1e-9)
+    assert abs(found["perturbation"] / found["dense"] - 1.0) > 1e-2
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([], (None, None, None)),
+        ([("out", 0.2, "refined", 1e-4)], (None, None, None)),
+        ([("in", 0.4, "refined", 1e-4), ("in", 0.3, "cubic", 1e-5)], (0.3, 0.29999, 0.30001)),
+        ([("in", 0.3, "refined", 1e-4), ("in", np.nan, "below_range", np.nan)], (0.0, 0.0, 0.0)),
+        ([("in", 0.2, "first_seen", np.nan)], (0.2, 0.1, 0.2)),
+        ([("in", 0.23, "interpolated", np.nan)], (0.23, 0.2, 0.3)),
+    ],
+)
+def test_the_first_onset_of_a_line_has_bounds(rows, expected):
+    table = pd.DataFrame(rows, columns=["direction", "onset", "status", "error_estimate"])
+    table["bracket_low"], table["bracket_high"] = 0.2, 0.3
+    assert first_onset(table, np.array([0.0, 0.1, 0.2, 0.3])) == pytest.approx(expected)

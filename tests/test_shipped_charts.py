@@ -98,3 +98,25 @@ def test_rungs_of_reanalysis(tmp_path):
     assert table.loc["sweep basis, tolerance 0.0001", "error_frequency"] < 1e-4
     assert table.loc["two-step", "error_frequency"] > 1e-5
     assert (table[["missed", "n_failed"]].drop(index="perturbation").to_numpy() == 0).all()
+
+
+def test_onset_of_the_brake(tmp_path):
+    table = measured(
+        "onset",
+        tmp_path,
+        (r"\npoints = 2", "\npoints = 1"),
+        (r"num = 8", "num = 3"),
+        (r"set.reduction\S+ = \S+\n", ""),
+        (
+            r"modes.track = false",
+            "modes.track = false\nmodes.refine_tracking = false\nreduction.enrichment = false",
+        ),
+        (r"(?s)\[\[method\]\]\nname = \"(dense|sweep basis|perturbation)\".*?(?=\[\[method)", ""),
+        (r"(?s)\[\[method\]\]\nname = \"interpolated.*", ""),
+    )
+    errors = squealstudy.open_results(tmp_path / "results").errors
+    onset = errors[errors["quantity"] == "onset"].set_index("label")
+    assert 0.15 < onset.loc["dense, larger basis", "truth"] < 0.35  # the lock-in near 3.3 kHz
+    assert 1e-3 < onset.loc["two-step", "error"] < 0.1
+    assert table.loc["two-step", "missed"] == 0
+    assert table.loc["two-step", "cost_onset"] > 3 * table.loc["two-step", "seconds_median"]

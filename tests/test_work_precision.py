@@ -9,8 +9,11 @@ from typer.testing import CliRunner
 
 from squealstudy import open_results
 from squealstudy.cli.app import app
-from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
+from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.plots.work_precision import work_precision
+from squealstudy.study.chunks import read_chunks
+from squealstudy.study.complex_modes import worker
+from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
@@ -332,3 +335,134 @@ def test_cost_has_its_share_of_the_set_up(steps):
     assert over == 2
     share = table["cost"] - table["seconds_median"]
     np.testing.assert_allclose(share, table["setup_seconds"] / over, atol=1e-12)
+
+
+FLUTTER = HULTEN.replace("hoffmann", "hulten").replace("num = 61", "num = 7")
+ONSETS = """
+[study]
+name = "onsets"
+kind = "work_precision"
+[work_precision]
+base = "base.toml"
+points = 2
+repeats = 1
+quantities = ["onset"]
+[work_precision.set]
+modes.track = false
+[reference]
+name = "dense"
+set.modes.method = "dense"
+[[method]]
+name = "sweep basis"
+set.modes.method = "sweep_basis"
+[[method]]
+name = "perturbation"
+set.modes.method = "perturbation"
+[[method]]
+name = "interpolated"
+set.modes.refine_onsets = false
+"""
+LOCK_IN = (100**2 - 75**2) / (2 * 100 * 75)  # friction at which Hulten's two modes merge
+
+
+@pytest.fixture(scope="module")
+def onsets(tmp_path_factory):
+    """Results of a study of the lock-in of Hulten's model."""
+    place = tmp_path_factory.mktemp("onsets")
+    (place / "base.toml").write_text(FLUTTER)
+    (place / "study.toml").write_text(ONSETS)
+    run_experiment(load_any(place / "study.toml"), place / "results", 1)
+    return open_results(place / "results")
+
+
+def onset_of(results, label):
+    errors = results.errors
+    (row,) = errors[(errors["quantity"] == "onset") & (errors["label"] == label)].to_dict("records")
+    return row
+
+
+def test_onset_of_hulten_by_each_method(onsets):
+    basis, reference = onset_of(onsets, "sweep basis"), onset_of(onsets, "dense")
+    assert reference["truth"] == pytest.approx(LOCK_IN, abs=1e-4)
+    assert basis["value"] == pytest.approx(LOCK_IN, abs=1e-4)
+    assert basis["high"] * LOCK_IN <= 4.1e-4  # that of root finding, of both
+    read_off = onset_of(onsets, "interpolated")
+    assert read_off["error"] == pytest.approx(abs(read_off["value"] / reference["value"] - 1))
+    assert read_off["error"] > 0.1
+    assert read_off["high"] >= abs(read_off["value"] / LOCK_IN - 1)  # somewhere between two points
+
+
+def test_a_method_that_misleads_about_the_onset_is_seen_to(onsets):
+    assert onset_of(onsets, "perturbation")["error"] > 1e-3
+
+
+def test_cost_of_an_onset_is_that_of_its_line_and_root_finding(onsets):
+    table = onsets.measurements.set_index("label")
+    assert (table["onset_seconds"] > 7 * table["seconds_median"]).all()
+    share = table["cost_onset"] - table["onset_seconds"]
+    np.testing.assert_allclose(share, 7 * table["setup_seconds"] / 7, rtol=1e-9)
+
+
+def test_measured_points_on_one_line_share_it(write):
+    second = '[[sweep]]\nparameter = "stiffness_damping"\nvalues = [1e-6, 1e-5, 1e-4]\n'
+    base = FLUTTER.replace("[modes]", second + "[modes]")
+
+    def lines(text):
+        variant = experiment_kind(load_any(write(base, text))).variants[0]
+        swept = variant.plan.swept
+        return variant, {n: [swept[i] for i in rows] for n, rows in variant.lines.items()}
+
+    variant, found = lines(ONSETS)
+    for n, line in found.items():
+        own = variant.plan.swept[variant.measured[n]]
+        assert {p["stiffness_damping"] for p in line} == {own["stiffness_damping"]}
+        assert [p["friction"] for p in line] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    assert list(found) == [0, 1]
+    assert list(lines(ONSETS.replace("points = 2", "points = 0"))[1]) == [0, 7, 14]
+
+
+def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
+    def fail(prepared, design, band, known=None):
+        if design.operating_point().mu_steady == 0.6:
+            raise ConvergenceError("not_converged", "no working point")
+        return solve_design(prepared, design, band, known)
+
+    kind = WorkPrecision(load_any(write(FLUTTER, ONSETS)))
+    kind.prepare(1, lambda *_: None)
+    name, variant, number = kind.runs()[-1]
+    monkeypatch.setattr(worker, "solve_design", fail)
+    assert kind.solve(tmp_path, name, variant, number) == "not_converged"
+    (row,) = read_chunks(tmp_path, {name}, kind.schema).values()
+    assert row["message"] == "on the line of onset: no working point"
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        (FLUTTER.replace("num = 7", "num = 1"), "over two values or more"),
+        (FLUTTER + '[design]\ntype = "sobol"\nsamples = 8\n', "found on lines of a grid"),
+        (BELT, "'onset' is no quantity of a transient study"),
+    ],
+)
+def test_onsets_need_lines(write, base, message):
+    base = base.replace("num = 7\n", "") if "sobol" in base else base
+    with pytest.raises(StudyFileError, match=message) as error:
+        experiment_kind(load_any(write(base, ONSETS)))
+    assert error.value.key == "work_precision.quantities"
+
+
+def test_an_onset_is_drawn_over_its_own_cost():
+    table = table_of(
+        error_onset=[1e-2, 1e-3, np.nan, 0.0],
+        low_onset=[1e-2, 1e-3, np.nan, 0.0],
+        high_onset=[1e-2, 1e-3, np.nan, 0.0],
+        cost_onset=[10.0, 20.0, 5.0, 90.0],
+    )
+    facts = {"over": 10, "reference": "truth"}
+    first, second = work_precision(table, ["x", "onset"], 1e-2, facts).axes
+    for axes, factor in ((first, 1.0), (second, 10.0)):
+        lines = {line.get_label(): list(line.get_xdata()) for line in axes.lines}
+        assert lines["one"] == [factor, 2 * factor]
+        crosses = [list(k.get_xdata()) for k in axes.lines if k.get_marker() == "x"]
+        assert crosses == [[0.5 * factor]]
+    assert "an onset" in second.get_xlabel()

@@ -21,6 +21,8 @@ SHORT = {
     "unstable_frequency": "unst. df/f",
     "unstable_damping_ratio": "unst. d zeta",
     "growth_rate": "growth",
+    "onset": "onset",
+    "onset_seconds": "s an onset",
     "torque_mean": "mean",
     "torque_rms": "RMS",
     "dominant_frequency": "line",
@@ -80,13 +82,15 @@ def _measurements(results: Results) -> None:
     quantities = results.manifest["quantities"]
     grid = Table(box=None, pad_edge=False, header_style="bold")
     grid.add_column("method", overflow="fold", min_width=24)
-    for title in ("s a point", "set-up s", "MB", "passes", *quantities, "status"):
+    lines = ["onset_seconds"] if "onset" in quantities else []
+    for title in ("s a point", *lines, "set-up s", "MB", "passes", *quantities, "status"):
         grid.add_column(SHORT.get(title, title), justify="right", overflow="fold")
     for row in results.measurements.to_dict("records"):
         bad = [f"{row[k]} {k}" for k in ("missed", "spurious") if row[k]]
         grid.add_row(
             row["label"] + (" (reference)" if row["reference"] else ""),
             f"{row['seconds_median']:.3g}",
+            *(f"{row[name]:.3g}" for name in lines),
             f"{row['setup_seconds']:.3g}",
             f"{row['memory_mb']:.0f}",
             "-" if np.isnan(row["iterations"]) else f"{row['iterations']:.2f}",

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from squealstudy.analysis.tables.fronts import on_front, usable
+from squealstudy.analysis.tables.fronts import cost_of, on_front, usable
 from squealstudy.plots.style import COLOURS, DARK, GREY, MARKERS, finish, new_figure
 
 LEAST = 1e-16  # errors below are drawn there: a logarithm needs one
@@ -21,6 +21,7 @@ NAMES = {
     "unstable_frequency": "frequency, unstable modes [relative]",
     "unstable_damping_ratio": "damping ratio, unstable modes [absolute]",
     "growth_rate": "growth rate [relative]",
+    "onset": "onset of instability [relative]",
     "torque_mean": "mean torque [relative]",
     "torque_rms": "torque RMS [relative]",
     "dominant_frequency": "dominant frequency [relative]",
@@ -55,16 +56,17 @@ def work_precision(
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
     figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    shared = "onset" not in quantities  # which costs a line of design points
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=shared).ravel()
     methods = measurements[~measurements["reference"].to_numpy(bool)]
     truth = measurements[measurements["reference"].to_numpy(bool)]
     styles = _styles(methods)
     for axes, quantity in zip(panels, quantities, strict=False):
         _panel(axes, methods, quantity, styles)
         axes.axhline(tolerance, color=DARK, lw=1.0, ls=(0, (5, 3)), zorder=1)
-        for cost in truth["cost"]:
+        for cost in cost_of(truth, quantity):
             axes.axvline(cost, color=GREY, lw=1.0, ls=":", zorder=1)
-        finish(axes, _cost_label(facts), NAMES.get(quantity, quantity))
+        finish(axes, _cost_label(quantity, facts), NAMES.get(quantity, quantity))
     for axes in panels[len(quantities) :]:
         axes.set_axis_off()
     figure.suptitle(
@@ -90,8 +92,9 @@ def _minor_tick(value: float, _: int) -> str:
     return f"{value:g}" if round(digit) in (2, 5) else ""
 
 
-def _cost_label(facts: Mapping[str, Any]) -> str:
-    return f"seconds a design point, one core; set-up shared by {facts['over']:,}"
+def _cost_label(quantity: str, facts: Mapping[str, Any]) -> str:
+    what = "an onset with its line" if quantity == "onset" else "a design point"
+    return f"seconds {what}, one core; set-up shared by {facts['over']:,}"
 
 
 def _styles(methods: pd.DataFrame) -> dict[str, dict[str, Any]]:
@@ -115,7 +118,7 @@ def _panel(
 ) -> None:
     good = usable(methods)
     error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LEAST)
-    cost = methods["cost"].to_numpy(float)
+    cost = cost_of(methods, quantity)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -131,7 +134,7 @@ def _panel(
     axes.plot(cost[order], error[order], color=GREY, lw=7, alpha=0.35, zorder=0)
     named = np.flatnonzero(good & (front | methods["default"].to_numpy(bool)))
     _knob_values(axes, methods.iloc[named], cost[named], error[named], styles)
-    _failures(axes, methods[~good], styles)
+    _failures(axes, methods[~good], cost[~good], styles)
 
 
 def _knob_values(
@@ -156,7 +159,7 @@ def _knob_values(
 def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
     """Bars from the least to the largest error that the intervals allow."""
     low, high = (own[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
-    error, cost = own[f"error_{quantity}"].to_numpy(float), own["cost"].to_numpy(float)
+    error, cost = own[f"error_{quantity}"].to_numpy(float), cost_of(own, quantity)
     wide = np.isfinite(low) & (high > low) & (error > 0)
     if wide.any():
         down = error[wide] - np.maximum(low[wide], 0.05 * error[wide])
@@ -171,15 +174,17 @@ def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
         )
 
 
-def _failures(axes: Axes, failed: pd.DataFrame, styles: Mapping[str, Mapping[str, Any]]) -> None:
+def _failures(
+    axes: Axes, failed: pd.DataFrame, cost: np.ndarray, styles: Mapping[str, Mapping[str, Any]]
+) -> None:
     """Crosses on top at their cost; at the right edge where nothing was integrated."""
-    for row in failed.to_dict("records"):
-        known = np.isfinite(row["cost"])
+    for method, seconds in zip(failed["method"], cost, strict=True):
+        known = np.isfinite(seconds)
         axes.plot(
-            [row["cost"] if known else 0.985],
+            [seconds if known else 0.985],
             [0.97],
             "x",
-            color=styles[row["method"]]["color"],
+            color=styles[method]["color"],
             ms=9,
             mew=2.2,
             transform=axes.get_xaxis_transform() if known else axes.transAxes,

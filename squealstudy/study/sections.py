@@ -220,7 +220,7 @@ class ReductionSection(Section):
         default=False,
         description="add static responses to the change of contact stiffness at the ends of a "
         "swept friction, as is done for pressure: smaller errors far from the nominal friction, "
-        "a reduction for each range",
+        "in a larger basis and a reduction for each range",
     )
 
 

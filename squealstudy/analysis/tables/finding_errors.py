@@ -1,8 +1,8 @@
 """Errors of what a method found at a design point against what a reference found there.
 
-Findings are plain data: of complex modes ``roots`` (m, 2), of a run in time ``values`` with bounds,
-``energy_share`` by mode and ``class``. Every error has bounds: where both have intervals, the
-smallest and largest distance between them.
+Findings are plain data: of complex modes ``roots`` (m, 2) and perhaps an ``onset`` with bounds, of
+a run in time ``values`` with bounds, ``energy_share`` by mode and ``class``. Every error has
+bounds: where both have intervals, the smallest and largest distance between them.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ PAIRED = 0.05  # relative distance within which two roots are one mode
 CLEARLY = 1e-4  # damping ratio beyond which a mode is unstable, or stable, for certain
 QUIET = 1e-3  # of the static torque: levels below are compared on this scale
 SLOW = 1.0  # 1/s: growth rates below are compared on this scale
+EARLY = 1e-2  # of the searched range: onsets below are compared on this scale
 FAINT = 1e-3  # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
 LASTING = ("limit_cycle", "irregular")  # classes whose level is one
 
@@ -107,6 +108,22 @@ def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]
         pairs += [("growth_rate", lam.real, root.real, abs(lam.real - root.real) / scale)]
     for name, value, truth, error in pairs:
         yield FoundError(name, mode, float(value), float(truth), *[float(error)] * 3)
+
+
+def onset_errors(
+    found: Mapping[str, Any], truth: Mapping[str, Any]
+) -> tuple[list[FoundError], Miscount]:
+    """Relative error of the onset of instability; nothing where none was sought.
+
+    An onset that only the reference has is missed, one that it does not have is spurious.
+    """
+    if "onset" not in truth:
+        return [], Miscount(0, 0)
+    own, ref = found["onset"], truth["onset"]
+    if own[0] is None or ref[0] is None:
+        return [], Miscount(int(ref[0] is not None), int(own[0] is not None))
+    error = _interval_error("onset", own, ref, EARLY * truth["onset_range"])
+    return [error] if error is not None else [], Miscount(0, 0)
 
 
 def run_errors(

@@ -38,6 +38,13 @@ def usable(measurements: pd.DataFrame) -> np.ndarray:
     return ((measurements["status"] == "ok") & (counts == 0)).to_numpy(bool)
 
 
+def cost_of(measurements: pd.DataFrame, quantity: str) -> np.ndarray:
+    """Seconds (n,) that a quantity costs: of a design point, or its own, as an onset has."""
+    own = f"cost_{quantity}"
+    column = own if own in measurements else "cost"
+    return measurements[column].to_numpy(float)
+
+
 def at_tolerances(
     measurements: pd.DataFrame, quantities: Sequence[str], tolerances: Sequence[float]
 ) -> pd.DataFrame:
@@ -47,9 +54,11 @@ def at_tolerances(
     ----------
     measurements : DataFrame
         Columns ``label``, ``default``, ``reference``, ``cost``, ``status``, ``n_failed``,
-        ``missed``, ``spurious`` and ``error_<quantity>``.
+        ``missed``, ``spurious``, ``error_<quantity>`` and, where it has a cost of its own,
+        ``cost_<quantity>``.
     quantities : sequence of str
-        All of them together too, under the name ``all``, but those that nothing has.
+        All of them together too, under the name ``all``, but those that nothing has; at the cost of
+        the dearest.
     tolerances : sequence of float
 
     Returns
@@ -61,34 +70,39 @@ def at_tolerances(
     rows = []
     known = [q for q in quantities if good[f"error_{q}"].notna().any()]
     for name in [*quantities, *(["all"] if len(quantities) > 1 else [])]:
-        columns = [f"error_{q}" for q in (known if name == "all" else [name])]
-        error = good[columns].max(axis=1, skipna=False).to_numpy(float)
+        judged = known if name == "all" else [name]
+        error = good[[f"error_{q}" for q in judged]].max(axis=1, skipna=False).to_numpy(float)
+        cost = np.max([cost_of(good, q) for q in judged or quantities], axis=0)
         rows += [
-            {"quantity": name, "tolerance": tolerance} | _at(good, error <= tolerance, error)
+            {"quantity": name, "tolerance": tolerance} | _at(good, error <= tolerance, error, cost)
             for tolerance in tolerances
         ]
     return pd.DataFrame(rows, columns=list(FRONT_COLUMNS)).astype(FRONT_COLUMNS)
 
 
-def _at(good: pd.DataFrame, within: np.ndarray, error: np.ndarray) -> dict[str, object]:
+def _at(
+    good: pd.DataFrame, within: np.ndarray, error: np.ndarray, cost: np.ndarray
+) -> dict[str, object]:
     """The cheapest of the measurements `within` a tolerance, and of the default ones."""
     default = within & good["default"].to_numpy(bool)
-    label, cost, its = _cheapest(good, within, error)
-    own_label, own_cost, own = _cheapest(good, default, error)
+    label, least, its = _cheapest(good, within, error, cost)
+    own_label, own_cost, own = _cheapest(good, default, error, cost)
     return {
         "cheapest": label,
-        "cost": cost,
+        "cost": least,
         "error": its,
         "default": own_label,
         "default_cost": own_cost,
         "default_error": own,
-        "ratio": own_cost / cost,
+        "ratio": own_cost / least,
     }
 
 
-def _cheapest(good: pd.DataFrame, among: np.ndarray, error: np.ndarray) -> tuple[str, float, float]:
+def _cheapest(
+    good: pd.DataFrame, among: np.ndarray, error: np.ndarray, cost: np.ndarray
+) -> tuple[str, float, float]:
     rows = np.flatnonzero(among)
     if not len(rows):
         return "", np.nan, np.nan
-    best = rows[np.argmin(good["cost"].to_numpy(float)[rows])]
-    return str(good["label"].iloc[best]), float(good["cost"].iloc[best]), float(error[best])
+    best = rows[np.argmin(cost[rows])]
+    return str(good["label"].iloc[best]), float(cost[best]), float(error[best])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -10,13 +11,19 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes.bases import BasisTask
+from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.solve import solve_design
-from squealstudy.study.complex_modes.window_tasks import basis_tasks
-from squealstudy.study.complex_modes.window_worker import solve_in_basis
+from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
+from squealstudy.study.complex_modes.window_worker import (
+    WindowTask,
+    solve_in_basis,
+    solve_in_box,
+)
 from squealstudy.study.design import Design
 from squealstudy.study.family_cache import prepared_any
-from squealstudy.study.method import OVER_A_BASIS
+from squealstudy.study.method import FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.plan import Plan
+from squealstudy.study.tasks import PointTask
 
 
 @dataclass(frozen=True)
@@ -33,8 +40,9 @@ class Between:
     sweeps : tuple of (str, bool)
         Name of each coordinate, and whether it is a logarithm.
     band_hz : (low, high)
-    basis : BasisTask or None
-        The sweep basis to solve in, where the study has one; without, points are solved exactly.
+    by : BasisTask, WindowTask, FullRung or None
+        What the study's method solves by: a sweep basis, a box, the unreduced model; None for the
+        reduced model itself.
     """
 
     prepared_key: str
@@ -42,7 +50,7 @@ class Between:
     x: np.ndarray
     sweeps: tuple[tuple[str, bool], ...]
     band_hz: tuple[float, float]
-    basis: BasisTask | None = None
+    by: BasisTask | WindowTask | FullRung | None = None
 
     def design_at(self, x: np.ndarray) -> Design:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
@@ -67,21 +75,41 @@ class Between:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def _solved(self, design: Design) -> Modes:
-        if self.basis is not None:
-            return Modes(*solve_in_basis(self.basis, design))
-        found = solve_design(prepared_any(self.prepared_key), design, self.band_hz)
+        if isinstance(self.by, BasisTask):
+            return Modes(*solve_in_basis(self.by, design))
+        if isinstance(self.by, WindowTask):
+            found = solve_in_box(self.by, design)
+        elif isinstance(self.by, FullRung):
+            found = self.by.solve(PointTask("", design, self.prepared_key), self.band_hz)
+        else:
+            found = solve_design(prepared_any(self.prepared_key), design, self.band_hz)
         kept = ~found.overdamped
         return Modes(found.lam[kept], found.shapes[kept])
 
 
 class Neighbourhoods:
-    """Makes the neighbourhoods of a plan's design points."""
+    """Makes the neighbourhoods of a plan's design points.
 
-    def __init__(self, plan: Plan) -> None:
+    Parameters
+    ----------
+    plan : Plan
+    whole : Plan or None
+        The plan whose boxes and bases serve the points, where these are only some of its points.
+    """
+
+    def __init__(self, plan: Plan, whole: Plan | None = None) -> None:
         self._plan = plan
-        over_basis = plan.method.name in OVER_A_BASIS
-        bases = basis_tasks(plan) if over_basis else []
+        whole = plan if whole is None else whole
+        method = whole.method.name
+        bases = basis_tasks(whole) if method in OVER_A_BASIS else []
         self._bases = {b.key: b for b in bases if b.path.is_file()}
+        boxes = window_tasks(whole, Path(), whole.tasks) if method in FOR_COMPARISON else []
+        self._boxes = {
+            task.point_id: replace(box, points=(), theta=box.theta[:0])
+            for box in boxes
+            for task in box.points
+        }
+        self._full = FullRung(plan.study.options, plan.settings) if method == FULL else None
         self._sweeps = tuple(
             (s.name, s.scale == "log" and all(point[s.name] > 0 for point in plan.swept))
             for s in plan.study.sweeps
@@ -90,8 +118,8 @@ class Neighbourhoods:
     def of(self, point: int) -> Between:
         """What lies around a design point."""
         task, x = self._plan.tasks[point], self._plan.coordinates[point]
-        basis = self._bases.get(task.prepared_key)
-        return Between(task.prepared_key, task.design, x, self._sweeps, self._plan.band_hz, basis)
+        by = self._bases.get(task.prepared_key) or self._boxes.get(task.point_id) or self._full
+        return Between(task.prepared_key, task.design, x, self._sweeps, self._plan.band_hz, by)
 
     def logarithmic(self, column: int) -> bool:
         """Whether a coordinate is a logarithm."""

@@ -45,9 +45,13 @@ class Follower:
     columns : ModeColumns
         With shapes.
     jobs : int
+    near : Neighbourhoods or None
+        What lies between the points, where the plan alone does not tell.
     """
 
-    def __init__(self, plan: Plan, columns: ModeColumns, jobs: int) -> None:
+    def __init__(
+        self, plan: Plan, columns: ModeColumns, jobs: int, near: Neighbourhoods | None = None
+    ) -> None:
         if columns.shapes is None:
             raise ValueError("columns were read without shapes")
         self._plan, self._jobs, self._file = plan, jobs, columns.shapes
@@ -55,7 +59,7 @@ class Follower:
         parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
         self._tree = TrackTree(parents, self.lams, plan.coordinates)
         self._alignment = ShapeAlignment(plan)
-        self.near = Neighbourhoods(plan)
+        self.near = Neighbourhoods(plan) if near is None else near
 
     def shapes(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, in those of the first structure."""

@@ -13,12 +13,12 @@ import pyarrow as pa
 from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.study.complex_modes.columns import ModeColumns, read_columns
 from squealstudy.study.complex_modes.counts import damping_ratios, settled
-from squealstudy.study.complex_modes.follow import Follower
-from squealstudy.study.complex_modes.onsets import OnsetSearch, onsets_arrow
+from squealstudy.study.complex_modes.followed import follow_modes
+from squealstudy.study.complex_modes.onsets import onsets_arrow
 from squealstudy.study.complex_modes.reference import read_references
 from squealstudy.study.files import write_parquet
 from squealstudy.study.kind import Progress
-from squealstudy.study.names import MODES, ONSETS, POINTS, onset_parameter
+from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.plan import Plan
 
 UNTRACKED = -1  # in place of a track number
@@ -41,16 +41,10 @@ def build_tables(
     points = _points_table(plan, columns, unstable, read_references(directory))
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
-    along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
     try:
         if columns.shapes is not None:
-            follower = Follower(plan, columns, jobs)
-            tracks, summary["tracking"] = follower.follow(section.refine_tracking, report)
-            if along is not None:
-                kept = ~columns.overdamped
-                lam, error = judged[kept], columns.error_estimate[kept]
-                search = OnsetSearch(plan, follower, tracks, points, along, lam, error)
-                onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
+            found = follow_modes(plan, columns, points, judged, jobs, report)
+            tracks, onsets, summary = found
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()

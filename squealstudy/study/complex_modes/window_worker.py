@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
@@ -123,6 +124,22 @@ def solve_in_basis(task: BasisTask, design: Design) -> tuple[np.ndarray, np.ndar
     pairs = pairs.take(in_band(pairs.lam, ready.problem.band, 1.0) & (pairs.lam.imag > 0))
     pairs = pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
     return pairs.lam, ready.reduced.shapes(pairs.X)
+
+
+def solve_in_box(task: WindowTask, design: Design) -> PointModes:
+    """Modes of another design point of a box, by the method of the box.
+
+    Raises
+    ------
+    ConvergenceError
+        Where it has none.
+    """
+    ready = served(task.basis, task.method in OVER_A_BASIS)
+    theta = task.basis.chart.theta([design.values])
+    (found,) = _solved(replace(task, theta=theta), ready)
+    if found.failure is not None:
+        raise found.failure
+    return (ready.full if found.full else ready.reduced).read(found)
 
 
 def _row(point_id: str, found: PointRoots, reader: Reader, since: float) -> dict[str, Any]:

@@ -11,12 +11,14 @@ from squealstudy.study.section import Changes, FloatList, NumberTable, Section
 
 Scalar = bool | int | float | str
 OPTION = "option."  # knobs that are options of an integrator
+ONSET = "onset"
 FREQUENCY_QUANTITIES = (
     "frequency",
     "damping_ratio",
     "unstable_frequency",
     "unstable_damping_ratio",
     "growth_rate",
+    ONSET,
 )
 TIME_QUANTITIES = (
     "growth_rate",
@@ -70,7 +72,9 @@ class WorkPrecisionSection(Section):
         description="what the chart judges; of complex modes "
         + ", ".join(FREQUENCY_QUANTITIES)
         + "; in time "
-        + ", ".join(TIME_QUANTITIES),
+        + ", ".join(TIME_QUANTITIES)
+        + "; onset is that of instability along friction, or the first sweep where friction is "
+        "not swept, on lines through the measured points",
     )
     tolerance: float = Field(default=1e-2, gt=0, le=1, description="line of the chart")
     over: int = Field(

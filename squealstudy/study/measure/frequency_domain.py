@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,19 @@ from squealstudy.study.complex_modes.window_worker import WindowTask
 from squealstudy.study.complex_modes.worker import ChunkTask
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.onset_lines import LinePlan, find_onset
 from squealstudy.study.method import PERTURBATION, WINDOWS
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
+from squealstudy.study.rows import FAILURES, reason
 
 # rungs whose design points share work within a box: all points of the study are solved and timed
 TOGETHER = (WINDOWS, PERTURBATION)
 
 
-def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
+def measure_modes(
+    plan: Plan, measured: Sequence[int], lines: Mapping[int, Sequence[int]] | None = None
+) -> Measurement:
     """Solve chosen points of a complex-mode study by its method, in a scratch directory.
 
     Parameters
@@ -38,12 +42,18 @@ def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
         Its structures are in the cache.
     measured : sequence of int
         Positions of the points among the plan's.
+    lines : mapping of int -> sequence of int, or None
+        By number of a measured point, positions of the points of the line on which its onset is
+        sought.
     """
     kind = ComplexModes()
     with threadpool_limits(1):
         kind.prepare(plan, lambda stage, done, total: None, 1)
     chosen = [plan.tasks[i] for i in measured]
-    solved = plan.tasks if plan.method.name in TOGETHER else chosen
+    lines = {} if lines is None else lines
+    on_lines = [i for line in lines.values() for i in line]
+    wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
+    solved = plan.tasks if plan.method.name in TOGETHER else wanted
     with tempfile.TemporaryDirectory() as scratch:
         tasks = kind.tasks(plan, Path(scratch), solved, 1)
         ready_s = _made_ready(tasks)
@@ -53,10 +63,41 @@ def measure_modes(plan: Plan, measured: Sequence[int]) -> Measurement:
                 kind.solve(_forgetful(task))
             seconds = (time.perf_counter() - started) / len(solved)
         rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
-    findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
+        findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
+        following_s = []
+        for n, line in lines.items():
+            found, spent = onset_finding(LinePlan(plan, line), Path(scratch))
+            findings[str(n)] |= found
+            following_s.append(spent)
+    line_points = len(on_lines) / len(lines) if lines else np.nan
+    onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
     setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
     coordinates = int(load_any(chosen[0].prepared_key).model.n)
-    return Measurement(seconds, setup, reduction, memory.megabytes, np.nan, coordinates, findings)
+    return Measurement(
+        seconds,
+        setup,
+        reduction,
+        memory.megabytes,
+        np.nan,
+        coordinates,
+        findings,
+        onset_s,
+        line_points,
+    )
+
+
+def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], float]:
+    """Part of a finding that holds the onset on a line of solved points, and seconds."""
+    started = time.perf_counter()
+    try:
+        with threadpool_limits(1):
+            value, width = find_onset(line, directory)
+    except FAILURES as error:
+        status, message = reason(error)
+        found: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
+    else:
+        found = {"onset": list(value), "onset_range": width}
+    return found, time.perf_counter() - started
 
 
 def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:

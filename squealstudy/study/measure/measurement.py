@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,11 @@ class Measurement:
     n_coordinates : int
     findings : mapping of str -> mapping
         By measured point: ``status`` and what was found.
+    onset_seconds : float
+        An onset: design points of its line, modes followed along it, root finding; NaN where no
+        onsets were sought.
+    line_points : float
+        Design points of a line.
     """
 
     seconds: float
@@ -35,6 +41,8 @@ class Measurement:
     iterations: float
     n_coordinates: int
     findings: Mapping[str, Mapping[str, Any]]
+    onset_seconds: float = math.nan
+    line_points: float = math.nan
 
     @property
     def n_failed(self) -> int:

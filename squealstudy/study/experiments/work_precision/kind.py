@@ -197,7 +197,7 @@ class WorkPrecision:
         if not all(is_prepared(s.key) for s in variant.plan.structures):
             raise ConvergenceError("structure", "no reduction of its model can be made")
         if self.base_kind == "complex_modes":
-            return measure_modes(variant.plan, variant.measured)
+            return measure_modes(variant.plan, variant.measured, variant.lines)
         starts = self.experiment.definition.work_precision.starts
         if not variant.integrator:
             return measure_runs(variant.plan, variant.measured, starts=starts)

@@ -21,6 +21,8 @@ FIELDS = (
     ("iterations", REAL),
     ("n_coordinates", WHOLE),
     ("n_failed", WHOLE),
+    ("onset_seconds", REAL),
+    ("line_points", REAL),
     ("findings", TEXT),  # JSON: measured point -> what was found there
 )
 SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
@@ -41,6 +43,8 @@ def row(name: str, variant: str, number: int, wall_s: float, made: Measurement) 
         "iterations": made.iterations,
         "n_coordinates": made.n_coordinates,
         "n_failed": made.n_failed,
+        "onset_seconds": made.onset_seconds,
+        "line_points": made.line_points,
         "findings": json.dumps(made.findings),
     }
 

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.finding_errors import Miscount, root_errors, run_errors
+from squealstudy.analysis.tables.finding_errors import (
+    Miscount,
+    onset_errors,
+    root_errors,
+    run_errors,
+)
 from squealstudy.errors import ResultsError
 from squealstudy.study.experiments.work_precision.variants import Variant
 
@@ -68,14 +73,15 @@ def _findings(rows: Rows) -> dict[str, dict[str, Any]]:
 def _errors(
     found: Mapping[str, Mapping[str, Any]], truth: Mapping[str, Mapping[str, Any]], in_time: bool
 ) -> tuple[list[dict[str, Any]], Miscount]:
-    compare = run_errors if in_time else root_errors
+    compared = (run_errors,) if in_time else (root_errors, onset_errors)
     rows, missed, spurious = [], 0, 0
     for point, finding in found.items():
         if finding["status"] != "ok":
             continue
-        errors, count = compare(finding, truth[point])
-        missed, spurious = missed + count.missed, spurious + count.spurious
-        rows += [{"point": int(point), **e._asdict()} for e in errors]
+        for compare in compared:
+            errors, count = compare(finding, truth[point])
+            missed, spurious = missed + count.missed, spurious + count.spurious
+            rows += [{"point": int(point), **e._asdict()} for e in errors]
     return rows, Miscount(missed, spurious)
 
 
@@ -88,12 +94,17 @@ def _measurement(
     over: int,
     reduced: bool,
 ) -> dict[str, Any]:
-    """One row; the cost has the set-up's share, and the reduction's where methods differ in it."""
+    """One row; the cost has the set-up's share, and the reduction's where methods differ in it.
+
+    That of an onset has the share of all points of its line.
+    """
     seconds = np.array([r["seconds"] for r in rows], dtype=float)
     first = rows[0]
     setup = float(np.median([r["setup_seconds"] for r in rows]))
     reduction = float(first["reduction_seconds"])
     median = float(np.median(seconds))
+    share = (setup + reduced * reduction) / max(over, 1)
+    onset_s = float(np.median([r["onset_seconds"] for r in rows]))
     number = float(variant.value) if isinstance(variant.value, int | float) else np.nan
     return {
         "label": variant.label,
@@ -111,7 +122,9 @@ def _measurement(
         "rounds": len(rows),
         "setup_seconds": setup,
         "reduction_seconds": reduction,
-        "cost": median + (setup + reduced * reduction) / max(over, 1),
+        "cost": median + share,
+        "onset_seconds": onset_s,
+        "cost_onset": onset_s + float(first["line_points"]) * share,
         "memory_mb": max(float(r["memory_mb"]) for r in rows),
         "iterations": float(first["iterations"]),
         "n_coordinates": int(first["n_coordinates"]),

@@ -13,12 +13,14 @@ from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study
 from squealstudy.study.experiments.definition import PrecisionFile
 from squealstudy.study.experiments.sections import (
+    ONSET,
     OPTION,
     MethodSection,
     ReferenceSection,
     Scalar,
 )
 from squealstudy.study.keys import content_hash
+from squealstudy.study.names import onset_parameter
 from squealstudy.study.plan import Plan
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_lines import KeyPath
@@ -43,6 +45,9 @@ class Variant:
         The base study's design points, then those that are measured.
     measured : tuple of int
         Positions of the latter among all.
+    lines : mapping of int -> tuple of int
+        By number of a measured point, positions of the points of the line through it on which an
+        onset is sought; one of several points that share a line, none where no onset is judged.
     integrator : str
         Empty for the study's own.
     options : mapping
@@ -58,6 +63,7 @@ class Variant:
     reference: bool
     plan: Plan
     measured: tuple[int, ...]
+    lines: Mapping[int, tuple[int, ...]]
     integrator: str
     options: Mapping[str, Any]
     keys: KeyPath
@@ -65,7 +71,8 @@ class Variant:
     @cached_property
     def identity(self) -> str:
         """Hash of all that decides what it finds, and of its name: each is run on its own."""
-        ids = [self.plan.tasks[i].point_id for i in self.measured]
+        wanted = [*self.measured, *(i for line in self.lines.values() for i in line)]
+        ids = [self.plan.tasks[i].point_id for i in wanted]
         own = [self.reference, self.method, repr(self.value)]
         return content_hash([ids, self.integrator, sorted(self.options.items()), own])
 
@@ -79,11 +86,12 @@ class Variant:
 def make_variants(experiment: PrecisionFile) -> list[Variant]:
     """The reference, then all methods in the order of the file; StudyFileError."""
     points = measured_points(experiment)
+    lines = onset_lines(experiment, points)
     reference = experiment.definition.reference
     return [
-        _variant(experiment, reference, None, points, (REFERENCE,)),
+        _variant(experiment, reference, None, points, lines, (REFERENCE,)),
         *(
-            _variant(experiment, method, value, points, ("method", i))
+            _variant(experiment, method, value, points, lines, ("method", i))
             for i, method in enumerate(experiment.definition.method)
             for value in method.values or (None,)
         ),
@@ -95,6 +103,7 @@ def _variant(
     line: MethodSection | ReferenceSection,
     value: Scalar | None,
     points: list[dict[str, float]],
+    lines: Mapping[int, list[dict[str, float]]],
     keys: KeyPath,
 ) -> Variant:
     common = experiment.definition.work_precision.set
@@ -110,23 +119,66 @@ def _variant(
     except StudyFileError as error:
         place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
         raise experiment.error(place, f"{error.key or 'base'}: {error.message}") from None
-    own = design_points(study)
-    measured = [i for i, point in enumerate(own) if point in points]
-    if len(measured) < len(points):
-        measured = list(range(len(own), len(own) + len(points)))
-        own = [*own, *points]
+    swept = design_points(study)
+    measured = _placed(swept, points)
+    placed = {n: _placed(swept, line) for n, line in lines.items()}
     return Variant(
         line.name,
         knob,
         value,
         isinstance(line, MethodSection) and line.default,
         isinstance(line, ReferenceSection),
-        Plan(study, own),
-        tuple(measured),
+        Plan(study, swept),
+        measured,
+        placed,
         line.integrator or "",
         options,
         keys,
     )
+
+
+def _placed(swept: list[dict[str, float]], wanted: list[dict[str, float]]) -> tuple[int, ...]:
+    """Positions of the wanted points among all, to which those that are missing are added."""
+    position = {tuple(sorted(point.items())): i for i, point in reversed([*enumerate(swept)])}
+    for point in wanted:
+        name = tuple(sorted(point.items()))
+        if name not in position:
+            position[name] = len(swept)
+            swept.append(point)
+    return tuple(position[tuple(sorted(point.items()))] for point in wanted)
+
+
+def onset_lines(
+    experiment: PrecisionFile, points: list[dict[str, float]]
+) -> dict[int, list[dict[str, float]]]:
+    """Lines through the measured points along the onset's parameter, at its values in the study.
+
+    Returns
+    -------
+    dict of int -> list of dict
+        By number of a measured point, swept values of its line; of points that share a line by the
+        first; none where no onset is judged.
+
+    Raises
+    ------
+    StudyFileError
+        Where the base study has no lines.
+    """
+    section, study = experiment.definition.work_precision, common_study(experiment)
+    if ONSET not in section.quantities or study.definition.study.kind != "complex_modes":
+        return {}
+    along = onset_parameter([sweep.name for sweep in study.sweeps])
+    values = next((s.values for s in study.sweeps if s.name == along), ())
+    if study.definition.design.type != "grid" or len(values) < 2:
+        raise experiment.error(
+            ("work_precision", "quantities"),
+            f"{ONSET} is found on lines of a grid: expected a base study of design grid that "
+            "sweeps friction, or another parameter first, over two values or more",
+        )
+    first: dict[tuple[tuple[str, float], ...], int] = {}
+    for n, point in enumerate(points):
+        first.setdefault(tuple((k, v) for k, v in point.items() if k != along), n)
+    return {n: [{**points[n], str(along): v} for v in values] for n in first.values()}
 
 
 def common_study(experiment: PrecisionFile) -> Study:

@@ -1,0 +1,64 @@
+"""Modes of solved design points followed along them, and the onsets on their tracks."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.analysis.tracking.labels import Tracks
+from squealstudy.study.complex_modes.between import Neighbourhoods
+from squealstudy.study.complex_modes.columns import ModeColumns
+from squealstudy.study.complex_modes.follow import Follower
+from squealstudy.study.complex_modes.onsets import OnsetSearch
+from squealstudy.study.kind import Progress
+from squealstudy.study.names import onset_parameter
+from squealstudy.study.plan import Plan
+
+
+class Followed(NamedTuple):
+    """Tracks, the table of onsets (None without a sweep), and how they came about."""
+
+    tracks: Tracks
+    onsets: pd.DataFrame | None
+    summary: dict[str, Any]
+
+
+def follow_modes(
+    plan: Plan,
+    columns: ModeColumns,
+    points: pd.DataFrame,
+    judged: np.ndarray,
+    jobs: int,
+    report: Progress,
+    near: Neighbourhoods | None = None,
+) -> Followed:
+    """Track the modes of all points and find the onsets, as the study's [modes] section says.
+
+    Parameters
+    ----------
+    plan : Plan
+    columns : ModeColumns
+        With shapes.
+    points : DataFrame
+        The points' table: status and parameters.
+    judged : ndarray (N,) complex
+        Roots of all points, rad/s, as their stability is judged (`settled`).
+    jobs : int
+    report : callable
+    near : Neighbourhoods or None
+        What lies between the points, where the plan alone does not tell.
+    """
+    section = plan.study.definition.modes
+    follower = Follower(plan, columns, jobs, near)
+    summary: dict[str, Any] = {}
+    tracks, summary["tracking"] = follower.follow(section.refine_tracking, report)
+    along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
+    if along is None:
+        return Followed(tracks, None, summary)
+    kept = ~columns.overdamped
+    lam, error = judged[kept], columns.error_estimate[kept]
+    search = OnsetSearch(plan, follower, tracks, points, along, lam, error)
+    onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
+    return Followed(tracks, onsets, summary)
