@@ -55,7 +55,13 @@ def _map(results: Results) -> Figure:
     facts = results.manifest
     first, second = facts["knobs"]
     return method_stability_map(
-        results.cells, first, second, facts["units"], facts["title"], facts["boundary"]
+        results.cells,
+        first,
+        second,
+        facts["units"],
+        facts["title"],
+        facts["boundary"],
+        facts["words"],
     )
 
 

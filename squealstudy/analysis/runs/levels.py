@@ -78,14 +78,24 @@ def torque_levels(time: np.ndarray, torque: np.ndarray) -> TorqueLevels:
     mean = float(torque.mean())
     fluctuation = torque - mean
     if np.abs(fluctuation).max() <= FLAT * np.abs(torque).max() or len(torque) < 2:
-        return TorqueLevels(*[mean] * 3, *[0.0] * 4, np.nan, 0.0, 0.0, 0.0)
+        none = (0.0, 0.0, 0.0)
+        return TorqueLevels(mean, mean, mean, *none, 0.0, np.nan, *none)
     square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in mean_interval(fluctuation**2))
     found = spectrum((time[-1] - time[0]) / (len(time) - 1), torque)
     frequency = found.peak()
     lines = [found.level(k * frequency) for k in (1, 2, 3)]
-    bounds = [float(x) for x in mean_interval(torque)[1:]]
-    rms = [float(x) for x in (square, low, high)]
-    return TorqueLevels(mean, *bounds, *rms, float(np.ptp(torque)), frequency, *lines)
+    _, mean_low, mean_high = mean_interval(torque)
+    return TorqueLevels(
+        mean,
+        float(mean_low),
+        float(mean_high),
+        float(square),
+        float(low),
+        float(high),
+        float(np.ptp(torque)),
+        frequency,
+        *lines,
+    )
 
 
 @dataclass(frozen=True)
