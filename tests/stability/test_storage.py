@@ -7,9 +7,14 @@ import itertools
 import numpy as np
 import pytest
 
+import squealstudy
 from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
 from squealstudy.analysis.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
 from squealstudy.analysis.transient.storage_error import storage_number
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+from squealstudy.study.transient import worker
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +55,29 @@ def test_the_bound_in_closed_form():
         np.expm1(1e6 * 1.8 * UNIT * a), rel=1e-5
     )
     assert storage_number(system, design, 0.0) == 0.0
+
+
+STUDY = """
+[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = 0.05
+step = 2e-5
+save_every = 0
+storage = "single"
+"""
+
+
+def test_a_run_says_so(tmp_path, monkeypatch):
+    """A calm run says nothing; with another limit the same run names the key."""
+    plan = Plan(parse_study(STUDY, tmp_path / "belt.toml"))
+    run_study(plan, tmp_path / "calm", 1)
+    assert squealstudy.open_results(tmp_path / "calm").points["message"][0] == ""
+    monkeypatch.setattr(worker, "STORAGE_LIMIT", -1.0)
+    run_study(plan, tmp_path / "loud", 1)
+    assert 'storage = "double"' in squealstudy.open_results(tmp_path / "loud").points["message"][0]
