@@ -240,6 +240,7 @@ def test_screens(write, tmp_path):
 def test_several_starts_widen_the_bounds():
     one = {
         "status": "ok",
+        "class": "irregular",
         "values": {"torque_rms": [10.0, 9.0, 11.0], "growth_rate": [None, None, None]},
         "energy_share": {"3": 1.0},
     }
@@ -279,6 +280,8 @@ def table_of(**columns):
         "error_x": [1e-2, 1e-3, np.nan, 0.0],
         "low_x": [5e-3, 1e-3, np.nan, 0.0],
         "high_x": [2e-2, 1e-3, np.nan, 0.0],
+        "chance_x": [1.5e-2, 0.0, np.nan, 0.0],
+        "within_x": [True, False, False, False],
     }
     return pd.DataFrame(base | columns)
 

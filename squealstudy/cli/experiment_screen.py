@@ -57,7 +57,13 @@ def _map(results: Results) -> Figure:
     facts = results.manifest
     first, second = facts["knobs"]
     return method_stability_map(
-        results.cells, first, second, facts["units"], facts["title"], facts["boundary"]
+        results.cells,
+        first,
+        second,
+        facts["units"],
+        facts["title"],
+        facts["boundary"],
+        facts["words"],
     )
 
 
@@ -94,10 +100,12 @@ def _measurements(results: Results) -> None:
             f"{row['setup_seconds']:.3g}",
             f"{row['memory_mb']:.0f}",
             "-" if np.isnan(row["iterations"]) else f"{row['iterations']:.2f}",
-            *(_error(row[f"error_{q}"]) for q in quantities),
+            *(_error(row[f"error_{q}"], row[f"within_{q}"]) for q in quantities),
             ", ".join([row["status"], *bad]),
         )
     console.print(grid)
+    if results.measurements[[f"within_{q}" for q in quantities]].to_numpy(bool).any():
+        console.print("*: no more than the 95 % bounds of both explain", style="dim")
     over = results.manifest["over"]
     console.print(
         f"errors against {results.manifest['reference']}, the largest of all measured points; cost "
@@ -106,8 +114,8 @@ def _measurements(results: Results) -> None:
     )
 
 
-def _error(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.1e}"
+def _error(value: float, within: bool) -> str:
+    return "-" if np.isnan(value) else f"{value:.1e}{'*' if within and value > 0 else ' '}"
 
 
 def _fronts(results: Results) -> None:

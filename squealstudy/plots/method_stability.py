@@ -71,6 +71,7 @@ def method_stability_map(
     units: Mapping[str, str] | None = None,
     title: str = "",
     boundary: str = "",
+    words: Mapping[str, str] | None = None,
 ) -> Figure:
     """Cells of a grid coloured by outcome class; the predicted boundary as a line over them.
 
@@ -85,6 +86,8 @@ def method_stability_map(
         The method.
     boundary : str
         What the line means, in words.
+    words : mapping of knob -> str, or None
+        What the knobs are.
 
     Raises
     ------
@@ -104,11 +107,17 @@ def method_stability_map(
     handles = _draw_classes(axes, grid, cells)
     handles += _draw_alarm(axes, grid, cells)
     handles += _draw_boundary(axes, grid, cells["predicted"], boundary)
-    finish(axes, grid.across.label, grid.up.label)
+    labels = (_label(shown, words or {}) for shown in (grid.across, grid.up))
+    finish(axes, *labels)
     axes.grid(False)
     axes.set_title("\n".join(t for t in (title, tally(cells)) if t), fontsize=10, loc="left")
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
     return figure
+
+
+def _label(shown: Quantity, words: Mapping[str, str]) -> str:
+    """The knob with its unit, and what it is."""
+    return ": ".join(text for text in (shown.label, words.get(shown.name, "")) if text)
 
 
 def tally(cells: pd.DataFrame) -> str:

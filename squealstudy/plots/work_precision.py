@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from squealstudy.analysis.tables.fronts import cost_of, on_front, usable
@@ -51,7 +52,8 @@ def work_precision(
     Notes
     -----
     Measurements with failed points, missed or spurious instabilities are crosses on top: they
-    have no error that means anything. Bars are the bounds of errors that have some.
+    have no error that means anything. Bars are the bounds of errors that have some, ticks across
+    them what the 95 % intervals of both values explain: an error below its tick is none.
     """
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
@@ -69,12 +71,17 @@ def work_precision(
         finish(axes, _cost_label(quantity, facts), NAMES.get(quantity, quantity))
     for axes in panels[len(quantities) :]:
         axes.set_axis_off()
+    for axes in panels[max(0, len(quantities) - columns) : len(quantities)]:
+        axes.xaxis.set_tick_params(which="both", labelbottom=True)
     figure.suptitle(
         f"largest error against {facts['reference']} (its cost: dotted); grey: front; dashed: "
         "tolerance",
         fontsize=9.5,
     )
     handles, labels = panels[0].get_legend_handles_labels()
+    if any(methods[f"within_{q}"].any() for q in quantities):
+        handles.append(Line2D([], [], ls="", marker="_", ms=10, mew=1.6, color=DARK))
+        labels.append("what 95 % bounds explain")
     figure.legend(
         handles,
         labels,
@@ -157,7 +164,7 @@ def _knob_values(
 
 
 def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
-    """Bars from the least to the largest error that the intervals allow."""
+    """Bars from the least to the largest error that the intervals allow, ticks at their chance."""
     low, high = (own[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
     error, cost = own[f"error_{quantity}"].to_numpy(float), cost_of(own, quantity)
     wide = np.isfinite(low) & (high > low) & (error > 0)
@@ -172,6 +179,9 @@ def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
             elinewidth=0.7,
             alpha=0.3,
         )
+    within = wide & own[f"within_{quantity}"].to_numpy(bool)
+    chance = own[f"chance_{quantity}"].to_numpy(float)
+    axes.plot(cost[within], chance[within], "_", color=colour, ms=12, mew=1.6)
 
 
 def _failures(

@@ -85,6 +85,14 @@ def test_drift_is_what_stays(flight):
     assert energy_drift(with_imbalance(flight, lost_again)) == pytest.approx(0.02, rel=1e-3)
 
 
+def test_a_run_that_explodes_in_its_last_rows_is_caught(flight):
+    """The medians of its tenth parts do not see it yet; an impact that goes on is none."""
+    n, scale = len(flight.history["time"]), float(flight.history["modal_energy"].max())
+    end = np.where(np.arange(n) >= n - 3, scale, 0.0)
+    assert energy_drift(with_imbalance(flight, 0.1 * end)) < 1e-6
+    assert energy_drift(with_imbalance(flight, 10 * end)) > 0.5
+
+
 def test_drift_of_short_and_resting_runs(flight):
     short = {name: rows[: BLOCKS - 1] for name, rows in flight.history.items()}
     assert np.isnan(energy_drift(replace(flight, history=short)))

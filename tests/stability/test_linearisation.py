@@ -46,8 +46,9 @@ def test_the_prediction_is_a_bound_and_not_far_off_light_damping(cells):
         for x, values in zip(cells, GRID, strict=True)
         if values["damping_ratio"] < 0.1 and values["stiffness_ratio"] > 1e6
     ]
-    # round-off: one of them may come out right by luck
-    assert np.mean([x.measured > 1e-3 * x.predicted for x in light]) > 0.9
+    near = [x.measured > 1e-3 * x.predicted for x in light]  # round-off of one cell may be small
+    assert len(near) > 5
+    assert np.mean(near) > 0.8
 
 
 def test_without_time_scaling_the_estimate_still_tells(monkeypatch):

@@ -31,7 +31,9 @@ def labels(figure) -> list[str]:
 
 def test_classes_and_the_boundary(tmp_path):
     cells = table()
-    figure = method_stability_map(cells, "step", "slope", {"step": "s"}, "a method", "x = 1")
+    figure = method_stability_map(
+        cells, "step", "slope", {"step": "s"}, "a method", "x = 1", {"step": "time step h"}
+    )
     axes = figure.axes[0]
     works = int((cells["outcome"] == "converged").sum())
     assert labels(figure) == [
@@ -40,7 +42,7 @@ def test_classes_and_the_boundary(tmp_path):
         "predicted: x = 1",
     ]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
-    assert axes.get_xlabel() == "step [s]"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("step [s]: time step h", "slope")
     assert f"works in {works} of {works} cells within" in axes.get_title(loc="left")
     (line,) = (c for c in axes.collections if hasattr(c, "levels"))
     vertices = np.concatenate([path.vertices for path in line.get_paths()])

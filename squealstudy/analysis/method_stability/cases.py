@@ -16,7 +16,9 @@ from squealstudy.analysis.method_stability.fixed_jacobian import (
 from squealstudy.analysis.method_stability.impact_energy import IMPACT_ENERGY
 from squealstudy.analysis.method_stability.linearisation import LINEARISATION
 from squealstudy.analysis.method_stability.orthonormalisation import ORTHONORMALISATION
+from squealstudy.analysis.method_stability.storage import STORAGE
 from squealstudy.analysis.method_stability.tracking import TRACKING
+from squealstudy.analysis.method_stability.windows_rung import WINDOWS_RUNG
 
 CASES: Mapping[str, Case] = {
     case.name: case
@@ -31,5 +33,7 @@ CASES: Mapping[str, Case] = {
         LINEARISATION,
         ORTHONORMALISATION,
         WORKING_POINT,
+        STORAGE,
+        WINDOWS_RUNG,
     )
 }

@@ -24,8 +24,8 @@ class TorqueLevels:
     ----------
     mean, rms, peak_to_peak : float
         rms is that of the fluctuation about the mean.
-    rms_low, rms_high : float
-        95 % bounds of rms.
+    mean_low, mean_high, rms_low, rms_high : float
+        95 % bounds of mean and rms.
     frequency_hz : float
         Of the dominant line; NaN where the signal is flat or the window has fewer than three
         periods of any line.
@@ -35,6 +35,8 @@ class TorqueLevels:
     """
 
     mean: float
+    mean_low: float
+    mean_high: float
     rms: float
     rms_low: float
     rms_high: float
@@ -76,13 +78,23 @@ def torque_levels(time: np.ndarray, torque: np.ndarray) -> TorqueLevels:
     mean = float(torque.mean())
     fluctuation = torque - mean
     if np.abs(fluctuation).max() <= FLAT * np.abs(torque).max() or len(torque) < 2:
-        return TorqueLevels(mean, 0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0, 0.0)
+        none = (0.0, 0.0, 0.0)
+        return TorqueLevels(mean, mean, mean, *none, 0.0, np.nan, *none)
     square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in mean_interval(fluctuation**2))
     found = spectrum((time[-1] - time[0]) / (len(time) - 1), torque)
     frequency = found.peak()
     lines = [found.level(k * frequency) for k in (1, 2, 3)]
+    _, mean_low, mean_high = mean_interval(torque)
     return TorqueLevels(
-        mean, float(square), float(low), float(high), float(np.ptp(torque)), frequency, *lines
+        mean,
+        float(mean_low),
+        float(mean_high),
+        float(square),
+        float(low),
+        float(high),
+        float(np.ptp(torque)),
+        frequency,
+        *lines,
     )
 
 

@@ -213,6 +213,8 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     found = torque_levels(run.time[window], torque[window])
     return {
         "torque_mean": found.mean,
+        "torque_mean_low": found.mean_low,
+        "torque_mean_high": found.mean_high,
         "torque_rms": found.rms,
         "torque_rms_low": found.rms_low,
         "torque_rms_high": found.rms_high,

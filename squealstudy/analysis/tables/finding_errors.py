@@ -26,7 +26,9 @@ LASTING = ("limit_cycle", "irregular")  # classes whose level is one
 class FoundError(NamedTuple):
     """One quantity of one mode or run: what was found, the truth, and the error with bounds.
 
-    Errors are relative, but those of damping ratios and energy shares.
+    Errors are relative, but those of damping ratios and energy shares. `chance` is what the 95 %
+    intervals of both explain, root of the sum of squares of their half-widths: values of a smaller
+    error agree within their bounds; 0 where there are none.
     """
 
     quantity: str
@@ -36,6 +38,7 @@ class FoundError(NamedTuple):
     error: float
     low: float
     high: float
+    chance: float = 0.0
 
 
 class Miscount(NamedTuple):
@@ -171,7 +174,8 @@ def _interval_error(
     size = size if size > 0 else 1.0
     nearest = max(0.0, low - ref_high, ref_low - high) / size
     farthest = max(high - ref_low, ref_high - low) / size
-    return FoundError(name, 0, value, ref, abs(value - ref) / size, nearest, farthest)
+    chance = float(np.hypot(high - low, ref_high - ref_low)) / 2 / size
+    return FoundError(name, 0, value, ref, abs(value - ref) / size, nearest, farthest, chance)
 
 
 def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:

@@ -14,14 +14,16 @@ from squealstudy.analysis.transient.settings import TransientResult
 
 DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to 0.1 % at 4e-4
 BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
+EXPLODED = 0.5  # of the energy of the vibration, from nowhere in the last row: no impact does so
 ROUND_OFF = 1e-9  # of the work of friction
 
 
 def energy_drift(result: TransientResult) -> float:
     """Largest imbalance of energy over a run, relative to the energy of its vibration.
 
-    The medians of ten parts of the history are compared with the start; the vibration's energy is
-    its largest modal energy and what damping took from it. NaN for a history shorter than that.
+    The medians of ten parts of the history are compared with the start, and the last row where it
+    is most of the energy: a run that explodes at its end. The vibration's energy is its largest
+    modal energy and what damping took from it. NaN for a history shorter than that.
     """
     h = result.history
     if len(h["time"]) < BLOCKS:
@@ -31,4 +33,8 @@ def energy_drift(result: TransientResult) -> float:
     medians = [float(np.median(part)) for part in np.array_split(imbalance, BLOCKS)]
     size = h["modal_energy"].max() + h["dissipated_damping"][-1]
     size += ROUND_OFF * abs(h["dissipated_friction"][-1])
-    return max(abs(m) for m in medians) / float(size) if size > 0.0 else 0.0
+    if not size > 0.0:
+        return 0.0
+    last = abs(float(imbalance[-1])) / float(size)
+    drift = max(abs(m) for m in medians) / float(size)
+    return max(drift, last) if last > EXPLODED else drift

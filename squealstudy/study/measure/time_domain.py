@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.runs.pooled import pooled_interval
 from squealstudy.analysis.runs.summary import summarise
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.simulate import simulate
@@ -32,10 +34,11 @@ from squealstudy.study.working_points import NewGaps
 
 WITH_BOUNDS = {
     "growth_rate": ("growth_rate_low", "growth_rate_high"),
+    "torque_mean": ("torque_mean_low", "torque_mean_high"),
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
 START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
-PLAIN = {"torque_mean": "torque_mean", "dominant_frequency": "dominant_frequency_hz"}
+PLAIN = {"dominant_frequency": "dominant_frequency_hz"}
 
 
 def measure_runs(
@@ -124,26 +127,28 @@ def _integrated(
 
 
 def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Findings of several starts of one point as one: means, bounds around all of theirs."""
+    """Findings of several starts of one point as one: means with bounds, the class of most."""
     first = found[0]
     bad = [one for one in found if one["status"] != "ok"]
     if bad or len(found) == 1:
         return bad[0] if bad else first
-    values = {name: _hull([one["values"][name] for one in found]) for name in first["values"]}
+    values = {name: _pooled([one["values"][name] for one in found]) for name in first["values"]}
     modes = {mode for one in found for mode in one["energy_share"]}
     shares = {
         mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in found]))
         for mode in sorted(modes, key=int)
     }
-    return {**first, "values": values, "energy_share": shares}
+    name, count = Counter(one["class"] for one in found).most_common(1)[0]
+    common = name if 2 * count > len(found) else "irregular"
+    return {**first, "class": common, "values": values, "energy_share": shares}
 
 
-def _hull(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Mean of values, least of their lower and largest of their upper bounds; unknown if one is."""
+def _pooled(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
+    """Value with bounds of all starts; unknown where one is."""
     columns = [[n for n in column if n is not None] for column in zip(*numbers, strict=True)]
     if any(len(column) < len(numbers) for column in columns):
         return [None, None, None]
-    return [float(np.mean(columns[0])), min(columns[1]), max(columns[2])]
+    return list(pooled_interval(*(np.array(column) for column in columns)))
 
 
 def _failed(status: str, message: str) -> dict[str, Any]:

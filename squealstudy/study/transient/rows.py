@@ -28,6 +28,8 @@ SUMMARY_FIELDS = (
     ("settled_time", REAL),
     ("torque_static", REAL),
     ("torque_mean", REAL),
+    ("torque_mean_low", REAL),
+    ("torque_mean_high", REAL),
     ("torque_rms", REAL),
     ("torque_rms_low", REAL),
     ("torque_rms_high", REAL),

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.runs.summary import history_frame, summarise
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.storage_error import STORAGE_LIMIT, storage_number
 from squealstudy.analysis.transient.system import stick_number
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.keys import chunk_id
@@ -87,7 +88,11 @@ def _row(
         "perturbation": one.perturbation,
     }
     step = task.section.step
-    doubts = (_ringing(point, step), _drifting(energy_drift(result), step))
+    doubts = (
+        _ringing(point, step),
+        _drifting(energy_drift(result), step),
+        _rounded(task, reference, one, done),
+    )
     message = result.message or "; ".join(text for text in doubts if text)
     modes = [
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
@@ -114,6 +119,20 @@ def _drifting(drift: float, step: float) -> str:
     return (
         f"the energy balance is off by {100 * drift:.2g} % of the energy of the vibration: levels "
         f"may be wrong, which a step of {step / 2:.2g} s would show"
+    )
+
+
+def _rounded(task: BatchTask, reference: ReferenceModes, one: Ready, done: Finished) -> str:
+    """Contact forces that single-precision storage may have changed."""
+    energy = done.run.energy
+    if task.section.storage != "single" or not len(energy):
+        return ""
+    number = storage_number(reference.system, one.point.design, float(energy.max()))
+    if number <= STORAGE_LIMIT:
+        return ""
+    return (
+        f"storage in single precision may change contact pressures by {100 * number:.2g} %, which "
+        'storage = "double" does not'
     )
 
 

@@ -171,6 +171,7 @@ class MethodStability:
             "boundary": self.case.boundary,
             "knobs": list(self.knobs),
             "units": {k.name: k.unit for k in known},
+            "words": {k.name: k.description for k in known},
             "values": dict(self.experiment.definition.method_stability.set),
             **agreement(table),
         }

@@ -135,18 +135,21 @@ def _measurement(
     }
 
 
-def _summary(quantity: str, errors: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Largest error of a quantity over points and modes, its bounds, and the median error."""
+def _summary(quantity: str, errors: Sequence[Mapping[str, Any]]) -> dict[str, float | bool]:
+    """Largest error of a quantity over points and modes, its bounds, and the median error.
+
+    Also what the intervals of that one explain, and whether those of all explain all errors.
+    """
     own = [e for e in errors if e["quantity"] == quantity]
     if not own:
-        return dict.fromkeys(
-            (f"error_{quantity}", f"low_{quantity}", f"high_{quantity}", f"median_{quantity}"),
-            np.nan,
-        )
+        names = ("error", "low", "high", "median", "chance")
+        return {**{f"{name}_{quantity}": np.nan for name in names}, f"within_{quantity}": False}
     worst = max(own, key=lambda e: e["error"])
     return {
         f"error_{quantity}": worst["error"],
         f"low_{quantity}": worst["low"],
         f"high_{quantity}": worst["high"],
         f"median_{quantity}": float(np.median([e["error"] for e in own])),
+        f"chance_{quantity}": worst["chance"],
+        f"within_{quantity}": all(0 < e["chance"] >= e["error"] for e in own),
     }

@@ -1,0 +1,111 @@
+"""Levels of irregular motion: bounds that cover the mean, and methods that agree within them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import squealstudy
+from squealstudy.analysis.runs.levels import mean_interval
+from squealstudy.analysis.runs.pooled import pooled_interval
+from squealstudy.study.definition import parse_study
+from squealstudy.study.experiments.definition import load_any
+from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+
+STUDIES = Path(__file__).parents[1] / "studies"
+NEIGHBOURS = """
+[[sweep]]
+parameter = "pressure"
+start = 4e5
+stop = 4.00004e5
+num = 12
+"""
+OTHER_FRICTION = """
+[[method]]
+name = "less friction"
+set.parameters.friction = 0.8
+"""
+
+
+def bursts(memory, rows, runs):
+    """Mean-square 1 of unit noise (rows, runs), correlated over `memory` rows."""
+    rng, keep = np.random.default_rng(1), np.exp(-1 / memory)
+    x, kicks = rng.normal(size=runs), np.sqrt(1 - keep**2) * rng.normal(size=(rows, runs))
+    values = np.empty_like(kicks)
+    for row, kick in enumerate(kicks):
+        x = keep * x + kick
+        values[row] = x**2
+    return values
+
+
+@pytest.mark.parametrize("memory", [5, 50, 500])  # of 2000 rows: the last is too slow for windows
+def test_pooled_bounds_cover_the_mean(memory):
+    starts = 4
+    found = np.array(mean_interval(bursts(memory, 2000, 300 * starts))).reshape(3, 300, starts)
+    pooled = np.array([pooled_interval(*one) for one in found.swapaxes(0, 1)])
+    covered = np.mean((pooled[:, 1] <= 1) & (pooled[:, 2] >= 1))
+    assert 0.9 <= covered < 1
+    hull = found[2].max(axis=1) - found[1].min(axis=1)
+    assert (pooled[:, 2] - pooled[:, 1]).mean() < 0.75 * hull.mean()
+
+
+def test_more_starts_narrow_the_bounds():
+    rng = np.random.default_rng(2)
+    widths = []
+    for starts in (4, 16):
+        values = 10 + rng.normal(size=(200, starts))
+        pooled = np.array([pooled_interval(v, v - 2, v + 2) for v in values])
+        widths.append((pooled[:, 2] - pooled[:, 1]).mean())
+    assert widths[1] < 0.5 * widths[0]
+
+
+def test_starts_that_end_in_cycles_of_their_own_are_within_the_bounds():
+    values = np.array([10.0, 20.0, 10.0, 20.0])
+    mean, low, high = pooled_interval(values, values - 0.1, values + 0.1)
+    assert mean == 15.0
+    assert low <= 10.0
+    assert high >= 20.0
+    alone = pooled_interval(values[:1], values[:1] - 0.1, values[:1] + 0.1)
+    assert alone == (10.0, 9.9, 10.1)
+
+
+def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
+    """Runs of a chaotic brake, which pressures that differ by 1e-6 soon tell apart."""
+    text = (STUDIES / "irregular_cycle.toml").read_text()
+    text = re.sub(r"duration = \S+", "duration = 0.08", text).replace("= 1e-4", "= 1e-2")
+    run_study(Plan(parse_study(text + NEIGHBOURS, STUDIES / "irregular_cycle.toml")), tmp_path, 1)
+    points = squealstudy.open_results(tmp_path).points
+    for name, spread in (("torque_rms", 0.02), ("torque_mean", 0.01)):
+        value, low, high = (points[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
+        mean = value.mean()
+        assert value.std() > spread * mean  # apart they are
+        assert ((low <= mean) & (high >= mean)).mean() >= 0.75
+        for first in range(0, 12, 4):
+            part = slice(first, first + 4)
+            _, least, most = pooled_interval(value[part], low[part], high[part])
+            assert least <= mean <= most
+
+
+def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
+    text = (STUDIES / "irregular.toml").read_text()
+    text = re.sub(r'base = "', f'base = "{STUDIES}/', text)
+    text = text.replace(
+        "[work_precision.set]", "[work_precision.set]\ntransient.duration = 0.06"
+    ).replace("starts = 4", "starts = 3")
+    text = text.replace("step = 5e-7", "step = 2e-6").replace("[5e-7, 1e-6]", "[2e-6]")
+    text = re.sub(r"values = \[1e-6, 2e-6, .*\]", "values = [1e-6]", text)
+    text = text.partition('[[method]]\nname = "exponential')[0] + OTHER_FRICTION
+    path = tmp_path / "irregular.toml"
+    path.write_text(text)
+    run_experiment(load_any(path), tmp_path / "out", 1)
+    table = squealstudy.open_results(tmp_path / "out").measurements.set_index("method")
+    for method in ("Newmark", "central difference"):
+        assert table.loc[method, "within_torque_rms"]
+        assert table.loc[method, "within_torque_mean"]
+        assert 0.01 < table.loc[method, "chance_torque_rms"] < 0.3
+    other = table.loc["less friction"]
+    assert not other["within_torque_rms"]
+    assert other["error_torque_rms"] > other["chance_torque_rms"] > 0
