@@ -459,7 +459,8 @@ def test_an_onset_is_drawn_over_its_own_cost():
         error_onset=[1e-2, 1e-3, np.nan, 0.0],
         low_onset=[1e-2, 1e-3, np.nan, 0.0],
         high_onset=[1e-2, 1e-3, np.nan, 0.0],
-        within_onset=[False, False, False, False],
+        within_onset=False,
+        chance_onset=0.0,
         cost_onset=[10.0, 20.0, 5.0, 90.0],
     )
     facts = {"over": 10, "reference": "truth"}
