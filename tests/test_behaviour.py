@@ -87,6 +87,12 @@ def test_a_limit_cycle_continued_or_reached_from_above():
     is_settled, time = settled(TIME, energy)
     assert is_settled
     assert 0.008 < time < 0.025
+    rng = np.random.default_rng(2)
+    wandering = 1 + 0.1 * np.repeat(rng.normal(size=100), 100)
+    for uneven in (1.0, wandering):  # put in by a strong start
+        assert classify(TIME, energy * uneven, initial=1.0) == "limit_cycle"
+    slow = 0.3 * np.exp(-4 * TIME) + 0.7 * np.exp(-200 * TIME)  # one mode outlives another
+    assert classify(TIME, slow * ripple(), initial=1.0) == "stable"
 
 
 @pytest.mark.parametrize("spread", [0.6, 1.0])

@@ -12,6 +12,7 @@ WINDOWS = (10, 25)  # sub-windows of a record, fewest and most
 WINDOW_PERIODS = 3.0  # of the dominant line in one, where the record has them
 TREND = 0.05  # rise of the RMS over the judged part; less is none
 DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
+LEAST_TREND = 1e-3  # over the judged part: what is smaller is none
 CHANCE = 3.0  # standard errors that a trend must exceed
 SCATTER = 0.10  # of the RMS of sub-windows about their trend; more is irregular
 BAND = 0.05  # least half-width of the band within which levels agree
@@ -123,9 +124,9 @@ def classify(
     """Class of a finished run.
 
     ``stable``: the energy at the end is not above the initial one and falls, or is gone (below
-    1e-4 of the initial energy, or below `noise`), or has fallen unevenly below 0.09 of it, the
-    highest level that is judged below half of the highest before. ``growing``: levels still rise
-    through the last 40 %. ``limit_cycle``: they are stationary there, drift by less than
+    1e-4 of the initial energy, or below `noise`), or never rose and did not level off, or has
+    fallen unevenly below 0.09 of it, the highest level that is judged below half of the highest
+    before. ``growing``: levels still rise through the last 40 %. ``limit_cycle``: they are stationary there, drift by less than
     15 % (such a run has not settled), or rose to a plateau within it and keep that over the last
     fifth. ``irregular``: neither.
 
@@ -151,7 +152,8 @@ def classify(
         return "growing"
     if end <= start and (_steady(found, -1.0) or end <= REST**2 * start):
         return "stable"
-    if initial > 0 and _never_rose(found) and end <= LOST * found.level[0] ** 2:
+    lost = _never_rose(found) and end <= LOST * found.level[0] ** 2
+    if initial > 0 and lost and not _levelled_off(found):
         return "stable"
     if _stationary(found, limit=DRIFT) or _reached(found):
         return "limit_cycle"
@@ -179,6 +181,27 @@ def _never_rose(found: Windows) -> bool:
     return bool(found.level.max() <= (1 + SCATTER) * found.level[0])
 
 
+def _levelled_off(found: Windows) -> bool:
+    """Whether the judged levels fall by chance at most, and more slowly than all did.
+
+    So does a motion that began above its limit cycle.
+    """
+    pace, error = _pace(found, -1.0)
+    level = np.maximum(found.level, 1e-300)
+    whole = float(np.log(level[0]) - np.log(level[-1])) / (len(level) - 1)
+    rests = pace * (len(level) - found.judged) < LEAST_TREND or pace <= CHANCE * error
+    return rests and pace + error < STEADY * whole
+
+
+def _pace(found: Windows, sign: float) -> tuple[float, float]:
+    """Change of the logarithm of the judged levels a window, up (1) or down (-1); its error."""
+    y = sign * np.log(np.maximum(found.level[found.judged :], 1e-300))
+    x = np.arange(len(y)) - 0.5 * (len(y) - 1)
+    pace = float(x @ y / (x @ x))
+    rest = y - y.mean() - pace * x
+    return pace, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))
+
+
 def _fades(found: Windows) -> bool:
     """Whether the highest level that is judged is below half of the highest before."""
     before, judged = found.level[: found.judged], found.level[found.judged :]
@@ -193,11 +216,8 @@ def _steady(found: Windows, sign: float) -> bool:
     """
     level = np.maximum(found.level, 1e-300)
     y = sign * np.log(level[found.judged :])
-    x = np.arange(len(y)) - 0.5 * (len(y) - 1)
-    pace = float(x @ y / (x @ x))
-    rest = y - y.mean() - pace * x
-    error = float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))
-    if pace * len(y) < 1e-3 or pace < CHANCE * error:
+    pace, error = _pace(found, sign)
+    if pace * len(y) < LEAST_TREND or pace < CHANCE * error:
         return False
     third = len(y) // 3
     steps = np.diff([y[:third].mean(), y[third:-third].mean(), y[-third:].mean()])
