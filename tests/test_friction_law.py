@@ -136,14 +136,14 @@ def test_falling_friction_reduced_and_full(brake, reduced):
 
 
 def test_full_order_finds_all_roots_whatever_number_is_expected(brake, reduced):
-    state, band = DesignState(FALLING), (500.0, 2000.0)
+    state, band = DesignState(FALLING), (500.0, 1500.0)
     point = working_point(brake.space, FALLING)
     expected = expected_roots(reduced[0], point, band[1])
     found = [
         full_order_modes(brake.assembly, {}, point, state, band, CUTOFF, n).lam
-        for n in (expected, 4)
+        for n in (expected, 2)
     ]
-    assert len(found[0]) > 5
+    assert len(found[0]) >= 3
     assert 2 * len(found[0]) <= expected <= 3 * len(found[0]) + 20
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
 

@@ -9,8 +9,8 @@ and settings that a user may pick (`fidelity_hand_picks.py`). Seconds are proces
 whole study on one core, from the fastest round: reductions, bases or training, and the design
 points, of which `--points` are run (with windows all) and scaled to the study's number. Errors are
 against the most accurate setting, at the points that an audit draws: complex modes at full order,
-runs with all modes at the smallest step to the end; it is timed once and scaled. `--only`
-measures some of the hand-picked settings.
+runs with all modes at the smallest step to the end; it is timed once and scaled. `--only` measures
+some of the hand-picked settings; `--hybrid` holds runs against the hybrid model at one point.
 """
 
 from __future__ import annotations
@@ -20,32 +20,26 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fidelity_clock import Clock
 from fidelity_hand_picks import hand_picks, most_accurate
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.paths import ENVIRONMENT
 from squealstudy.study.cache import read_scalars
-from squealstudy.study.complex_modes.window_tasks import basis_tasks
 from squealstudy.study.definition import load_study
 from squealstudy.study.fidelity.audit import drawn_points
 from squealstudy.study.fidelity.choice import Choice
 from squealstudy.study.fidelity.frequency_search import search_modes
 from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import search_runs
-from squealstudy.study.kinds import kind_named
+from squealstudy.study.fidelity.time_search import QUIET, search_runs
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import OVER_A_BASIS
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import build_structures
-from squealstudy.study.transient.basis import training_path
 
 CHOICE, DEFAULT = "fidelity's choice", "without [fidelity]"
 
@@ -80,6 +74,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--only", default="", help="hand-picked settings, a regular expression")
+    parser.add_argument("--hybrid", action="store_true", help="the hybrid model too, at one point")
     options = parser.parse_args()
     with empty_cache():
         choice = chosen(scene_of(options))
@@ -94,6 +89,8 @@ def main() -> None:
                 measure(scene_of(options), setting, truth, points, clock)
                 print(f"round {number + 1}: {label}", flush=True)
     tell(settings, scene_of(options).tolerance, truth_cost)
+    if options.hybrid:
+        tell_hybrid(options, choice, truth, points)
 
 
 @contextmanager
@@ -149,46 +146,6 @@ def reference(
     return made, points, made.reduction_seconds + made.seconds * len(plan.tasks)
 
 
-class Clock:
-    """Processor time of what settings share, by what it is: made once a round, charged to each."""
-
-    def __init__(self) -> None:
-        self.spent: dict[object, float] = {}
-
-    def study_seconds(self, scene: Scene, changes: Mapping[str, Any], made: Measurement) -> float:
-        """Of all points of a study with `changes`, and of what they share."""
-        plan = scene.variant(changes, None)
-        return self.shared(plan) + made.seconds * len(scene.plan.tasks)
-
-    def shared(self, plan: Plan) -> float:
-        """Of reductions, and of bases or training runs; makes what is not there."""
-        kind = kind_named(plan.study.definition.study.kind)
-        keys = [s.key for s in plan.structures]
-        total = sum(self._timed(k, partial(build_structures, plan, 1, _quiet, {k})) for k in keys)
-        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet, 1))
-
-    def _timed(self, name: object, make: Callable[[], object]) -> float:
-        if name not in self.spent:
-            started = time.process_time()
-            make()
-            self.spent[name] = time.process_time() - started
-        return self.spent[name]
-
-
-def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
-    """Files of sweep bases or training runs of a study: plans with the same share them."""
-    if plan.study.definition.study.kind == "transient":
-        wanted = plan.study.definition.transient.pod_vectors
-        return tuple(training_path(plan, s.key) for s in plan.structures if wanted)
-    if plan.method.name not in OVER_A_BASIS:
-        return ()
-    return tuple(task.path for task in basis_tasks(plan))
-
-
-def _quiet(stage: str, done: int, total: int) -> None:
-    pass
-
-
 def measure(
     scene: Scene, setting: Setting, truth: Measurement, points: tuple[int, ...], clock: Clock
 ) -> None:
@@ -225,6 +182,24 @@ def tell(settings: Mapping[str, Setting], tolerance: float, truth_cost: float) -
             f"{choice.cost / good[best].cost:.2f}  ({best})"
         )
     print(f"cost of the choice / most accurate: {choice.cost / truth_cost:.4f}")
+
+
+def tell_hybrid(
+    options: argparse.Namespace, choice: Choice, truth: Measurement, points: tuple[int, ...]
+) -> None:
+    """What the hybrid model takes, at the first point, and how far the others are from it."""
+    scene, own = scene_of(options), dict(choice.chosen.changes)
+    kept = {k: v for k, v in own.items() if k.startswith("model.") or k == "transient.step"}
+    changes = {**QUIET, **kept, "transient.representation": "hybrid"}
+    with empty_cache():
+        made, found = scene.measure(changes, points[:1]), scene.measure(own, points[:1])
+    exact = made.findings["0"]
+    seconds = made.reduction_seconds + made.seconds * len(scene.plan.tasks)
+    print(
+        f"hybrid at the chosen step, one point scaled: {seconds:.0f} s of the study; from it "
+        f"differ the choice by {scene.point_error(found.findings['0'], exact):.1e}, the most accurate "
+        f"setting by {scene.point_error(truth.findings['0'], exact):.1e}"
+    )
 
 
 if __name__ == "__main__":
