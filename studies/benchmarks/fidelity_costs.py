@@ -195,10 +195,10 @@ def tell_hybrid(
         made, found = scene.measure(changes, points[:1]), scene.measure(own, points[:1])
     exact = made.findings["0"]
     seconds = made.reduction_seconds + made.seconds * len(scene.plan.tasks)
+    off, least = (scene.point_error(m.findings["0"], made.findings["0"]) for m in (found, truth))
     print(
         f"hybrid at the chosen step, one point scaled: {seconds:.0f} s of the study; from it "
-        f"differ the choice by {scene.point_error(found.findings['0'], exact):.1e}, the most accurate "
-        f"setting by {scene.point_error(truth.findings['0'], exact):.1e}"
+        f"differ the choice by {off:.1e}, the most accurate setting by {least:.1e}"
     )
 
 
