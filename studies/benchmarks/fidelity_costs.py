@@ -193,7 +193,6 @@ def tell_hybrid(
     changes = {**QUIET, **kept, "transient.representation": "hybrid"}
     with empty_cache():
         made, found = scene.measure(changes, points[:1]), scene.measure(own, points[:1])
-    exact = made.findings["0"]
     seconds = made.reduction_seconds + made.seconds * len(scene.plan.tasks)
     off, least = (scene.point_error(m.findings["0"], made.findings["0"]) for m in (found, truth))
     print(
