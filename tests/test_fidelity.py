@@ -18,7 +18,7 @@ from squealstudy.study.fidelity import run as fidelity_run
 from squealstudy.study.fidelity import scene as fidelity_scene
 from squealstudy.study.fidelity.audit import Audit, drawn_points
 from squealstudy.study.fidelity.choice import Tried, choose, pays
-from squealstudy.study.fidelity.frequency_search import ModeSearch
+from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.study.fidelity.kept import _path
 from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.run import resolve, run_resolved
@@ -414,6 +414,45 @@ def test_a_model_without_a_reduction_is_exact(tmp_path):
     assert resolved.choice.chosen.error == 0.0
     report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
     assert report.manifest["fidelity"]["audit"]["error"] == 0.0
+
+
+HULTEN = """
+[study]
+name = "hulten"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = {num}
+[modes]
+band = [1.0, 1000.0]
+{more}
+[fidelity]
+tolerance = 1e-3
+"""
+
+
+def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path):
+    resolved = resolve(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    assert resolved.choice.chosen.changes["modes.method"] == "windows"
+    assert resolved.choice.chosen.error <= 1e-3
+    report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
+    assert report.manifest["fidelity"]["audit"]["passed"]
+
+
+@pytest.mark.parametrize(("num", "more"), [(30, ""), (200, 'method = "dense"')])
+def test_windows_are_not_tried_for_few_points_or_against_the_file(num, more, tmp_path):
+    scene = Scene(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
+    assert search_modes(scene).chosen.changes == {"modes.tolerance": 2e-4}
+
+
+def test_windows_that_miss_the_tolerance_are_refused(tmp_path, monkeypatch):
+    scene = Scene(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    monkeypatch.setattr(Scene, "error", lambda *_: 9e-4)
+    assert "modes.method" not in search_modes(scene).chosen.changes
 
 
 def test_an_explicit_step_that_misses_is_said(tmp_path):

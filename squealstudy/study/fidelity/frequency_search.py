@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study.definition import Study
@@ -12,11 +14,12 @@ from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import REDUCTION, STANDARD, Rung, free_ladders, given_keys
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, WINDOWS
+from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, PAYS_FROM, WINDOWS
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
 BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about
+SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
 
 
@@ -28,8 +31,8 @@ def search_modes(scene: Scene) -> Choice:
     search = ModeSearch(scene)
     ladder = free_ladders(scene.study).get(REDUCTION)
     if ladder is None:
-        tried = {"": [search.attempt(Rung("reduction as the file says", {}))]}
-        tried = tried if has_mesh(scene.study) else {"": [tried[""][0]._replace(label="")]}
+        label = "reduction as the file says" if has_mesh(scene.study) else ""
+        tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder.rungs)
         tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
@@ -76,6 +79,30 @@ class ModeSearch:
         self.making = made.reduction_seconds
         error = 0.0 if own == self.exact else self._error(made)
         return Tried(rung.label, rung.changes, error, self.study_seconds(made))
+
+    def small_windows(self) -> list[Tried]:
+        """Windows over a sweep of a minimal model, where there are points enough to try them.
+
+        Trying them is solving the study: of a few degrees of freedom that takes a moment.
+        """
+        scene = self.scene
+        if self.method != DENSE or self.exact != DENSE or "modes.method" in given_keys(scene.study):
+            return []
+        sweeps = scene.study.sweeps
+        least = PAYS_FROM.get(len(sweeps), np.inf) * SMALL_MODEL_SHARE
+        if any(s.parameter.structural for s in sweeps) or len(scene.plan.tasks) < least:
+            return []
+        changes = {"modes.method": WINDOWS}
+        try:
+            made = scene.measure({**self.common, **changes}, self.points)
+        except SquealstudyError:  # no basis over this box, or damping that windows do not know
+            return []
+        dense = scene.measure({**self.common, "modes.method": DENSE}, self.points)
+        error = METHOD * scene.tolerance + scene.error(made, dense)
+        points = made.seconds * len(scene.plan.tasks) / scene.jobs
+        return [
+            Tried(WINDOWS, changes, error, made.reduction_seconds + made.setup_seconds + points)
+        ]
 
     def _error(self, made: Measurement) -> float:
         """Largest against full order, pilot by pilot until one is beyond the reduction's share."""
