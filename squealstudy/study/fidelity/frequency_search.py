@@ -11,14 +11,14 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study.definition import Study
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
-from squealstudy.study.fidelity.ladders import REDUCTION, STANDARD, Rung, free_ladders, given_keys
+from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders, given_keys
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, PAYS_FROM, WINDOWS
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about
+BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
 
@@ -127,13 +127,13 @@ class ModeSearch:
         return REDUCED * self.scene.tolerance
 
     def climb(self, rungs: tuple[Rung, ...]) -> None:
-        """From the standard rung up until one is good enough, or down while that pays."""
-        number = STANDARD
+        """From the first rung up until one is good enough, or down while that pays."""
+        number = FIRST
         self.tried[number] = self.attempt(rungs[number])
         while self.tried[number].error > self.share and number + 1 < len(rungs):
             number += 1
             self.tried[number] = self.attempt(rungs[number])
-        while number <= STANDARD and number > 0 and self._pays(number):
+        while number <= FIRST and number > 0 and self._pays(number):
             number -= 1
             self.tried[number] = self.attempt(rungs[number])
             if self.tried[number].error > self.share:
