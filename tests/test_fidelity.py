@@ -12,16 +12,20 @@ from squealstudy import open_results
 from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
 from squealstudy.errors import SquealstudyError, StudyFileError
+from squealstudy.study.cache import is_prepared, read_scalars
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity import run as fidelity_run
+from squealstudy.study.fidelity import scene as fidelity_scene
 from squealstudy.study.fidelity.audit import Audit, drawn_points
-from squealstudy.study.fidelity.choice import Tried, choose
+from squealstudy.study.fidelity.choice import Tried, choose, pays
+from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.study.fidelity.kept import _path
 from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.run import resolve, run_resolved
 from squealstudy.study.fidelity.scene import Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.plan import Plan
+from squealstudy.study.runner import build_structures
 
 BELT = """
 [study]
@@ -249,8 +253,157 @@ def test_a_pilot_that_fails_stops_the_choice(tmp_path):
     text = BELT.replace("values = [0.5, 0.6, 0.7]", "values = [0.6]").replace(
         "[modes]", '[parameters]\n"contact.kt" = 1e-3\n[modes]'
     )
-    with pytest.raises(SquealstudyError, match="a pilot design point failed"):
+    with pytest.raises(SquealstudyError, match="every pilot design point failed, the first with"):
         resolve(study(text, tmp_path), 1, quiet)
+
+
+def test_a_pilot_that_fails_gives_way_to_another(tmp_path):
+    text = BELT.replace("[modes]", '[parameters]\n"contact.kt" = 4.8e6\n[modes]')
+    text = text.replace("[0.5, 0.6, 0.7]", "[0.3, 0.5, 0.6, 0.7]")  # too soft for the slowest
+    text = text.replace("audit = 1", "audit = 1\npilots = 4")
+    resolved = resolve(study(text, tmp_path), 1, quiet)
+    assert resolved.choice.chosen.error <= 0.001
+    assert (
+        resolved.choice.reason == "meets the tolerance; a design point failed and could be no pilot"
+    )
+
+
+def finding(status):
+    return {"status": status, "message": "why"}
+
+
+def test_failing_pilots_are_replaced_in_order(tmp_path, monkeypatch):
+    scene = Scene(study(BELT, tmp_path), 1, quiet)
+    monkeypatch.setattr(Scene, "measure", lambda _, __, points: Found([7, 5], points))
+    assert scene.pilots({}, [7, 4, 5, 3, 2]) == [4, 3]
+    assert scene.failed == {7, 5}
+    with pytest.raises(SquealstudyError, match="the first with failed: why"):
+        scene.pilots({}, [7, 5])
+
+
+class Found:
+    """What stands for a measurement where some points fail."""
+
+    seconds, reduction_seconds, setup_seconds = 1.0, 0.0, 0.0
+
+    def __init__(self, bad, points):
+        self.findings = {
+            str(n): finding("failed" if p in bad else "ok") for n, p in enumerate(points)
+        }
+
+
+def test_a_setting_that_fails_at_a_pilot_is_refused(tmp_path):
+    scene = Scene(study(BELT, tmp_path), 1, quiet)
+    assert scene.point_error(finding("diverged"), finding("ok")) == 1.0
+    assert scene.point_error(finding("ok"), finding("diverged")) == 1.0
+
+
+# -- what pilots take ----------------------------------------------------------------------------
+MASSES = BELT.replace("sliding_speed", "mass").replace(
+    "[0.5, 0.6, 0.7]", "[0.8, 0.9, 1.0, 1.1, 1.2, 1.3]"
+)
+
+
+@pytest.fixture
+def masses(tmp_path, monkeypatch):
+    """A scene of six structures, none of them made."""
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    return Scene(study(MASSES, tmp_path), 1, quiet)
+
+
+def test_structures_of_the_pilots_alone_are_made(masses):
+    made = masses.measure({}, [1, 4])
+    prepared = [is_prepared(s.key) for s in masses.plan.structures]
+    assert prepared == [False, True, False, False, True, False]
+    spent = [read_scalars(masses.plan.structures[i].key)["timings"] for i in (1, 4)]
+    own = sum(sum(timings.values()) for timings in spent)
+    assert made.reduction_seconds == pytest.approx(6 / 2 * own)  # what the study will take
+
+
+def test_a_structure_that_cannot_be_made_is_a_failed_pilot(masses, monkeypatch):
+    failing = masses.plan.structures[1].key
+
+    def build(plan, jobs, report, wanted):
+        return {failing: "too heavy"} | build_structures(plan, jobs, report, wanted - {failing})
+
+    monkeypatch.setattr(fidelity_scene, "build_structures", build)
+    found = masses.measure({}, [4, 1]).findings
+    assert found["0"]["status"] == "ok"
+    assert found["1"] == {"status": "structure", "message": "too heavy"}
+    with pytest.raises(SquealstudyError, match="too heavy"):
+        masses.measure({}, [1])
+
+
+class Pilots:
+    """Stands for measurements: settings asked for, roots of the pilots off by some error."""
+
+    def __init__(self, error, monkeypatch):
+        self.asked, self.error = [], error
+        monkeypatch.setattr(Scene, "measure", lambda _, changes, points: self.of(changes, points))
+        monkeypatch.setattr(Scene, "point_error", lambda *_: self.error)
+
+    def of(self, changes, points):
+        self.asked.append((changes["modes.method"], changes, tuple(points)))
+        return Found([], points)
+
+    def of_method(self, name):
+        return [(changes, points) for method, changes, points in self.asked if method == name]
+
+
+def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeypatch):
+    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    pilots = Pilots(0.0, monkeypatch)
+    assert ModeSearch(scene).attempt(rung).error == 0.0
+    assert [points for _, points in pilots.of_method("full")] == [(4,), (0,)]
+    pilots = Pilots(0.5, monkeypatch)
+    assert ModeSearch(scene).attempt(rung).error == 0.5
+    ((changes, points),) = pilots.of_method("full")
+    assert points == (4,)
+    assert rung.changes.items() <= changes.items()  # a reduction that is there already
+
+
+def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch):
+    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    pilots = Pilots(0.1, monkeypatch)
+    bad = [4]
+    monkeypatch.setattr(
+        pilots,
+        "of",
+        lambda changes, points: Found(bad if changes["modes.method"] == "full" else [], points),
+    )
+    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    assert ModeSearch(scene).attempt(rung).error == 0.1
+    assert scene.failed == {4}
+    bad.append(0)
+    with pytest.raises(SquealstudyError, match="no pilot could be solved at full order: why"):
+        ModeSearch(scene).attempt(rung)
+
+
+@pytest.mark.parametrize(("points", "tried"), [(3, [1, 2]), (100, [1, 2, 0])])
+def test_longer_steps_are_tried_where_they_may_save_more_than_the_try(
+    points, tried, tmp_path, monkeypatch
+):
+    text = BELT.replace("values = [0.5, 0.6, 0.7]", f"start = 0.5\nstop = 0.7\nnum = {points}")
+    scene = Scene(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    steps = [rung.changes["transient.step"] for rung in free_ladders(scene.study)["step"].rungs]
+    asked = []
+
+    def measure(_, changes, points):
+        asked.append(steps.index(changes["transient.step"]))
+        return Found([], points)
+
+    search = RunSearch(scene)
+    monkeypatch.setattr(Scene, "measure", measure)
+    monkeypatch.setattr(Scene, "error", lambda *_: 0.01)
+    search.try_steps(search.ladders["step"])
+    assert list(dict.fromkeys(asked)) == tried
+    assert len(search.tried["step"]) == len(tried)
+
+
+@given(st.floats(0.1, 10), st.floats(0.1, 10))
+def test_a_try_must_promise_to_save_twice_its_cost(points, trial):
+    assert pays(points, trial) == (points / 2 > 2 * trial)
 
 
 def test_a_model_without_a_reduction_is_exact(tmp_path):
@@ -261,6 +414,45 @@ def test_a_model_without_a_reduction_is_exact(tmp_path):
     assert resolved.choice.chosen.error == 0.0
     report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
     assert report.manifest["fidelity"]["audit"]["error"] == 0.0
+
+
+HULTEN = """
+[study]
+name = "hulten"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = {num}
+[modes]
+band = [1.0, 1000.0]
+{more}
+[fidelity]
+tolerance = 1e-3
+"""
+
+
+def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path):
+    resolved = resolve(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    assert resolved.choice.chosen.changes["modes.method"] == "windows"
+    assert resolved.choice.chosen.error <= 1e-3
+    report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
+    assert report.manifest["fidelity"]["audit"]["passed"]
+
+
+@pytest.mark.parametrize(("num", "more"), [(30, ""), (200, 'method = "dense"')])
+def test_windows_are_not_tried_for_few_points_or_against_the_file(num, more, tmp_path):
+    scene = Scene(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
+    assert search_modes(scene).chosen.changes == {"modes.tolerance": 2e-4}
+
+
+def test_windows_that_miss_the_tolerance_are_refused(tmp_path, monkeypatch):
+    scene = Scene(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    monkeypatch.setattr(Scene, "error", lambda *_: 9e-4)
+    assert "modes.method" not in search_modes(scene).chosen.changes
 
 
 def test_an_explicit_step_that_misses_is_said(tmp_path):

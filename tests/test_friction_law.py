@@ -11,6 +11,7 @@ from conftest import CUTOFF, NOMINAL, TOP, build_model
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
+from squealstudy.analysis.full_order.solution import expected_roots
 from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.point import RIGID_HZ
 from squealstudy.analysis.quadratic import dense_roots
@@ -132,6 +133,19 @@ def test_falling_friction_reduced_and_full(brake, reduced):
     system = linearise(reduced[0], point, DesignState(constant))
     calm, _ = dense_roots(system.C, system.K, (2 * np.pi * 500.0, 2 * np.pi * TOP))
     assert (full.real > 0).sum() > (calm.real > 0).sum()  # the fall of friction excites
+
+
+def test_full_order_finds_all_roots_whatever_number_is_expected(brake, reduced):
+    state, band = DesignState(FALLING), (500.0, 1500.0)
+    point = working_point(brake.space, FALLING)
+    expected = expected_roots(reduced[0], point, band[1])
+    found = [
+        full_order_modes(brake.assembly, {}, point, state, band, CUTOFF, n).lam
+        for n in (expected, 2)
+    ]
+    assert len(found[0]) >= 3
+    assert 2 * len(found[0]) <= expected <= 3 * len(found[0]) + 20
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
 
 
 def test_assembly_damping_reduced_and_full(brake, reduced):

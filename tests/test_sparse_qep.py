@@ -14,7 +14,14 @@ from squealstudy.analysis.quadratic import backward_error, dense_roots
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, WoodburyFactor, smallest_roots
+from squealstudy.linalg.sparse_qep import (
+    DENSE_LIMIT,
+    PLAIN_RESIDUAL,
+    LowRankSum,
+    WoodburyFactor,
+    plain_residual,
+    smallest_roots,
+)
 
 SPARSE = DENSE_LIMIT + 30  # degrees of freedom that go the ARPACK way
 
@@ -112,6 +119,33 @@ def test_low_rank_products_and_solves(rank):
     for x in (b, b[:, 0], b + 1j * b[:, ::-1]):
         np.testing.assert_allclose(K @ x, A @ x, rtol=1e-10, atol=1e-3)
         np.testing.assert_allclose(factor.solve(x), np.linalg.solve(A, x), rtol=1e-9, atol=1e-15)
+
+
+def spoiled(n):
+    """A matrix whose first pivot is tiny: without refinement its solves lose digits."""
+    rng = np.random.default_rng(0)
+    A = sp.diags([rng.uniform(1, 2, n), np.ones(n - 1), np.ones(n - 1)], [0, 1, -1]).tolil()
+    A[0, 0] = 1e-9
+    return LowRankSum(A.tocsr())
+
+
+def test_solves_are_refined_where_a_trial_shows_that_they_must_be():
+    A = spoiled(SPARSE)
+    factor = factorise(A.sparse, backend="superlu")
+    assert plain_residual(factor, A.sparse) > PLAIN_RESIDUAL
+    b = np.random.default_rng(1).standard_normal(SPARSE)
+    x = WoodburyFactor(A, refined=False).solve(b)
+    assert np.abs(A @ x - b).max() < PLAIN_RESIDUAL * np.abs(b).max()
+    np.testing.assert_array_equal(x, WoodburyFactor(A).solve(b))
+
+
+def test_solves_that_lose_nothing_are_not_refined():
+    _, _, K = chain(SPARSE, 3, 0)
+    factor = WoodburyFactor(K, refined=False)
+    b = np.random.default_rng(1).standard_normal(SPARSE)
+    once = factorise(K.sparse).solve_once(b)
+    assert np.abs(once - factorise(K.sparse).solve(b)).max() > 0
+    np.testing.assert_array_equal(factor.solve(b), once)
 
 
 # -- its neighbours in linalg and analysis -------------------------------------------------------

@@ -11,9 +11,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import Factor, factorise
+from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
+PLAIN_RESIDUAL = 1e-11  # |b - A x| / |b| of an unrefined solve that Arnoldi's method may use
 
 
 class LowRankSum:
@@ -33,10 +34,19 @@ class LowRankSum:
 
 
 class WoodburyFactor:
-    """Solves with a sparse matrix plus U diag(d) U^T."""
+    """Solves with a sparse matrix plus U diag(d) U^T, refined unless told otherwise.
 
-    def __init__(self, A: LowRankSum) -> None:
-        self._factor: Factor = factorise(A.sparse)
+    Parameters
+    ----------
+    A : LowRankSum (n, n)
+    refined : bool
+        Where False, solutions are left unrefined if a trial shows that they lose nothing.
+    """
+
+    def __init__(self, A: LowRankSum, refined: bool = True) -> None:
+        self._factor = factorise(A.sparse)
+        plain = not refined and plain_residual(self._factor, A.sparse) <= PLAIN_RESIDUAL
+        self._once = self._factor.solve_once if plain else self._factor.solve
         self._A = A
         if len(A.d):
             self._X = self._factor.solve(A.U)
@@ -45,10 +55,16 @@ class WoodburyFactor:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Solution of A x = b."""
-        x = self._factor.solve(b)
+        x = self._once(b)
         if len(self._A.d):
             x = x - self._X @ (self._core @ (self._A.U.T @ x))
         return x
+
+
+def plain_residual(factor: RefinedFactor, A: sp.spmatrix) -> float:
+    """Largest |b - A x| over largest |b| of an unrefined solve of some b."""
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    return float(np.abs(b - A @ factor.solve_once(b)).max() / np.abs(b).max())
 
 
 def smallest_roots(
@@ -88,7 +104,7 @@ def smallest_roots(
     n = M.shape[0]
     if n <= DENSE_LIMIT:
         return _dense_roots(M, C, K, n_roots)
-    solver: Factor = WoodburyFactor(K) if factor is None else factor
+    solver: Factor = WoodburyFactor(K, refined=False) if factor is None else factor
 
     def apply(z: np.ndarray) -> np.ndarray:
         # theta x = y,  K (theta y) = -(s C y + s^2 M x), in time scaled by s

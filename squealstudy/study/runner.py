@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -151,15 +151,20 @@ def _is_complete(found: dict[str, Any], plan: Plan, kind: Kind, directory: Path)
     )
 
 
-def build_structures(plan: Plan, jobs: int, progress: Progress) -> dict[str, str]:
+def build_structures(
+    plan: Plan, jobs: int, progress: Progress, wanted: Collection[str] | None = None
+) -> dict[str, str]:
     """Make the prepared models that the cache does not hold; reasons of failure by key.
+
+    `wanted` are the keys of those to be made, of a study that is tried at some points alone.
 
     Raises
     ------
     SquealstudyError
         Where no structure of the study can be made.
     """
-    missing = [s for s in plan.structures if not is_prepared(s.key)]
+    asked = [s for s in plan.structures if wanted is None or s.key in wanted]
+    missing = [s for s in asked if not is_prepared(s.key)]
     if not missing:
         return {}
     stage = "reduction"

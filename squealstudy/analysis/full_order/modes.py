@@ -16,6 +16,8 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.working_point import WorkingPoint
 
+FIRST_ROOTS = 120  # asked for where their number is not known
+MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
 LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
 
 
@@ -54,11 +56,14 @@ def full_order_modes(
     state: DesignState,
     band_hz: tuple[float, float],
     damped_to_hz: float,
+    expected: int | None = None,
 ) -> FullOrderModes:
     """Complex modes of the unreduced assembly at a working point (theory.md section 1).
 
     Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`.
+    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`. `expected` is how many
+    roots the band's top may have below it, conjugates included: all are found whatever it says,
+    soonest where it is close.
 
     Raises
     ------
@@ -69,7 +74,7 @@ def full_order_modes(
     """
     system = full_order_system(assembly, modes, point, state, damped_to_hz)
     C_sum, K_sum = system.C, system.K
-    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1])
+    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1], expected)
     kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
     lam, psi = lam[kept], psi[:, kept]
     R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
@@ -167,11 +172,12 @@ def component_terms(
 
 
 def _roots_to(
-    assembly: Assembly, C: LowRankSum, K: LowRankSum, limit: float
+    assembly: Assembly, C: LowRankSum, K: LowRankSum, limit: float, expected: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
     most = 2 * assembly.n_dof if assembly.n_dof <= DENSE_LIMIT else 2 * assembly.n_dof - 2
-    n_roots = min(120, most)
+    first = FIRST_ROOTS if expected is None else int(1.05 * expected) + MORE_ROOTS
+    n_roots = min(first, most)
     while True:
         lam, psi = smallest_roots(assembly.M, C, K, n_roots, limit / 2)
         if np.abs(lam).max() > limit or n_roots >= most:

@@ -15,7 +15,7 @@ from squealstudy.analysis.full_order.modes import (
 )
 from squealstudy.analysis.point import RIGID_HZ, PointModes, state_working_point
 from squealstudy.models.assembly import Assembly
-from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.prepared import PreparedModel, sensor_dofs
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -42,7 +42,8 @@ def solve_full_order(
     """
     point = state_working_point(prepared, state)
     band = (max(band_hz[0], RIGID_HZ), band_hz[1])
-    found = full_order_modes(assembly, modes, point, state, band, damped_to_hz)
+    expected = expected_roots(prepared.model, point, band_hz[1])
+    found = full_order_modes(assembly, modes, point, state, band, damped_to_hz, expected)
     order = np.argsort(found.lam.imag == 0, kind="stable")
     lam, psi, residual = found.lam[order], found.psi[:, order], found.residual[order]
     seen = psi[sensor_dofs(assembly.n_dof)]
@@ -58,6 +59,14 @@ def solve_full_order(
         residual * np.abs(lam) / 2,
         FULL,
     )
+
+
+def expected_roots(model: ReducedModel, point: WorkingPoint, top_hz: float) -> int:
+    """How many roots lie below a frequency: twice the real modes of the reduced model."""
+    K = model.K_springs + model.N.T @ ((model.area * point.tangent)[:, None] * model.N)
+    K[np.diag_indices_from(K)] += model.k_el
+    limit = (2 * np.pi * top_hz) ** 2
+    return 2 * len(la.eigvalsh(K, subset_by_value=(-np.inf, limit)))
 
 
 def _energies(

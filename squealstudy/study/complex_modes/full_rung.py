@@ -11,6 +11,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.complex_modes.solve import solve_design
+from squealstudy.study.design import Design
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.tasks import PointTask
 
@@ -38,5 +39,15 @@ class FullRung:
         if key not in _built:
             _built.clear()  # one structure at a time: an assembly is large
             assembly = point.design.model.build(self.options, point.design.plain_values())
-            _built[key] = (assembly, component_modes(assembly, self.settings.component_cutoff))
+            modes = changed_modes(point.design, assembly, self.settings)
+            _built[key] = (assembly, modes)
         return _built[key]
+
+
+def changed_modes(
+    design: Design, assembly: Assembly, settings: BasisSettings
+) -> Mapping[str, ComponentModes]:
+    """Component modes, by component; none where the study changes none of them."""
+    if not design.mode_parameters():
+        return {}
+    return component_modes(assembly, settings.component_cutoff)

@@ -14,10 +14,12 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.family_point import check_family_point
 from squealstudy.analysis.full_order.modes import FullOrderModes, full_order_modes, reference_error
+from squealstudy.analysis.full_order.solution import expected_roots
 from squealstudy.analysis.point import state_working_point
 from squealstudy.errors import SquealstudyError
-from squealstudy.reduction.cmt import BasisSettings, component_modes
+from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.study.complex_modes.full_rung import changed_modes
 from squealstudy.study.family_cache import Prepared, load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.process import watch_parent
@@ -73,9 +75,10 @@ def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
     state = design.state()
     point = state_working_point(prepared, state)
     assembly = design.model.build(task.options, design.plain_values())
-    modes = component_modes(assembly, task.settings.component_cutoff)
+    modes = changed_modes(design, assembly, task.settings)
     cutoff = task.settings.assembly_cutoff
-    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff)
+    expected = expected_roots(prepared.model, point, task.band_hz[1])
+    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)
 
 
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:

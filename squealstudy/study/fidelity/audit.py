@@ -62,7 +62,7 @@ def audit(
     if not usable:
         return Audit(None, (), against)
     quiet = QUIET if scene.in_time else {}
-    truth = scene.measure({**changes, **better, **quiet}, usable, pilots=False).findings
+    truth = scene.measure({**changes, **better, **quiet}, usable).findings
     pairs = [(i, truth[str(n)]) for n, i in enumerate(usable)]
     kept = [(i, true) for i, true in pairs if true["status"] == "ok"]
     if not kept:

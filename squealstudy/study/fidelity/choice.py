@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
+
+WORTH = 2.0  # times its own cost that a try must promise to save
+SMALLER = 0.5  # of the cost of the points, that one rung down may save
 
 
 class Tried(NamedTuple):
@@ -64,6 +67,13 @@ class Choice:
         """The same with settings that all combinations have."""
         return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
 
+    def with_failures(self, failed: Collection[int]) -> Choice:
+        """The same, saying how many design points could be no pilots."""
+        if not failed:
+            return self
+        words = "a design point" if len(failed) == 1 else f"{len(failed)} design points"
+        return replace(self, reason=f"{self.reason}; {words} failed and could be no pilot")
+
 
 def choose(
     tried: Mapping[str, Sequence[Tried]],
@@ -106,6 +116,19 @@ def choose(
     cheaper = front[at - 1] if at > 0 else None
     dearer = front[at + 1] if at + 1 < len(front) else None
     return Choice(chosen, cheaper, dearer, reason)
+
+
+def pays(points: float, trial: float) -> bool:
+    """Whether a cheaper setting is worth a try.
+
+    Parameters
+    ----------
+    points : float
+        Seconds of the study's points as they are, of which it may save a share.
+    trial : float
+        Seconds that trying takes.
+    """
+    return SMALLER * points > WORTH * trial
 
 
 def _combinations(

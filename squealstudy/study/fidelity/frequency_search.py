@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study.definition import Study
-from squealstudy.study.fidelity.choice import Choice, Tried, choose
-from squealstudy.study.fidelity.ladders import REDUCTION, STANDARD, Rung, free_ladders, given_keys
-from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
+from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders, given_keys
+from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, WINDOWS
+from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, PAYS_FROM, WINDOWS
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about
+BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
+SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
-WORTH = 2.0  # times its own cost that a try must promise to save
-SMALLER = 0.5  # of the cost of the points, that one rung down may save
 
 
 def search_modes(scene: Scene) -> Choice:
@@ -29,15 +31,15 @@ def search_modes(scene: Scene) -> Choice:
     search = ModeSearch(scene)
     ladder = free_ladders(scene.study).get(REDUCTION)
     if ladder is None:
-        tried = {"": [search.attempt(Rung("reduction as the file says", {}))]}
-        tried = tried if has_mesh(scene.study) else {"": [tried[""][0]._replace(label="")]}
+        label = "reduction as the file says" if has_mesh(scene.study) else ""
+        tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder.rungs)
         tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
     first = next(iter(tried.values()))[0]
     section = scene.section
     chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
-    return chosen.with_changes(search.common)
+    return chosen.with_changes(search.common).with_failures(scene.failed)
 
 
 class ModeSearch:
@@ -45,10 +47,12 @@ class ModeSearch:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.points = reference_choice(scene.plan, scene.section.pilots)
         self.common = _method_changes(scene)
+        self.points: list[int] = []  # the pilots, known from the first attempt on
         self.tried: dict[int, Tried] = {}
         self.making = 0.0  # seconds of the last reduction
+        self.exact = exact_method(scene.study)
+        self.truth: dict[str, Any] = {}  # settings that errors are measured against
         self.method = scene.variant(self.common, scene.plan.swept).method.name
 
     @property
@@ -60,36 +64,83 @@ class ModeSearch:
         return METHOD * self.scene.tolerance if self.common else explicit
 
     def attempt(self, rung: Rung) -> Tried:
-        """Solve the pilots exactly with a reduction; its error is that against full order."""
+        """Solve the pilots without reanalysis; the error is that against full order."""
         scene, changes = self.scene, {**self.common, **rung.changes}
-        exact, own = exact_method(scene.study), self.method
+        own = self.method
         if own in OVER_A_BASIS:  # whose own error is another share
-            own = DENSE if has_mesh(scene.study) else exact
-        made = scene.measure({**changes, "modes.method": own}, self.points)
-        error = 0.0
-        if own != exact:
-            truth = scene.measure({**self.common, "modes.method": exact}, self.points)
-            error = scene.error(made, truth)
+            own = DENSE if has_mesh(scene.study) else self.exact
+        solved = {**changes, "modes.method": own}
+        if not self.points:
+            candidates = reference_choice(scene.plan, scene.section.pilots + SPARE)
+            self.points = scene.pilots(solved, candidates)
+            # whose reduction is there: the working points that it gives are those of any other
+            self.truth = {**changes, "modes.method": self.exact}
+        made = scene.measure(solved, self.points)
         self.making = made.reduction_seconds
+        error = 0.0 if own == self.exact else self._error(made)
         return Tried(rung.label, rung.changes, error, self.study_seconds(made))
 
+    def small_windows(self) -> list[Tried]:
+        """Windows over a sweep of a minimal model, where there are points enough to try them.
+
+        Trying them is solving the study: of a few degrees of freedom that takes a moment.
+        """
+        scene = self.scene
+        if self.method != DENSE or self.exact != DENSE or "modes.method" in given_keys(scene.study):
+            return []
+        sweeps = scene.study.sweeps
+        least = PAYS_FROM.get(len(sweeps), np.inf) * SMALL_MODEL_SHARE
+        if any(s.parameter.structural for s in sweeps) or len(scene.plan.tasks) < least:
+            return []
+        changes = {"modes.method": WINDOWS}
+        try:
+            made = scene.measure({**self.common, **changes}, self.points)
+        except SquealstudyError:  # no basis over this box, or damping that windows do not know
+            return []
+        dense = scene.measure({**self.common, "modes.method": DENSE}, self.points)
+        error = METHOD * scene.tolerance + scene.error(made, dense)
+        points = made.seconds * len(scene.plan.tasks) / scene.jobs
+        return [
+            Tried(WINDOWS, changes, error, made.reduction_seconds + made.setup_seconds + points)
+        ]
+
+    def _error(self, made: Measurement) -> float:
+        """Largest against full order, pilot by pilot until one is beyond the reduction's share."""
+        worst, failure = None, ""
+        for finding, point in zip(made.findings.values(), self.points, strict=True):
+            truth = self.scene.measure(self.truth, [point]).findings["0"]
+            if truth["status"] != "ok":
+                failure = truth["message"]
+                self.scene.failed.add(point)
+                continue
+            worst = max(worst or 0.0, self.scene.point_error(finding, truth))
+            if worst > self.share:
+                break
+        if worst is None:
+            path = self.scene.study.path
+            raise SquealstudyError(f"{path}: no pilot could be solved at full order: {failure}")
+        return worst
+
+    @property
+    def share(self) -> float:
+        """Of the tolerance, what the reduction may take."""
+        return REDUCED * self.scene.tolerance
+
     def climb(self, rungs: tuple[Rung, ...]) -> None:
-        """From the standard rung up until one is good enough, or down while that pays."""
-        share = REDUCED * self.scene.tolerance
-        number = STANDARD
+        """From the first rung up until one is good enough, or down while that pays."""
+        number = FIRST
         self.tried[number] = self.attempt(rungs[number])
-        while self.tried[number].error > share and number + 1 < len(rungs):
+        while self.tried[number].error > self.share and number + 1 < len(rungs):
             number += 1
             self.tried[number] = self.attempt(rungs[number])
-        while number <= STANDARD and number > 0 and self._pays(number):
+        while number <= FIRST and number > 0 and self._pays(number):
             number -= 1
             self.tried[number] = self.attempt(rungs[number])
-            if self.tried[number].error > share:
+            if self.tried[number].error > self.share:
                 return
 
     def _pays(self, number: int) -> bool:
-        points = self.tried[number].cost - self.making
-        return SMALLER * points > WORTH * self.making
+        return pays(self.tried[number].cost - self.making, self.making)
 
     def study_seconds(self, made: Measurement) -> float:
         """Seconds of the whole study, from exact solves at the pilots."""

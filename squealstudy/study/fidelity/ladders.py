@@ -12,8 +12,8 @@ from squealstudy.study.source import parse_toml
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
-REDUCTIONS = ((1.1, 1e-3), (1.25, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
-STANDARD = 2  # the rung that a study has by itself
+REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
+FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
 LEAST_STEPS = 100  # of a run

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from squealstudy.study.experiments.base import BaseStudy
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.keys import content_hash
 from squealstudy.study.kind import Progress
-from squealstudy.study.measure.frequency_domain import measure_modes
+from squealstudy.study.measure.frequency_domain import TOGETHER, measure_modes
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.time_domain import measure_runs
 from squealstudy.study.plan import Plan
@@ -28,7 +28,8 @@ from squealstudy.study.source import SourceText, parse_toml
 
 IN_FREQUENCY = ("frequency", "damping_ratio")
 IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
-MISSED = 1.0  # error of a setting that misses an instability, or sees one that is not there
+MISSED = 1.0  # error of a setting that misses an instability, sees one too many, or fails
+SPARE = 4  # design points in reserve for pilots that fail
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Scene:
         Told (stage, done, total).
     measured : dict
         Measurements so far, by settings and points.
+    failed : set of int
+        Design points that could be no pilots.
     asked : float or None
         A stricter tolerance than the section's, after a failed audit.
     """
@@ -52,6 +55,7 @@ class Scene:
     jobs: int
     report: Progress
     measured: dict[str, Measurement] = field(default_factory=dict)
+    failed: set[int] = field(default_factory=set)
     asked: float | None = None
 
     @property
@@ -86,41 +90,73 @@ class Scene:
         """The study with other settings; `swept` replaces its design points."""
         return Plan(self.base.variant(changes), swept)
 
-    def measure(
-        self, changes: Mapping[str, Any], points: Sequence[int], pilots: bool = True
-    ) -> Measurement:
+    def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
         """Measure settings at some of the study's design points, once.
 
-        Raises
-        ------
-        SquealstudyError
-            Where one of the pilots fails: nothing can be chosen by it.
+        Structures are made of those points alone, unless the method needs all of the study's.
         """
         name = content_hash([sorted(changes.items(), key=str), list(points)])
         if name not in self.measured:
             plan = self.variant(changes, self.plan.swept)
-            build_structures(plan, self.jobs, self.report)
-            made = measure_runs(plan, points) if self.in_time else measure_modes(plan, points)
-            if pilots:
-                self._expect_ok(made)
-            self.measured[name] = made
+            together = not self.in_time and plan.method.name in TOGETHER
+            wanted = None if together else {plan.tasks[i].prepared_key for i in points}
+            failures = build_structures(plan, self.jobs, self.report, wanted)
+            self.measured[name] = self._measured(plan, points, failures)
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
         return self.measured[name]
 
-    def _expect_ok(self, made: Measurement) -> None:
-        bad = [f for f in made.findings.values() if f["status"] != "ok"]
-        if bad:
-            raise SquealstudyError(
-                f"{self.study.path}: a pilot design point failed ({bad[0]['status']}: "
-                f"{bad[0]['message']}); without [fidelity] the study runs as its settings say"
-            )
+    def _measured(
+        self, plan: Plan, points: Sequence[int], failures: Mapping[str, str]
+    ) -> Measurement:
+        """Of the points whose structure could be made; the others have failed."""
+        reasons = [failures.get(plan.tasks[i].prepared_key, "") for i in points]
+        built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
+        if not built:
+            raise SquealstudyError(f"{self.study.path}: {reasons[0]}")
+        made = measure_runs(plan, built) if self.in_time else measure_modes(plan, built)
+        own = iter(made.findings.values())
+        findings = {
+            str(n): {"status": "structure", "message": reason} if reason else next(own)
+            for n, reason in enumerate(reasons)
+        }
+        return replace(made, findings=findings)
+
+    def pilots(self, changes: Mapping[str, Any], candidates: Sequence[int]) -> list[int]:
+        """The first design points, as many as the section asks for, at which settings work.
+
+        A candidate that fails gives way to the next; `failed` tells how many did.
+
+        Raises
+        ------
+        SquealstudyError
+            Where none of the candidates works: nothing can be chosen by them.
+        """
+        count = self.section.pilots
+        kept, waiting = list(candidates[:count]), list(candidates[count:])
+        first = ""
+        while kept:
+            found = self.measure(changes, kept).findings
+            good = [p for p, f in zip(kept, found.values(), strict=True) if f["status"] == "ok"]
+            if len(good) == len(kept):
+                return kept
+            bad = next(f for f in found.values() if f["status"] != "ok")
+            first = first or f"{bad['status']}: {bad['message']}"
+            self.failed.update(set(kept) - set(good))
+            missing = count - len(good)
+            kept, waiting = good + waiting[:missing], waiting[missing:]
+        raise SquealstudyError(
+            f"{self.study.path}: every pilot design point failed, the first with {first}; "
+            "without [fidelity] the study runs as its settings say"
+        )
 
     def error(self, found: Measurement, truth: Measurement) -> float:
         """Largest error of the judged quantities; MISSED where instabilities differ."""
         return max(self.point_error(f, truth.findings[p]) for p, f in found.findings.items())
 
     def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
-        """The same of one design point."""
+        """The same of one design point; MISSED too where either of them failed."""
+        if finding["status"] != "ok" or truth["status"] != "ok":
+            return MISSED
         compare, judged = (run_errors, IN_TIME) if self.in_time else (root_errors, IN_FREQUENCY)
         errors, count = compare(finding, truth)
         return largest(errors, count, judged)

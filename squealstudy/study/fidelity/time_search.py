@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.study.fidelity.choice import Choice, Tried, choose
+from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import (
     BASIS,
     CONTACT,
@@ -16,7 +16,7 @@ from squealstudy.study.fidelity.ladders import (
     free_ladders,
     given_keys,
 )
-from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.plan import Plan
 
@@ -40,7 +40,7 @@ def search_runs(scene: Scene) -> Choice:
     cost, fixed = search.study_seconds()
     given = search.given_error()
     chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
-    return chosen.with_changes(search.always)
+    return chosen.with_changes(search.always).with_failures(scene.failed)
 
 
 class RunSearch:
@@ -52,7 +52,6 @@ class RunSearch:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.ladders = free_ladders(scene.study)
-        self.points = interior_pilots(scene.plan, scene.section.pilots)
         self.share = SHARE * scene.tolerance
         self.tried: dict[str, list[Tried]] = {}
         self.kept: dict[str, Tried] = {}
@@ -62,6 +61,8 @@ class RunSearch:
             self.now |= self.ladders[STEP].rungs[TRIAL_STEP].changes
         if CONTACT in self.ladders:
             self.now |= self.ladders[CONTACT].rungs[0].changes
+        candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)
+        self.points = scene.pilots(self.now, candidates)
 
     def measure(self, changes: Mapping[str, Any]) -> Measurement:
         """The pilots with some settings other than those so far."""
@@ -86,8 +87,26 @@ class RunSearch:
         self._keep(CONTACT, self._refined(ladder, 1.0))
 
     def try_steps(self, ladder: Ladder) -> None:
-        """Halved steps until the change to the next, extrapolated, is within its share."""
-        self._keep(STEP, self._refined(ladder, RICHARDSON))
+        """Halved steps until the change to the next, extrapolated, is within its share.
+
+        From twice the step of the trials on; longer ones are tried where that pays.
+        """
+        rungs = ladder.rungs
+        at = max(0, min(TRIAL_STEP, len(rungs) - 1) - 1)
+        found = self._refined(Ladder(ladder.name, rungs[at:]), RICHARDSON)
+        while at > 0 and found[0].error <= self.share and self._pays(rungs[at].changes):
+            at -= 1
+            longer, shorter = (self.measure(rungs[k].changes) for k in (at, at + 1))
+            error = RICHARDSON * self.scene.error(longer, shorter)
+            found.insert(0, Tried(rungs[at].label, rungs[at].changes, error, longer.seconds))
+        self._keep(STEP, found)
+
+    def _pays(self, changes: Mapping[str, Any]) -> bool:
+        """Whether a try of twice the step may save the study more than the try takes."""
+        made = self.measure(changes)
+        study = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        trial = made.seconds * len(self.points) + made.setup_seconds
+        return pays(study, trial)
 
     def _refined(self, ladder: Ladder, factor: float) -> list[Tried]:
         """Rungs up to the first whose change to the next is within its share, and that next one.
@@ -107,6 +126,7 @@ class RunSearch:
 
     def _keep(self, name: str, found: list[Tried]) -> None:
         """Go on with the cheapest of a ladder that is good enough, else with its best."""
+        found = [t for t in found if np.isfinite(t.cost)]  # where no pilot ran there is none
         self.tried[name] = found
         good = [t for t in found if t.error <= self.share]
         best = min(good, key=lambda t: t.cost) if good else min(found, key=lambda t: t.error)
@@ -149,6 +169,7 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
     for place in (0.75, 0.4, 0.9, 0.55, 0.65, 0.25, 0.85, 0.5):
         order = np.argsort(np.abs(X - place).max(axis=1), kind="stable")
         chosen += [int(i) for i in order if i not in chosen][:1]
+    chosen += [i for i in range(len(X)) if i not in chosen]
     return chosen[:count]
 
 

@@ -15,7 +15,8 @@ class Measurement:
     Attributes
     ----------
     seconds : float
-        A design point, on one core, without what several share.
+        Of the processor for a design point, without what several share: work of others on the
+        machine is not counted.
     setup_seconds : float
         What they share: basis, training.
     reduction_seconds : float

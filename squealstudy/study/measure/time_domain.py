@@ -51,7 +51,7 @@ def measure_runs(
     Parameters
     ----------
     plan : Plan
-        Its structures are in the cache.
+        The structures of those points are in the cache.
     measured : sequence of int
         Positions of the points among the plan's.
     integrate : callable
@@ -63,10 +63,12 @@ def measure_runs(
     section = plan.study.definition.transient
     forecast.warm(section)
     with threadpool_limits(1):
-        make_training_runs(plan, lambda stage, done, total: None)
+        chosen = [plan.tasks[i] for i in measured]
+        make_training_runs(
+            plan, lambda stage, done, total: None, {task.prepared_key for task in chosen}
+        )
         findings: dict[str, dict[str, Any]] = {}
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
-        chosen = [plan.tasks[i] for i in measured]
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
             runs = [_batch(plan, part, integrate, START_RATIO**n) for n in range(starts)]
@@ -100,12 +102,12 @@ def _batch(
     ]
     seconds, finished, message = 0.0, [], ("failed", "")
     with memory_above() as memory:
-        started = time.perf_counter()
+        started = time.process_time()
         try:
             finished = _integrated(integrate, task, reference, ready) if ready else []
         except FAILURES as error:
             message = reason(error)
-        seconds = time.perf_counter() - started
+        seconds = time.process_time() - started
     done = iter(finished)
     findings = [
         _failed(one["status"], one["message"])

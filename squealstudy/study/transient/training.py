@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,8 +29,10 @@ SNAPSHOTS = 1500  # of each design point
 START = 0.1  # of the sliding speed: the limit cycle is soon reached
 
 
-def make_training_runs(plan: Plan, report: Progress) -> None:
+def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | None = None) -> None:
     """Make the snapshots that the study's basis needs, where the cache does not hold them.
+
+    `wanted` are the keys of the structures to be trained on; all by default.
 
     Raises
     ------
@@ -38,7 +41,8 @@ def make_training_runs(plan: Plan, report: Progress) -> None:
     """
     if not plan.study.definition.transient.pod_vectors:
         return
-    missing = [s.key for s in plan.structures if not training_path(plan, s.key).is_file()]
+    asked = [s.key for s in plan.structures if wanted is None or s.key in wanted]
+    missing = [key for key in asked if not training_path(plan, key).is_file()]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
         started = time.perf_counter()
@@ -52,11 +56,12 @@ def make_training_runs(plan: Plan, report: Progress) -> None:
 
 
 def training_seconds(plan: Plan) -> float:
-    """What the training runs of the study's structures took when they were made; 0 without."""
+    """What training took on the structures that are trained on, for all of them; 0 without."""
     if not plan.study.definition.transient.pod_vectors:
         return 0.0
     files = [training_path(plan, s.key).with_suffix(TIMED) for s in plan.structures]
-    return float(sum(json.loads(f.read_text())["seconds"] for f in files if f.is_file()))
+    made = [json.loads(f.read_text())["seconds"] for f in files if f.is_file()]
+    return float(sum(made)) * len(files) / max(len(made), 1)
 
 
 def _save(snapshots: np.ndarray, path: Path) -> None:

@@ -1,0 +1,58 @@
+"""Processor time of what settings of one scene share, for `fidelity_costs.py`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from squealstudy.study.complex_modes.window_tasks import basis_tasks
+from squealstudy.study.fidelity.scene import Scene
+from squealstudy.study.kinds import kind_named
+from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.method import OVER_A_BASIS
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import build_structures
+from squealstudy.study.transient.basis import training_path
+
+
+class Clock:
+    """Processor time of what settings share, by what it is: made once a round, charged to each."""
+
+    def __init__(self) -> None:
+        self.spent: dict[object, float] = {}
+
+    def study_seconds(self, scene: Scene, changes: Mapping[str, Any], made: Measurement) -> float:
+        """Of all points of a study with `changes`, and of what they share."""
+        plan = scene.variant(changes, None)
+        return self.shared(plan) + made.seconds * len(scene.plan.tasks)
+
+    def shared(self, plan: Plan) -> float:
+        """Of reductions, and of bases or training runs; makes what is not there."""
+        kind = kind_named(plan.study.definition.study.kind)
+        keys = [s.key for s in plan.structures]
+        total = sum(self._timed(k, partial(build_structures, plan, 1, _quiet, {k})) for k in keys)
+        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet, 1))
+
+    def _timed(self, name: object, make: Callable[[], object]) -> float:
+        if name not in self.spent:
+            started = time.process_time()
+            make()
+            self.spent[name] = time.process_time() - started
+        return self.spent[name]
+
+
+def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
+    """Files of sweep bases or training runs of a study: plans with the same share them."""
+    if plan.study.definition.study.kind == "transient":
+        wanted = plan.study.definition.transient.pod_vectors
+        return tuple(training_path(plan, s.key) for s in plan.structures if wanted)
+    if plan.method.name not in OVER_A_BASIS:
+        return ()
+    return tuple(task.path for task in basis_tasks(plan))
+
+
+def _quiet(stage: str, done: int, total: int) -> None:
+    pass
