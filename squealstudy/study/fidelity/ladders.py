@@ -16,6 +16,7 @@ REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
+TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
 LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
 BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
@@ -83,10 +84,10 @@ def _reductions() -> Ladder:
 
 def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model the step alone; a continued run keeps the contact points it has."""
-    section = study.definition.transient
-    unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+    section, unit = study.definition.transient, _unit(study)
     usable = [n * unit for n in STEPS if LEAST_STEPS * n * unit <= section.duration]
-    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in usable)
+    method = _method(study)
+    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h, **method}) for h in usable)
     ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))
@@ -95,12 +96,26 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     return tuple(ladders)
 
 
+def _unit(study: Study) -> float:
+    return 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+
+
+def _method(study: Study) -> dict[str, Any]:
+    """Exact free motion, with which a brake's levels hold at longer steps (integrators.toml)."""
+    given = given_keys(study) & {"transient.method", "transient.prewarp"}
+    modal = study.definition.transient.representation == "modal"
+    return {"transient.method": "exponential"} if modal and has_mesh(study) and not given else {}
+
+
 def _bases(study: Study) -> Ladder:
+    """Trained at one step, so that runs of other steps are compared in the same basis."""
     top = float(study.definition.modes.band[1])
+    given = given_keys(study) & {"transient.step", "transient.pod_step"}
+    training = {} if given else {"transient.pod_step": STEPS[TRIAL_STEP] * _unit(study)}
     small = [
         Rung(
             f"modes to {factor * top:g} Hz and {vectors} POD vectors",
-            {"transient.modes_below": factor * top, "transient.pod_vectors": vectors},
+            {"transient.modes_below": factor * top, "transient.pod_vectors": vectors, **training},
         )
         for factor, vectors in BASES
     ]

@@ -12,6 +12,7 @@ from squealstudy.study.fidelity.ladders import (
     BASIS,
     CONTACT,
     STEP,
+    TRIAL_STEP,
     Ladder,
     free_ladders,
     given_keys,
@@ -25,7 +26,6 @@ RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, ord
 SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
 ALL_MODES = {"transient.modes_below": None, "transient.pod_vectors": 0}
 QUIET = {"transient.save_every": 0}  # pilots keep no histories
-TRIAL_STEP = 2  # rung of steps at which bases and contact points are compared
 
 
 def search_runs(scene: Scene) -> Choice:
