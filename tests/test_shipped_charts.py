@@ -67,7 +67,7 @@ def test_integrators_through_lift_off(tmp_path):
         (r"transient.save_every = 0", "transient.save_every = 0\ntransient.duration = 0.2"),
         (r"rtol = 1e-10", "rtol = 1e-8"),
         (
-            r"(?s)\[\[method\]\]\nname = \"pre-warped.*?(\[\[method\]\]\nname = \"exponential\")",
+            r"(?s)\[\[method\]\]\nname = \"pre-warped.*?(\[\[method\]\]\nname = \"DOP853\")",
             r"\1",
         ),
         (r"(?s)\[\[method\]\]\nname = \"LSODA.*", ""),

@@ -54,6 +54,7 @@ name = "small steps"
 set.transient.step = 2e-6
 [[method]]
 name = "Newmark"
+set.transient.method = "newmark"
 knob = "transient.step"
 values = [2e-5, 2e-4]
 default = true

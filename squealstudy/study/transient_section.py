@@ -12,11 +12,10 @@ from pydantic import (
     model_validator,
 )
 
-from squealstudy.analysis.transient.settings import TOLERANCE
+from squealstudy.analysis.transient.defaults import SLOW_TOLERANCE, TOLERANCE
 from squealstudy.study.section import Section
 
 MOST_STEPS = 1e9
-SLOW_TOLERANCE = 1e-3  # of the contact iteration in the slow references
 WORKING_POINT = "working_point"  # where a run starts by default
 
 
@@ -46,11 +45,12 @@ class TransientSection(Section):
 
     duration: float = Field(default=0.1, description="simulated time, s")
     step: float = Field(default=1e-6, description="time step, s")
-    method: Literal["newmark", "newmark_newton", "exponential"] = Field(
-        default="newmark",
-        description="'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; 'newmark_newton', the "
-        "slow reference; 'exponential': free modes exact, contact as Newmark's, for longer steps "
-        "where impacts are soft",
+    method: Literal["auto", "exponential", "newmark", "newmark_newton"] = Field(
+        default="auto",
+        description="'exponential': free modes exact, contact forces by the trapezoidal rule with "
+        "Newmark's iteration; 'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; "
+        "'newmark_newton', the slow reference; 'auto': exponential, in the hybrid representation "
+        "and with prewarp newmark",
     )
     representation: Literal["modal", "hybrid"] = Field(
         default="modal",
@@ -187,6 +187,13 @@ class TransientSection(Section):
         return self
 
     @property
+    def integrator(self) -> str:
+        """The method that runs, `auto` resolved."""
+        if self.method != "auto":
+            return self.method
+        return "newmark" if self.prewarp or self.representation == "hybrid" else "exponential"
+
+    @property
     def balance(self) -> float:
         """The tolerance that runs, the default resolved."""
         if self.tolerance is not None:
@@ -198,7 +205,7 @@ class TransientSection(Section):
     def training(self) -> TransientSection:
         """The same for the training run, however the study itself integrates."""
         step = self.step if self.pod_step is None else self.pod_step
-        changes = {"duration": self.pod_duration, "step": step, "method": "newmark"}
+        changes = {"duration": self.pod_duration, "step": step, "method": "auto"}
         plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
         return self.model_copy(update=changes | plain)
 

@@ -23,8 +23,9 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
+from squealstudy.analysis.transient.defaults import TOLERANCE
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
-from squealstudy.analysis.transient.settings import TOLERANCE, TransientResult, TransientSettings
+from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
@@ -45,7 +46,7 @@ class DefaultChain:
     """`simulate` with its default settings over a few steps; see `Case`."""
 
     name: str = "default_chain"
-    title: str = "default chain of Newmark, six modes and eight points"
+    title: str = "default chain of helps, six modes and eight points"
     boundary: str = f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}"
 
     @property
@@ -82,7 +83,7 @@ class DefaultChain:
 def chain_settings(step: float) -> TransientSettings:
     """A few steps by the defaults of a study."""
     return TransientSettings(
-        STEPS * step, step, save_every=1, tolerance=TOLERANCE, tolerance_t=10 * TOLERANCE
+        STEPS * step, step, 1, "exponential", tolerance=TOLERANCE, tolerance_t=10 * TOLERANCE
     )
 
 
@@ -118,14 +119,15 @@ def _whole(result: TransientResult) -> bool:
 
 
 def deviation(state: ContactState, settings: TransientSettings, result: TransientResult) -> float:
-    """Relative distance of a run to where Newton's method takes it; NaN where that fails."""
-    newton = replace(
-        settings, method="newmark_newton", tolerance=1e-5, tolerance_t=1e-4, max_iterations=200
-    )
-    reference = run(state, newton)
+    """Relative distance of a run to where its steps lead if they are solved to the end.
+
+    NaN where not even Newton's method solves them.
+    """
+    sharp = replace(settings, tolerance=1e-10, tolerance_t=1e-9, max_iterations=400)
+    reference = run(state, sharp)
     if not result.halvings and not reference.halvings:
         return distance(state, result, reference)
-    return distance(state, result, run(state, replace(newton, step=settings.step / FINE)))
+    return distance(state, result, run(state, replace(sharp, step=settings.step / FINE)))
 
 
 def distance(state: ContactState, a: TransientResult, b: TransientResult) -> float:

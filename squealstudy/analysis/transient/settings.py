@@ -9,7 +9,6 @@ import numpy as np
 from squealstudy.errors import ParameterError
 
 METHODS = ("newmark", "newmark_newton", "exponential")
-TOLERANCE = 1e-2  # of a study's runs: far below the error of the step
 MOCKUPS = ("auto", "always", "never")
 
 

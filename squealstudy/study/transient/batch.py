@@ -139,7 +139,7 @@ def settings_of(section: TransientSection, every: int) -> TransientSettings:
         section.duration,
         section.step,
         every,
-        section.method,
+        section.integrator,
         section.balance,
         10 * section.balance,
         contact_factor=section.contact_factor,
