@@ -15,7 +15,12 @@ from squealstudy.analysis.method_stability.impact_energy import (
     fly,
     peak_number,
 )
-from squealstudy.analysis.transient.energy_drift import BLOCKS, DRIFT_LIMIT, energy_drift
+from squealstudy.analysis.transient.energy_drift import (
+    BLOCKS,
+    DRIFT_LIMIT,
+    EXACT_LIMIT,
+    energy_drift,
+)
 from squealstudy.study.transient.worker import _drifting
 
 
@@ -101,9 +106,11 @@ def test_drift_of_short_and_resting_runs(flight):
 
 
 def test_the_row_of_a_run_says_so():
-    assert _drifting(0.9 * DRIFT_LIMIT, 1e-6) == ""
-    assert _drifting(float("nan"), 1e-6) == ""
-    text = _drifting(0.024, 1e-6)
+    for limit in (DRIFT_LIMIT, EXACT_LIMIT):
+        assert _drifting(0.9 * limit, 1e-6, limit) == ""
+        assert "levels may be wrong" in _drifting(1.1 * limit, 1e-6, limit)
+    assert _drifting(float("nan"), 1e-6, DRIFT_LIMIT) == ""
+    text = _drifting(0.024, 1e-6, DRIFT_LIMIT)
     assert "2.4 % of the energy of the vibration" in text
     assert "a step of 5e-07 s" in text
 

@@ -24,7 +24,7 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.transient.defaults import TOLERANCE
-from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
+from squealstudy.analysis.transient.energy_drift import EXACT_LIMIT, energy_drift
 from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
@@ -74,7 +74,7 @@ class DefaultChain:
             error = deviation(state, settings, result)
             by = help_needed(state, settings, result)
         outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
-        flagged = not energy_drift(result) <= DRIFT_LIMIT
+        flagged = not energy_drift(result) <= EXACT_LIMIT
         if error > SAME:
             outcome, by = WRONG, ENERGY if flagged else by
         return Cell(outcome, by, flagged, predicted, measured, error, cost)

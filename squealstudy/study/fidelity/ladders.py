@@ -86,8 +86,7 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model the step alone; a continued run keeps the contact points it has."""
     section, unit = study.definition.transient, _unit(study)
     usable = [n * unit for n in STEPS if LEAST_STEPS * n * unit <= section.duration]
-    method = _method(study)
-    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h, **method}) for h in usable)
+    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in usable)
     ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))
@@ -98,13 +97,6 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
 
 def _unit(study: Study) -> float:
     return 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
-
-
-def _method(study: Study) -> dict[str, Any]:
-    """Exact free motion, with which a brake's levels hold at longer steps (integrators.toml)."""
-    given = given_keys(study) & {"transient.method", "transient.prewarp"}
-    modal = study.definition.transient.representation == "modal"
-    return {"transient.method": "exponential"} if modal and has_mesh(study) and not given else {}
 
 
 def _bases(study: Study) -> Ladder:

@@ -9,7 +9,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.summary import history_frame, summarise
-from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
+from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, EXACT_LIMIT, energy_drift
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.storage_error import STORAGE_LIMIT, storage_number
 from squealstudy.analysis.transient.system import stick_number
@@ -88,9 +88,10 @@ def _row(
         "perturbation": one.perturbation,
     }
     step = task.section.step
+    limit = EXACT_LIMIT if task.section.integrator == "exponential" else DRIFT_LIMIT
     doubts = (
         _ringing(point, step),
-        _drifting(energy_drift(result), step),
+        _drifting(energy_drift(result), step, limit),
         _rounded(task, reference, one, done),
     )
     message = result.message or "; ".join(text for text in doubts if text)
@@ -112,9 +113,9 @@ def _ringing(point: dict[str, Any], step: float) -> str:
     )
 
 
-def _drifting(drift: float, step: float) -> str:
+def _drifting(drift: float, step: float, limit: float) -> str:
     """Energy from nowhere, as average acceleration makes it in impacts at a long step."""
-    if not drift > DRIFT_LIMIT:
+    if not drift > limit:
         return ""
     return (
         f"the energy balance is off by {100 * drift:.2g} % of the energy of the vibration: levels "
