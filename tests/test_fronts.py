@@ -167,7 +167,8 @@ def test_onsets_are_compared_relative_to_their_size():
     (error,), count = onset_errors(onset(0.303, 0.302, 0.304), onset(0.3, 0.299, 0.3))
     assert count == (0, 0)
     assert error[:2] == ("onset", 0)
-    assert error[4:] == pytest.approx((0.01, 0.002 / 0.3, 0.005 / 0.3))
+    assert error[4:7] == pytest.approx((0.01, 0.002 / 0.3, 0.005 / 0.3))
+    assert error.chance == pytest.approx(np.hypot(0.001, 0.0005) / 0.3)
     (early,), _ = onset_errors(onset(0.003), onset(0.0))
     assert early.error == pytest.approx(0.003 / 0.007)
 
