@@ -361,6 +361,11 @@ def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeyp
     ((changes, points),) = pilots.of_method("full")
     assert points == (4,)
     assert rung.changes.items() <= changes.items()  # a reduction that is there already
+    # beyond its share but not beyond the tolerance: the other pilots may be far worse
+    between = [0.7 * scene.tolerance, 50.0 * scene.tolerance]
+    Pilots(0.0, monkeypatch)
+    monkeypatch.setattr(Scene, "point_error", lambda *_: between.pop(0))
+    assert ModeSearch(scene).attempt(rung).error == 50.0 * scene.tolerance
 
 
 def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch):

@@ -12,6 +12,7 @@ from squealstudy.analysis.runs.pooled import pooled_interval
 from squealstudy.study.definition import parse_study
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.experiments.work_precision.variants import make_variants
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 
@@ -50,6 +51,11 @@ def test_pooled_bounds_cover_the_mean(memory):
     assert 0.9 <= covered < 1
     hull = found[2].max(axis=1) - found[1].min(axis=1)
     assert (pooled[:, 2] - pooled[:, 1]).mean() < 0.75 * hull.mean()
+
+
+def test_runs_that_are_one_run_keep_its_bounds():
+    same = np.full(4, 10.0)
+    assert pooled_interval(same, same - 2, same + 2) == (10.0, 8.0, 12.0)
 
 
 def test_more_starts_narrow_the_bounds():
@@ -96,13 +102,16 @@ def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
         "[work_precision.set]", "[work_precision.set]\ntransient.duration = 0.06"
     ).replace("starts = 4", "starts = 3")
     text = text.replace("step = 5e-7", "step = 2e-6").replace("[5e-7, 1e-6]", "[2e-6]")
-    text = re.sub(r"values = \[1e-6, 2e-6, .*\]", "values = [1e-6]", text)
-    text = text.partition('[[method]]\nname = "exponential')[0] + OTHER_FRICTION
+    text = re.sub(r"values = \[1e-6, 2e-6.*\]", "values = [1e-6]", text)
+    text = text.partition('[[method]]\nname = "LSODA')[0] + OTHER_FRICTION
     path = tmp_path / "irregular.toml"
     path.write_text(text)
+    ran = {v.label: v.plan.study.definition.transient for v in make_variants(load_any(path))}
+    assert ran["Newmark, step 1e-06"].integrator == "newmark"
+    assert ran["exponential, step 1e-06"].integrator == "exponential"
     run_experiment(load_any(path), tmp_path / "out", 1)
     table = squealstudy.open_results(tmp_path / "out").measurements.set_index("method")
-    for method in ("Newmark", "central difference"):
+    for method in ("Newmark", "exponential", "central difference"):
         assert table.loc[method, "within_torque_rms"]
         assert table.loc[method, "within_torque_mean"]
         assert 0.01 < table.loc[method, "chance_torque_rms"] < 0.3

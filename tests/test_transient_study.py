@@ -71,14 +71,22 @@ def finished(tmp_path_factory):
         (("perturbation = 1e-5", 'method = "newmrk"'), "did you mean 'newmark'"),
         (("perturbation = 1e-5", 'start_point = "ab"'), "needs a results directory"),
         (("perturbation = 1e-5", "pod_vectors = 5"), "give modes_below too"),
-        (("perturbation = 1e-5", "pod_step = 1.0"), "longer than pod_duration"),
+        (("perturbation = 1e-5", "pod_step = 1e-6"), "give pod_vectors too"),
+        (
+            ("perturbation = 1e-5", "modes_below = 1e3\npod_vectors = 1\npod_step = 1.0"),
+            "longer than pod_duration",
+        ),
+        (
+            ("perturbation = 1e-5", 'storage = "single"\nrepresentation = "hybrid"'),
+            "storage = .single. is not for representation",
+        ),
         (
             ("perturbation = 1e-5", 'method = "exponential"\nprewarp = true'),
             'prewarp is for method = "newmark", not "exponential"',
         ),
         (
             ("perturbation = 1e-5", 'method = "exponential"\nrepresentation = "hybrid"'),
-            "hybrid.* is for method",
+            "method = .exponential. is not for representation",
         ),
         (('kind = "transient"', 'kind = "complex_modes"'), 'needs kind = "transient"'),
     ],

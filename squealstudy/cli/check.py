@@ -98,7 +98,11 @@ def _facts(
 
 def _method(plan: Plan) -> list[tuple[str, str]]:
     """How design points are solved, and why so."""
-    if plan.study.definition.study.kind != "complex_modes":
+    kind = plan.study.definition.study.kind
+    if kind == "transient":
+        section = plan.study.definition.transient
+        return [("method", f"{section.integrator}, contact iteration to {section.balance:g}")]
+    if kind != "complex_modes":
         return []
     method = plan.method
     kept = f", to {method.tolerance:g}" if method.identity else ""

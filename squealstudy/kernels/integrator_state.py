@@ -41,7 +41,7 @@ from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import BIG, ROUND_OFF, start
 from squealstudy.kernels.newmark_vector import dot
 
-BLOW_UP = 100.0  # kinetic energy over all that was put in
+BLOW_UP = 100.0  # energy (here the kinetic) over all that was put in
 
 
 @fast_kernel

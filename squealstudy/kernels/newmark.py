@@ -1,4 +1,4 @@
-"""The contact-friction Newmark kernel for one design point (paper eq. 7; beta 1/4, gamma 1/2)."""
+"""The contact-friction kernel for one design point (paper eq. 7), of Newmark or exact modes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,8 @@
 """What the Newmark kernels read and write: arrays in named tuples, and their integer columns.
 
+They serve all one-step methods whose end is affine in the forces there: average acceleration and
+exact free motion differ in Modal.steps alone.
+
 n modes (rounded up to whole vector registers, the rest zero), nc contact points (in `points` and
 `point` rounded up to whole tiles), nt tiles of points, nb design points, m shapes, ns sensors,
 L halvings. Every array of a design has the design first, so that its part is contiguous.
@@ -100,7 +103,7 @@ class Settings(NamedTuple):
 
 
 class Work(NamedTuple):
-    """State of the iteration; rows Q, V, A at the end are the final state."""
+    """State of the iteration; rows Q, V at the end are the final state."""
 
     x: np.ndarray  # (nb, N_ROWS, n)
     point: np.ndarray  # (nb, N_POINT, nc)
@@ -111,7 +114,7 @@ class Work(NamedTuple):
     tiles: np.ndarray  # (panel, LANES, ROWS) observed in a panel by each design, then the forces
     lanes: np.ndarray  # (3, n, LANES) q, v and F of the designs in one batched pass
     wide: np.ndarray  # (panel, n, ROWS) a panel of tiles stored in single precision; else (0, ..)
-    row: np.ndarray  # (3, n) [N; T1; T2] of one contact point
+    row: np.ndarray  # (3, n) [N; T1; T2] of one contact point, or room
     listed: np.ndarray  # (nc,) int, stiff points of the design at hand
     stiff: np.ndarray  # (nc, 4) newmark_stiff: state of each
     free: np.ndarray  # (2 nc,) sliding velocities of each

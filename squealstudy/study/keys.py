@@ -28,7 +28,8 @@ def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
     root = Path(squealstudy.__file__).parent
     digest = hashlib.sha256()
     for package in packages:
-        for path in sorted((root / package).rglob("*.py")):
+        place = root / package
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:LENGTH]

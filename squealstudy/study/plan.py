@@ -30,7 +30,8 @@ MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
-TRANSIENT_SOURCES = ("study/transient",)  # they decide what is sampled and trained
+# they decide what is sampled, trained and run
+TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
 

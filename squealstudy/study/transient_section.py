@@ -177,14 +177,30 @@ class TransientSection(Section):
             raise ValueError("modes_below truncates the modal representation, not the hybrid one")
         if self.representation == "hybrid" and self.stop == "settled":
             raise ValueError('stop = "settled" is for the modal representation, not the hybrid one')
-        if self.method == "exponential" and (self.prewarp or self.representation == "hybrid"):
-            what = "prewarp" if self.prewarp else 'representation = "hybrid"'
-            raise ValueError(f'{what} is for method = "newmark", not "exponential"')
+        if self.representation == "hybrid":
+            self._refuse_modal_settings()
+        if self.method == "exponential" and self.prewarp:
+            raise ValueError('prewarp is for method = "newmark", not "exponential"')
+        if self.pod_step is not None and not self.pod_vectors:
+            raise ValueError("pod_step is of the training run: give pod_vectors too")
         if self.pod_step is not None and not self.pod_step <= self.pod_duration:
             raise ValueError(f"pod_step {self.pod_step:g} s is longer than pod_duration")
         if self.stop == "end" and "settle_tolerance" in self.model_fields_set:
             raise ValueError('settle_tolerance needs stop = "settled"')
         return self
+
+    def _refuse_modal_settings(self) -> None:
+        """ValueError for what the hybrid kernel does not have."""
+        modal = {
+            "method": self.method in ("exponential", "newmark_newton"),
+            "prewarp": self.prewarp,
+            "contact_factor": self.contact_factor != 1.0,
+            "storage": self.storage == "single",
+        }
+        for name, used in modal.items():
+            if used:
+                value = getattr(self, name)
+                raise ValueError(f'{name} = {value!r} is not for representation = "hybrid"')
 
     @property
     def integrator(self) -> str:

@@ -115,6 +115,18 @@ def test_the_row_of_a_run_says_so():
     assert "a step of 5e-07 s" in text
 
 
+def test_exact_free_motion_gains_where_newmark_does_and_says_so():
+    cells = [
+        IMPACT_ENERGY.evaluate({**at(number, s), "exact": 1.0})
+        for number in (0.3, 0.6, 2.5, 5.0)
+        for s in PHASES
+    ]
+    below, beyond = cells[: 2 * len(PHASES)], cells[2 * len(PHASES) :]
+    assert {x.outcome for x in below} == {CONVERGED}
+    assert {WRONG, FAILED} & {x.outcome for x in beyond}
+    assert all(x.flagged for x in beyond if x.outcome in (WRONG, FAILED))
+
+
 @pytest.mark.parametrize("number", [1.0, 2.5, 5.0])
 def test_the_discrete_gradient_gains_nothing(number):
     cells = [IMPACT_ENERGY.evaluate({**at(number, s), "gradient": 1.0}) for s in PHASES]

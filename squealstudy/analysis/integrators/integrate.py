@@ -98,7 +98,7 @@ def newmark_settings(
     name: str, settings: TransientSettings, values: Mapping[str, Any]
 ) -> TransientSettings:
     """Settings of the product's own methods with these options."""
-    given = dict(values)
+    given = {"prewarp": False, **values}
     if "contact_stiffness" in given:
         given["contact_stiffness"] = given["contact_stiffness"] or None
     given["max_halvings"] = int(given["max_halvings"])

@@ -124,11 +124,11 @@ def classify(
     """Class of a finished run.
 
     ``stable``: the energy at the end is not above the initial one and falls, or is gone (below
-    1e-4 of the initial energy, or below `noise`), or never rose and did not level off, or has
-    fallen unevenly below 0.09 of it, the highest level that is judged below half of the highest
-    before. ``growing``: levels still rise through the last 40 %. ``limit_cycle``: they are
-    stationary there, drift by less than 15 % (such a run has not settled), or rose to a plateau
-    within it and keep that over the last fifth. ``irregular``: neither.
+    1e-4 of the initial energy, or below `noise`), or never rose, lost a tenth and did not level
+    off, or has fallen unevenly below 0.09 of it, the highest level that is judged below half of
+    the highest before. ``growing``: levels still rise through the last 40 %. ``limit_cycle``: they
+    are stationary there, drift by less than 15 % (such a run has not settled), or rose to a
+    plateau within it and keep that over the last fifth. ``irregular``: neither.
 
     Parameters
     ----------

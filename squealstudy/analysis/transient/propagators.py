@@ -42,7 +42,7 @@ def step_table(
     if limit is not None:
         exact = propagator_levels(w2, c, h, halvings)
         for level, rows in enumerate(exact):
-            slow = np.sqrt(np.abs(w2)) * h / 2**level <= limit
+            slow = np.sqrt(np.maximum(w2, 0.0)) * h / 2**level <= limit
             both = np.concatenate([rows[:4], rows[4:6] - rows[6:8], rows[6:8]])
             table[level, :, slow] = both[:, slow].T
     return table
@@ -55,7 +55,7 @@ def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) ->
     levels = []
     for level in range(halvings, -1, -1):
         levels.append(_answers(X, rate, h / parts, parts >> level))
-        X = X @ X
+        X = X @ X if level else X
     return levels[::-1]
 
 

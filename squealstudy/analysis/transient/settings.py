@@ -24,7 +24,8 @@ class TransientSettings:
         Steps between saved rows; 0 keeps none.
     method : str
         ``newmark`` (fixed Jacobian), ``newmark_newton`` (the slow reference) or ``exponential``
-        (free modes exact, contact forces by the trapezoidal rule, iterated as Newmark's).
+        (free modes exact, contact forces by the trapezoidal rule, iterated as Newmark's; what a
+        study's runs in modal coordinates do by default).
     tolerance, tolerance_t : float
         Largest imbalance of forces, relative to inertia and contact forces, and largest change of
         the friction forces between iterations, relative to their bounds; the state is corrected

@@ -40,7 +40,7 @@ REASONS = {
     layout.NOT_CONVERGED: "the contact iteration did not converge",
     layout.NOT_FINITE: "the forces are not finite",
     layout.SINGULAR: "the Jacobian is singular",
-    layout.BLOWN_UP: "far more kinetic energy than was ever put in",
+    layout.BLOWN_UP: "far more energy than was ever put in",
 }
 
 

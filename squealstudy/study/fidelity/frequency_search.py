@@ -105,7 +105,10 @@ class ModeSearch:
         ]
 
     def _error(self, made: Measurement) -> float:
-        """Largest against full order, pilot by pilot until one is beyond the reduction's share."""
+        """Largest against full order, pilot by pilot until one is beyond the whole tolerance.
+
+        What is found so far is then enough to refuse the reduction, whatever the others say.
+        """
         worst, failure = None, ""
         for finding, point in zip(made.findings.values(), self.points, strict=True):
             truth = self.scene.measure(self.truth, [point]).findings["0"]
@@ -114,7 +117,7 @@ class ModeSearch:
                 self.scene.failed.add(point)
                 continue
             worst = max(worst or 0.0, self.scene.point_error(finding, truth))
-            if worst > self.share:
+            if worst > self.scene.tolerance:
                 break
         if worst is None:
             path = self.scene.study.path

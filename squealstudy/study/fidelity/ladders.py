@@ -84,9 +84,8 @@ def _reductions() -> Ladder:
 
 def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model the step alone; a continued run keeps the contact points it has."""
-    section, unit = study.definition.transient, _unit(study)
-    usable = [n * unit for n in STEPS if LEAST_STEPS * n * unit <= section.duration]
-    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in usable)
+    section = study.definition.transient
+    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))
@@ -95,15 +94,28 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     return tuple(ladders)
 
 
-def _unit(study: Study) -> float:
-    return 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+def _usable_steps(study: Study) -> list[float]:
+    """Those that the duration has enough of, s."""
+    unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+    duration = study.definition.transient.duration
+    return [n * unit for n in STEPS if LEAST_STEPS * n * unit <= duration]
+
+
+def training_step(study: Study) -> dict[str, float]:
+    """One step [s] for all training runs, so that runs of other steps share a basis.
+
+    The file's own where it gives one; nothing where it says how to train.
+    """
+    given, usable = given_keys(study), _usable_steps(study)
+    if "transient.pod_step" in given:
+        return {}
+    if "transient.step" in given or len(usable) < 2:
+        return {"transient.pod_step": study.definition.transient.step}
+    return {"transient.pod_step": usable[min(TRIAL_STEP, len(usable) - 1)]}
 
 
 def _bases(study: Study) -> Ladder:
-    """Trained at one step, so that runs of other steps are compared in the same basis."""
-    top = float(study.definition.modes.band[1])
-    given = given_keys(study) & {"transient.step", "transient.pod_step"}
-    training = {} if given else {"transient.pod_step": STEPS[TRIAL_STEP] * _unit(study)}
+    top, training = float(study.definition.modes.band[1]), training_step(study)
     small = [
         Rung(
             f"modes to {factor * top:g} Hz and {vectors} POD vectors",

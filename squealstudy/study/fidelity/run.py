@@ -70,7 +70,7 @@ def resolve(study: Study, jobs: int, report: Progress, tolerance: float | None =
     Raises
     ------
     SquealstudyError
-        Where a pilot design point fails.
+        Where every pilot design point fails.
     """
     scene = Scene(study, jobs, report, asked=tolerance)
     search = search_runs if scene.in_time else search_modes

@@ -135,7 +135,10 @@ class Scene:
         kept, waiting = list(candidates[:count]), list(candidates[count:])
         first = ""
         while kept:
-            found = self.measure(changes, kept).findings
+            try:
+                found = self.measure(changes, kept).findings
+            except SquealstudyError as error:  # none of their structures can be made
+                found = {str(p): {"status": "structure", "message": str(error)} for p in kept}
             good = [p for p, f in zip(kept, found.values(), strict=True) if f["status"] == "ok"]
             if len(good) == len(kept):
                 return kept

@@ -16,6 +16,7 @@ from squealstudy.study.fidelity.ladders import (
     Ladder,
     free_ladders,
     given_keys,
+    training_step,
 )
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
@@ -24,7 +25,11 @@ from squealstudy.study.plan import Plan
 SHARE = 0.4  # of the tolerance that one ladder may take
 RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
 SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
-ALL_MODES = {"transient.modes_below": None, "transient.pod_vectors": 0}
+ALL_MODES = {
+    "transient.modes_below": None,
+    "transient.pod_vectors": 0,
+    "transient.pod_step": None,
+}
 QUIET = {"transient.save_every": 0}  # pilots keep no histories
 
 
@@ -56,9 +61,12 @@ class RunSearch:
         self.tried: dict[str, list[Tried]] = {}
         self.kept: dict[str, Tried] = {}
         self.always = _settled(scene)
+        if scene.study.definition.transient.pod_vectors:
+            self.always |= training_step(scene.study)
         self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
         if STEP in self.ladders:
-            self.now |= self.ladders[STEP].rungs[TRIAL_STEP].changes
+            rungs = self.ladders[STEP].rungs
+            self.now |= rungs[min(TRIAL_STEP, len(rungs) - 1)].changes
         if CONTACT in self.ladders:
             self.now |= self.ladders[CONTACT].rungs[0].changes
         candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)

@@ -88,7 +88,7 @@ def measure_modes(
 
 def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], float]:
     """Part of a finding that holds the onset on a line of solved points, and seconds."""
-    started = time.perf_counter()
+    started = time.process_time()
     try:
         with threadpool_limits(1):
             value, width = find_onset(line, directory)
@@ -97,18 +97,18 @@ def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], floa
         found: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
     else:
         found = {"onset": list(value), "onset_range": width}
-    return found, time.perf_counter() - started
+    return found, time.process_time() - started
 
 
 def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:
     """Seconds until problems and bases of the tasks are in memory."""
-    started = time.perf_counter()
+    started = time.process_time()
     for task in tasks:
         if isinstance(task, WindowTask):
             served(task.basis, task.basis.path.is_file())
         else:
             load_any(task.points[0].prepared_key)
-    return time.perf_counter() - started
+    return time.process_time() - started
 
 
 def _forgetful(task: ChunkTask | WindowTask) -> ChunkTask | WindowTask:

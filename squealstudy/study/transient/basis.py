@@ -8,7 +8,7 @@ from pathlib import Path
 from squealstudy.analysis.design_state import ModeKey
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.plan import Plan
+from squealstudy.study.plan import TRANSIENT_SOURCES, Plan
 
 TRAINING_KEYS = {"step", "duration", "friction"}
 
@@ -57,6 +57,6 @@ def training_path(plan: Plan, prepared_key: str) -> Path:
     section = plan.study.definition.transient.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
     values = [sorted(d.values.items()) for d in plan.training_designs]
-    code = [source_hash(), source_hash(("study/transient",))]
+    code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
     name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
     return prepared_path(prepared_key) / "training" / f"{name}.npy"

@@ -45,11 +45,11 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     missing = [key for key in asked if not training_path(plan, key).is_file()]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
-        started = time.perf_counter()
+        started = time.process_time()
         with threadpool_limits(1):
             snapshots = training_run(plan, key)
         path = training_path(plan, key)
-        write_json(path.with_suffix(TIMED), {"seconds": time.perf_counter() - started})
+        write_json(path.with_suffix(TIMED), {"seconds": time.process_time() - started})
         write_atomic(path, partial(_save, snapshots))
     if missing:
         report("training run", len(missing), len(missing))

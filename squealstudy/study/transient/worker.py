@@ -102,7 +102,7 @@ def _row(
 
 
 def _ringing(point: dict[str, Any], step: float) -> str:
-    """Average acceleration does not damp the friction of stuck points at a long step."""
+    """The trapezoidal rule does not damp the friction of stuck points at a long step."""
     number, share = point["stick_number"], point.get("stick_share_max", 0.0)
     if number <= RINGS or not share >= STUCK:
         return ""
@@ -114,7 +114,7 @@ def _ringing(point: dict[str, Any], step: float) -> str:
 
 
 def _drifting(drift: float, step: float, limit: float) -> str:
-    """Energy from nowhere, as average acceleration makes it in impacts at a long step."""
+    """Energy from nowhere, as methods of a fixed step make it in impacts at a long step."""
     if not drift > limit:
         return ""
     return (

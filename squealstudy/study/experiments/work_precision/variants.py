@@ -19,7 +19,7 @@ from squealstudy.study.experiments.sections import (
     ReferenceSection,
     Scalar,
 )
-from squealstudy.study.keys import content_hash
+from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.names import onset_parameter
 from squealstudy.study.plan import Plan
 from squealstudy.study.sampling import design_points
@@ -74,7 +74,8 @@ class Variant:
         wanted = [*self.measured, *(i for line in self.lines.values() for i in line)]
         ids = [self.plan.tasks[i].point_id for i in wanted]
         own = [self.reference, self.method, repr(self.value)]
-        return content_hash([ids, self.integrator, sorted(self.options.items()), own])
+        code = source_hash(("study/measure", "study/experiments/work_precision"))
+        return content_hash([ids, self.integrator, sorted(self.options.items()), own, code])
 
     @property
     def label(self) -> str:
