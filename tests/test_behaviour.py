@@ -91,6 +91,7 @@ def test_a_limit_cycle_continued_or_reached_from_above():
     wandering = 1 + 0.1 * np.repeat(rng.normal(size=100), 100)
     for uneven in (1.0, wandering):  # put in by a strong start
         assert classify(TIME, energy * uneven, initial=1.0) == "limit_cycle"
+        assert classify(TIME, energy * uneven, initial=1.0, driven=False) == "stable"
     slow = 0.3 * np.exp(-4 * TIME) + 0.7 * np.exp(-200 * TIME)  # one mode outlives another
     assert classify(TIME, slow * ripple(), initial=1.0) == "stable"
 

@@ -120,6 +120,7 @@ def classify(
     initial: float = 0.0,
     frequency_hz: float = np.nan,
     noise: float = NOISE,
+    driven: bool = True,
 ) -> str:
     """Class of a finished run.
 
@@ -139,6 +140,8 @@ def classify(
         steep fall, the first sub-window's where that is more.
     noise : float
         Energy of round-off, J.
+    driven : bool
+        Whether any mode is unstable: else what seems to level off from above decays on.
     """
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
         return "irregular"
@@ -153,7 +156,7 @@ def classify(
     if end <= start and (_steady(found, -1.0) or end <= REST**2 * start):
         return "stable"
     lost = _never_rose(found) and end <= LOST * found.level[0] ** 2
-    if initial > 0 and lost and not _levelled_off(found):
+    if initial > 0 and lost and not (driven and _levelled_off(found)):
         return "stable"
     if _stationary(found, limit=DRIFT) or _reached(found):
         return "limit_cycle"

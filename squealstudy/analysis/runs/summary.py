@@ -244,7 +244,9 @@ def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict
 def run_class(run: ModalRun, energy: np.ndarray, frequency_hz: float) -> str:
     """Class of what a run has done, from its `moving_energy`."""
     initial = 0.0 if run.continued else float(run.energy[0])
-    return classify(run.time, energy, initial, frequency_hz)
+    modes = run.point.modes
+    driven = modes.n_unstable > 0 or modes.n_above > 0
+    return classify(run.time, energy, initial, frequency_hz, driven=driven)
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
