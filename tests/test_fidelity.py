@@ -20,10 +20,11 @@ from squealstudy.study.fidelity.audit import Audit, drawn_points
 from squealstudy.study.fidelity.choice import Tried, choose, pays
 from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.study.fidelity.kept import _path
-from squealstudy.study.fidelity.ladders import free_ladders
+from squealstudy.study.fidelity.ladders import free_ladders, training_step
 from squealstudy.study.fidelity.run import resolve, run_resolved
 from squealstudy.study.fidelity.scene import Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
+from squealstudy.study.keys import source_hash
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures
 
@@ -559,3 +560,42 @@ class Step(NamedTuple):
 
     step: float
     seconds: float
+
+
+@pytest.mark.parametrize(
+    ("lines", "step"),
+    [
+        ("", None),
+        ("step = 3e-6", 3e-6),
+        ("modes_below = 4e3\npod_vectors = 5", None),
+        ("modes_below = 4e3\npod_vectors = 5\npod_step = 7e-6", 0.0),
+    ],
+)
+def test_all_steps_are_compared_in_one_basis(lines, step, tmp_path):
+    text = BRAKE.format(kind="transient", model="", more=f"[transient]\n{lines}\n")
+    scene = Scene(study(text, tmp_path), 1, quiet)
+    trained = training_step(scene.study).get("transient.pod_step", 0.0)
+    steps = free_ladders(scene.study).get("step")
+    assert trained == (steps.rungs[2].changes["transient.step"] if step is None else step)
+    bases = free_ladders(scene.study).get("basis")
+    for rung in bases.rungs[:-1] if bases else ():
+        assert rung.changes["transient.pod_step"] == trained
+
+
+def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatch):
+    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+
+    def measure(_, changes, points):
+        if set(points) <= set(bad):
+            raise SquealstudyError("no structure")
+        return Found([], points)
+
+    monkeypatch.setattr(Scene, "measure", measure)
+    count = scene.section.pilots
+    bad = [100 + n for n in range(count)]
+    assert scene.pilots({}, [*bad, *range(count)]) == list(range(count))
+    assert scene.failed == set(bad)
+
+
+def test_hashes_of_single_files_are_of_their_text():
+    assert source_hash(("study/transient_section.py",)) != source_hash(())
