@@ -9,16 +9,14 @@ import sys
 from pathlib import Path
 
 from squealstudy.cli import fidelity_screen, screen
-from squealstudy.cli.experiment import check_experiment_command
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
 from squealstudy.study.estimate import Estimate, estimate
 from squealstudy.study.experiments.definition import Experiment, load_any
-from squealstudy.study.fidelity.run import resolve
+from squealstudy.study.kinds import EXPERIMENTS
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan, has_mesh
-from squealstudy.study.results import EXPERIMENTS
 from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
     build_first,
@@ -34,10 +32,14 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
     loaded = load_any(path)
     if isinstance(loaded, Experiment):
+        from squealstudy.cli.experiment import check_experiment_command
+
         check_experiment_command(loaded, output)
         return
     plan, facts = Plan(loaded), None
     if loaded.definition.fidelity is not None:
+        from squealstudy.study.fidelity.run import resolve
+
         with screen.progress_bars() as progress:
             resolved = resolve(loaded, jobs or os.cpu_count() or 1, progress)
         plan, facts = resolved.plan, resolved.facts

@@ -22,7 +22,8 @@ from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.results import EXPERIMENTS, SOBOL_INDICES, Results
+from squealstudy.study.kinds import EXPERIMENTS
+from squealstudy.study.results import SOBOL_INDICES, Results
 
 
 def plot_command(path: Path, output: Path | None, along: str | None) -> None:

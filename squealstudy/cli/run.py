@@ -6,12 +6,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import fidelity_screen, screen, sensitivity_screen, transient_screen
-from squealstudy.cli.experiment import run_experiment_command
-from squealstudy.cli.pictures import draw_pictures
+from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.models.matrix_family import NAME as MATRICES
 from squealstudy.study.experiments.definition import Experiment, load_any
-from squealstudy.study.fidelity.run import resolve, run_resolved
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
@@ -28,6 +25,8 @@ def run_command(
     loaded = load_any(study)
     jobs = jobs or os.cpu_count() or 1
     if isinstance(loaded, Experiment):
+        from squealstudy.cli.experiment import run_experiment_command
+
         run_experiment_command(loaded, output, jobs, pictures)
         return
     plan = Plan(loaded)
@@ -36,6 +35,8 @@ def run_command(
         if loaded.definition.fidelity is None:
             report = run_study(plan, directory, jobs, yes, progress, screen.warning)
         else:
+            from squealstudy.study.fidelity.run import resolve, run_resolved
+
             check_limit(plan.study, yes)
             check_ownership(directory, plan)
             chosen = resolve(loaded, jobs, progress)
@@ -43,8 +44,14 @@ def run_command(
     results = Results.open(directory)
     show_findings(results)
     screen.console.print()
-    drawn = draw_pictures(results, directory) if pictures else []
+    drawn = _draw(results, directory) if pictures else []
     screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])
+
+
+def _draw(results: Results, directory: Path) -> list[Path]:
+    from squealstudy.cli.pictures import draw_pictures  # matplotlib
+
+    return draw_pictures(results, directory)
 
 
 def show_findings(results: Results) -> None:
@@ -55,6 +62,8 @@ def show_findings(results: Results) -> None:
         transient_screen.ranking(results.rank(top=LISTED))
         return
     if results.kind == "sensitivity":
+        from squealstudy.cli import sensitivity_screen
+
         sensitivity_screen.show_ranking(results, None, LISTED)
         return
     unit = results.manifest["units"].get(results.along, "")
@@ -107,6 +116,8 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
         balance = points.loc[points["status"] == "ok", "energy_balance"].abs().max()
         return f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
     if manifest["kind"] == "sensitivity":
+        from squealstudy.cli import sensitivity_screen
+
         return sensitivity_screen.agreement(Results.open(directory).sensitivities)
     checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
     if not checks:

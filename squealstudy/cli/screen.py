@@ -6,9 +6,8 @@ import contextlib
 import shutil
 import sys
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -21,6 +20,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 INTERRUPTED = 130
 NARROW, WIDE = 6, 30  # least column widths: figures are never cut

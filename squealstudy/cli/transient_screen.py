@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.table import Table
 
 from squealstudy.cli import screen
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 LISTED = 24  # design points listed; all of them are in the tables

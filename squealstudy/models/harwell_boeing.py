@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import scipy.io
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
@@ -37,6 +36,8 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
     lines[TYPE_LINE] = "RUA" + lines[TYPE_LINE][3:]
     numbers = "".join(lines[FORMAT_LINE:]).upper().replace("D", "E")  # Fortran's double exponent
     text = "".join(lines[:FORMAT_LINE]) + SCALE_FACTOR.sub("(", numbers)
+    import scipy.io
+
     stored: Any = sp.csr_matrix(scipy.io.hb_read(io.StringIO(text)))
     if kind[1] == "u":
         return stored

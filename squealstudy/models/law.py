@@ -1,4 +1,7 @@
-"""Contact laws as immutable parameter sets; the arithmetic is in kernels.contact_laws."""
+"""Contact laws as immutable parameter sets; those of all points at once.
+
+Kernels have the same arithmetic for one point (`kernels.contact_laws`).
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels import contact_laws as kernels
+from squealstudy.kernels import law_codes as codes
 
 LAW_CODES = {
-    "exponential": kernels.EXPONENTIAL,
-    "unilateral": kernels.UNILATERAL,
-    "power": kernels.POWER,
-    "bilateral": kernels.BILATERAL,
+    "exponential": codes.EXPONENTIAL,
+    "unilateral": codes.UNILATERAL,
+    "power": codes.POWER,
+    "bilateral": codes.BILATERAL,
 }
 
 
@@ -70,8 +73,19 @@ class ContactLaw:
 
     def evaluate(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pressure p(g) [Pa] and tangent -dp/dg [Pa/m] at gaps g (n,) [m]."""
-        p, kappa = kernels.law_arrays(self.code, *self.parameters, np.asarray(g, dtype=float))
-        return p, kappa
+        g = np.asarray(g, dtype=float)
+        a, b = self.parameters
+        if self.kind == "exponential":
+            p = a * np.exp(np.minimum(-b * g, codes.MAX_EXPONENT))
+            return p, b * p
+        if self.kind == "bilateral":
+            return -a * g, np.full_like(g, a)
+        is_open = g >= 0.0
+        depth = np.where(is_open, 0.0, -g)  # NaN stays NaN
+        if self.kind == "unilateral":
+            return a * depth, np.where(is_open, 0.0, a)
+        p = a * depth**b
+        return p, b * p / np.where(is_open, 1.0, depth)
 
     def gap_at(self, p: float) -> float:
         """The gap [m] at which the pressure is p > 0 [Pa]: where a static solution starts."""

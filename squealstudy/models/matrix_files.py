@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
@@ -18,7 +17,6 @@ Reader = Callable[[Path, str | None], Any]
 LISTED = 12  # variables of a file that a message names
 UNREADABLE: tuple[type[Exception], ...] = (ValueError, TypeError, KeyError, IndexError, EOFError)
 UNREADABLE += (OSError, OverflowError, NotImplementedError, zipfile.BadZipFile)
-UNREADABLE += (scipy.io.matlab.MatReadError,)
 
 
 def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
@@ -64,6 +62,8 @@ def _reader(path: Path) -> Reader:
 
 def _matrix_market(path: Path, variable: str | None) -> Any:
     _only_one(path, variable)
+    import scipy.io
+
     return scipy.io.mmread(path)
 
 
@@ -73,10 +73,14 @@ def _harwell_boeing(path: Path, variable: str | None) -> Any:
 
 
 def _matlab(path: Path, variable: str | None) -> Any:
+    import scipy.io
+
     try:
         content = scipy.io.loadmat(path)
     except NotImplementedError:  # version 7.3 is HDF5
         raise ModelError(f"{path}: a MATLAB 7.3 file; save it with '-v7'") from None
+    except scipy.io.matlab.MatReadError as error:
+        raise ValueError(str(error)) from error
     return _chosen({k: v for k, v in content.items() if not k.startswith("__")}, path, variable)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from squealstudy.kernels.friction_laws import mu_at
 from squealstudy.models.law import ContactLaw
 from squealstudy.models.parameter import Parameter
 
@@ -102,8 +101,12 @@ class OperatingPoint:
         return self._mu()[1]
 
     def _mu(self) -> tuple[float, float]:
-        mu_s = float(self.static_ratio * self.friction)
-        return mu_at(mu_s, float(self.friction), float(self.decay_speed), float(self.sliding_speed))
+        mu_d, mu_s = float(self.friction), float(self.static_ratio * self.friction)
+        if mu_s == mu_d:
+            return mu_d, 0.0
+        from squealstudy.kernels.friction_laws import mu_at  # numba
+
+        return mu_at(mu_s, mu_d, float(self.decay_speed), float(self.sliding_speed))
 
 
 def law_from_values(kind: str, values: Mapping[str, float]) -> ContactLaw:

@@ -43,6 +43,7 @@ def place_labels(
     """
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the layout stays as the labels have found it
     scale = figure.dpi / 72
     frame = np.ravel(axes.get_window_extent().get_points())
     points = axes.transData.transform([(label.x, label.y) for label in labels])

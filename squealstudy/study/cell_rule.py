@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from squealstudy.study.complex_modes.counts import damping_ratios, unstable_roots
 
@@ -117,6 +116,8 @@ def _edges(corner: Node, stride: int) -> list[tuple[Node, Node]]:
 
 def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """One-to-one pairing of roots (ma,), (mb,) within FREQUENCY_WINDOW."""
+    from scipy.optimize import linear_sum_assignment
+
     partner = np.full(len(a), -1)
     if not len(a) or not len(b):
         return partner

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.study.kinds import EXPERIMENTS
 from squealstudy.study.names import (
     CELLS,
     ERRORS,
@@ -29,7 +30,6 @@ from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
 
 SOBOL_INDICES = "sobol_indices"
-EXPERIMENTS = ("work_precision", "method_stability")  # studies of methods, not of brakes
 TABLES = {
     "complex_modes": (POINTS, MODES, ONSETS),
     "transient": (POINTS, MODES, GROWTH),

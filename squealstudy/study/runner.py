@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-from joblib import delayed
+import numpy as np
 
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
@@ -30,7 +29,7 @@ from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.rounds import grown
 from squealstudy.study.sampling import check_limit
-from squealstudy.study.structures import build_structure, build_task, mode_counts
+from squealstudy.study.structures import build_structure, build_task, mode_counts, patience
 
 
 @dataclass(frozen=True)
@@ -174,7 +173,7 @@ def build_structures(
     if len(tasks) == 1:
         outcomes = iter([build_structure(tasks[0])])
     else:
-        outcomes = in_parallel(jobs, [delayed(build_structure)(t) for t in tasks])
+        outcomes = in_parallel(jobs, [(build_structure, t) for t in tasks], patience(plan))
     failures = {}
     for done, (key, reason) in enumerate(outcomes, start=1):
         progress(stage, done, len(missing))
@@ -193,8 +192,11 @@ def build_first(plan: Plan, jobs: int) -> str:
 def _structure_timings(plan: Plan, failures: dict[str, str]) -> dict[str, float]:
     """Seconds of each preparing stage when it was done, the mean over structures."""
     kept = [s.key for s in plan.structures if s.key not in failures]
-    frame = pd.DataFrame([read_scalars(key)["timings"] for key in kept])
-    return {f"structure_{name}": float(value) for name, value in frame.mean().items()}
+    found = [read_scalars(key)["timings"] for key in kept]
+    return {
+        f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
+        for name in {name: None for timings in found for name in timings}
+    }
 
 
 def _solve_points(
@@ -222,7 +224,7 @@ def _solve_points(
     progress("design points", done, total)
     timings = manifest["timings"]
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
-    for report in in_parallel(jobs, [delayed(kind.solve)(t) for t in tasks]):
+    for report in in_parallel(jobs, [(kind.solve, t) for t in tasks], patience(plan)):
         done += report.n_points
         known += report.n_known_working_points
         busy += report.wall_s

@@ -19,10 +19,13 @@ from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.cache import is_prepared, save_prepared
 from squealstudy.study.family import read_family
-from squealstudy.study.family_cache import save_family
-from squealstudy.study.plan import Plan, Structure
+from squealstudy.study.family_cache import load_family, save_family
+from squealstudy.study.plan import Plan, Structure, has_mesh
 from squealstudy.study.process import watch_parent
 from squealstudy.study.source import SourceText
+
+SMALL = 100  # degrees of freedom of a family of matrices whose points take milliseconds
+PATIENCE = 3.0  # s: two workers take 2 s to start
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,16 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
     except SquealstudyError as error:
         return key, str(error)
     return key, ""
+
+
+def patience(plan: Plan) -> float:
+    """Seconds for which work on a model of few degrees of freedom is done without workers."""
+    if has_mesh(plan.study):
+        return 0.0
+    key = plan.structures[0].key
+    if isinstance(plan.study.model, FamilyDefinition):
+        return PATIENCE if is_prepared(key) and load_family(key).model.n <= SMALL else 0.0
+    return PATIENCE
 
 
 def mode_counts(plan: Plan) -> dict[str, int]:

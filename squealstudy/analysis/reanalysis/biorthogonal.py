@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
@@ -57,6 +56,8 @@ def biorthogonal(
 
 def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
     """Index of the left root of each right one, each used once."""
+    from scipy.optimize import linear_sum_assignment
+
     if len(lam_left) < len(lam):
         raise _unmatched(f"{len(lam)} right and {len(lam_left)} left roots")
     distance = np.abs(lam[:, None] - lam_left[None, :])

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
-from scipy.stats import qmc
 
 from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.analysis.parametric import Weights
@@ -81,6 +80,8 @@ def sample_box(dimension: int, count: int, seed: int) -> np.ndarray:
     """Points (count, d) that fill [-1, 1]^d."""
     if not dimension:
         return np.zeros((1, 0))
+    from scipy.stats import qmc  # slow to import, and few studies need it
+
     sobol = qmc.Sobol(dimension, scramble=True, seed=np.random.default_rng(seed))
     unit = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count]
     points: np.ndarray = 2.0 * unit - 1.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from squealstudy.analysis.robust.growth_table import LARGEST, GrowthColumn, growth_columns
 from squealstudy.analysis.tables.mode_ranking import parameter_columns
@@ -74,6 +73,8 @@ def robust_table(
 
 def probability_interval(unstable: int, points: int, confidence: float) -> tuple[float, float]:
     """Clopper-Pearson bounds of a probability of which `unstable` of `points` draws are a case."""
+    from scipy.stats import binomtest
+
     found = binomtest(unstable, points).proportion_ci(confidence, method="exact")
     return float(found.low), float(found.high)
 

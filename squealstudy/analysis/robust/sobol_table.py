@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap, sobol_indices
 
 from squealstudy.analysis.robust.growth_table import LARGEST, growth_columns
 from squealstudy.analysis.robust.saltelli import Groups, grouped, is_saltelli
@@ -102,6 +101,8 @@ def _enough(whole: int, dropped: int) -> bool:
 
 def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     """Indices and intervals, one row a parameter."""
+    from scipy.stats import bootstrap, sobol_indices
+
     a, b, ab = groups
     n = len(a)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from squealstudy.analysis.tracking.pairing import pair_modes
 from squealstudy.analysis.tracking.refinement import Modes
@@ -163,6 +162,8 @@ def _root(
     mode: FollowedMode, known: list[float], tolerance: float, precision: float
 ) -> tuple[float, bool]:
     """First zero of zeta + tolerance, and whether it is a jump instead."""
+    from scipy.optimize import brentq
+
     excess = {x: mode.damping_ratio(x) + tolerance for x in mode.outwards(known)}
 
     def function(x: float) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
 DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
@@ -96,6 +95,8 @@ def pair_modes(
     expected : ndarray (ma,) complex or None
         Where the roots of a are expected at b; None: where they are at a.
     """
+    from scipy.optimize import linear_sum_assignment
+
     partner = np.full(len(lam_a), -1)
     macs = np.full(len(lam_a), np.nan)
     trust = np.full(len(lam_a), np.inf)

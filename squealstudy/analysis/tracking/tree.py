@@ -7,8 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 DENSE_LIMIT = 2000  # points up to which every pair is an edge
 NEIGHBOURS = 12  # edges a point beyond that
@@ -68,6 +66,8 @@ def _unit_box(x: np.ndarray) -> np.ndarray:
 
 
 def _spanning_tree(x: np.ndarray) -> np.ndarray:
+    from scipy.spatial.distance import cdist
+
     n = len(x)
     if not n:
         return np.zeros(0, dtype=int)
@@ -84,6 +84,8 @@ def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
 
     Lengths are raised by one, which changes no spanning tree: a sparse zero would be no edge.
     """
+    from scipy.spatial import cKDTree
+
     n = len(x)
     near = cKDTree(x).query(x, NEIGHBOURS + 1)[1]
     chains = [np.lexsort((*x.T, column)) for column in x.T]

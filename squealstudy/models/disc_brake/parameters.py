@@ -13,6 +13,7 @@ from squealstudy.models.operating import (
 )
 from squealstudy.models.parameter import Option, structural
 
+COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 OPTIONS = (
     Option("mesh", ("medium", "coarse", "fine"), "element size: 1, 1.5 or 0.67 times the default"),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),

@@ -14,7 +14,6 @@ from squealstudy.models.fem.solid import Solid, assemble_solid
 # element sizes of the medium mesh: radial [m], around [deg], axial [m], axial in the lining [m]
 MEDIUM_SIZES = np.array([0.018, 5.0, 0.016, 0.005])
 MESH_FACTOR = {"coarse": 1.5, "medium": 1.0, "fine": 2.0 / 3.0}
-COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 FULL_TURN = (0.0, 2 * np.pi)
 
 

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from joblib import delayed
 
 from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
 from squealstudy.analysis.tracking.pairing import Pairing
@@ -28,6 +27,7 @@ from squealstudy.study.complex_modes.follow_tasks import (
 from squealstudy.study.kind import Progress
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
+from squealstudy.study.structures import patience
 
 PARALLEL = 1000  # steps from which on workers pay
 PARTS_A_WORKER = 4
@@ -55,6 +55,7 @@ class Follower:
         if columns.shapes is None:
             raise ValueError("columns were read without shapes")
         self._plan, self._jobs, self._file = plan, jobs, columns.shapes
+        self._patience = patience(plan)
         self.lams = columns.oscillating()
         parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
         self._tree = TrackTree(parents, self.lams, plan.coordinates)
@@ -111,9 +112,9 @@ class Follower:
                 found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)
             return found
         parts = _split(groups, steps // (PARTS_A_WORKER * self._jobs) + 1)
-        tasks = [delayed(pair_task)(self._pair_task(part, known)) for part in parts]
+        tasks = [(pair_task, self._pair_task(part, known)) for part in parts]
         found = {}
-        for result in in_parallel(self._jobs, tasks):
+        for result in in_parallel(self._jobs, tasks, self._patience):
             found |= result
         return found
 
@@ -149,7 +150,9 @@ class Follower:
                 break
             report("tracking", done, len(doubtful))
             batch = [self._refine_task(i, pairings) for i in doubtful[done : done + count]]
-            results = in_parallel(self._jobs, [delayed(refine_task)(task) for task in batch])
+            results = in_parallel(
+                self._jobs, [(refine_task, task) for task in batch], self._patience
+            )
             for i, pairing, spent in results:
                 refined[i] = pairing
                 points += spent

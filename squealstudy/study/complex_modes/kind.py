@@ -6,31 +6,18 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
-from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.complex_modes import rows
-from squealstudy.study.complex_modes.audit import audited
-from squealstudy.study.complex_modes.bases import BasisTask, make_basis, refuse_basis
 from squealstudy.study.complex_modes.counts import read_roots
 from squealstudy.study.complex_modes.full_rung import FullRung
-from squealstudy.study.complex_modes.reference import (
-    REFERENCES,
-    ReferenceTask,
-    check_reference,
-    read_references,
-)
 from squealstudy.study.complex_modes.solve import solve_design
-from squealstudy.study.complex_modes.tables import build_tables
-from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
-from squealstudy.study.complex_modes.window_worker import WindowTask, solve_box
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Progress
@@ -38,7 +25,14 @@ from squealstudy.study.method import APPROXIMATE, AUTO, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
 from squealstudy.study.plan import Plan, checked_points
+from squealstudy.study.structures import patience
 from squealstudy.study.tasks import ChunkReport, PointTask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from squealstudy.study.complex_modes.bases import BasisTask
+    from squealstudy.study.complex_modes.window_worker import WindowTask
 
 KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
 
@@ -59,6 +53,8 @@ class ComplexModes:
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """The sweep bases of methods that need them."""
         if plan.method.name in OVER_A_BASIS:
+            from squealstudy.study.complex_modes.window_tasks import basis_tasks
+
             with threadpool_limits(jobs):
                 for task in basis_tasks(plan):
                     if is_prepared(task.key):
@@ -69,6 +65,8 @@ class ComplexModes:
         chosen = plan.study.definition.modes.method != AUTO
         if task.refusal.is_file() and not chosen:
             return
+        from squealstudy.study.complex_modes.bases import make_basis, refuse_basis
+
         try:
             make_basis(task, lambda done, most: report("sweep basis", done, most))
         except (ConvergenceError, np.linalg.LinAlgError) as error:
@@ -96,18 +94,28 @@ class ComplexModes:
             ChunkTask(directory, plan.band_hz, tuple(part), keep, os.getpid(), full)
             for part in split_chunks(points, jobs)
         ]
-        return [*(window_tasks(plan, directory, boxed) if boxed else []), *chunks]
+        if not boxed:
+            return [*chunks]
+        from squealstudy.study.complex_modes.window_tasks import window_tasks
+
+        return [*window_tasks(plan, directory, boxed), *chunks]
 
     @staticmethod
     def _without_basis(plan: Plan) -> list[BasisTask]:
         """Structures over whose design points no basis could be made."""
         if plan.method.name not in OVER_A_BASIS:
             return []
+        from squealstudy.study.complex_modes.window_tasks import basis_tasks
+
         return [task for task in basis_tasks(plan) if not task.path.is_file()]
 
     def solve(self, task: ChunkTask | WindowTask) -> ChunkReport:
         """Solve one chunk in a worker."""
-        return solve_box(task) if isinstance(task, WindowTask) else solve_chunk(task)
+        if isinstance(task, ChunkTask):
+            return solve_chunk(task)
+        from squealstudy.study.complex_modes.window_worker import solve_box
+
+        return solve_box(task)
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
@@ -117,6 +125,13 @@ class ComplexModes:
         self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
     ) -> list[dict[str, Any]]:
         """Solve the chosen points at full order, those not checked before; all their errors."""
+        from squealstudy.study.complex_modes.reference import (
+            REFERENCES,
+            ReferenceTask,
+            check_reference,
+            read_references,
+        )
+
         chosen = [plan.tasks[i] for i in checked_points(plan)]
         present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
         wanted = [t for t in chosen if t.point_id not in present]
@@ -136,7 +151,7 @@ class ComplexModes:
         ]
         if tasks:
             report("full-order check", 0, len(tasks))
-        results = in_parallel(jobs, [delayed(check_reference)(t) for t in tasks])
+        results = in_parallel(jobs, [(check_reference, t) for t in tasks], patience(plan))
         for done, _ in enumerate(results, start=1):
             report("full-order check", done, len(tasks))
         ids = {t.point_id for t in chosen}
@@ -146,6 +161,10 @@ class ComplexModes:
         self, plan: Plan, directory: Path, jobs: int, report: Progress
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
+        from squealstudy.study.complex_modes.audit import audited
+        from squealstudy.study.complex_modes.reference import read_references
+        from squealstudy.study.complex_modes.tables import build_tables
+
         if plan.study.definition.modes.track:  # which solves points in between
             self.prepare(plan, report, jobs)
         points, facts = build_tables(plan, directory, jobs, report)

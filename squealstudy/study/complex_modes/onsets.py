@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from joblib import delayed
 
 from squealstudy.analysis.tables.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
 from squealstudy.analysis.tables.mode_ranking import (
@@ -28,6 +27,7 @@ from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
+from squealstudy.study.structures import patience
 
 PRECISION = 1e-4
 FAILED, INTERPOLATED = "failed", "interpolated"
@@ -222,8 +222,8 @@ class OnsetSearch:
                 if spent + EXPECTED * sum(map(len, [*batch, rows])) > budget and batch:
                     break
                 batch.append(rows)
-            tasks = [delayed(refine_task)(self._task(events, rows)) for rows in batch]
-            for results in in_parallel(jobs, tasks):
+            tasks = [(refine_task, self._task(events, rows)) for rows in batch]
+            for results in in_parallel(jobs, tasks, patience(self._plan)):
                 for row, onset in results:
                     spent += self._enter(table, row, onset, events.loc[row])
             done += len(batch)

@@ -14,9 +14,8 @@ from squealstudy.study.experiments.sections import (
     MethodStabilityDefinition,
     WorkPrecisionDefinition,
 )
-from squealstudy.study.kinds import KINDS
+from squealstudy.study.kinds import EXPERIMENTS, KINDS
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.results import EXPERIMENTS
 from squealstudy.study.source import SourceText, parse_toml, read_text, shown, validate
 from squealstudy.study.toml_lines import KeyPath
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-import pandas as pd
 import pyarrow as pa
 
 from squealstudy.study.experiments.definition import Experiment, PrecisionFile
-from squealstudy.study.experiments.method_stability.kind import MethodStability
-from squealstudy.study.experiments.work_precision.kind import WorkPrecision
 from squealstudy.study.kind import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class ExperimentKind(Protocol):
@@ -53,5 +53,9 @@ class ExperimentKind(Protocol):
 def experiment_kind(experiment: Experiment) -> ExperimentKind:
     """The experiment, resolved; StudyFileError where it cannot be made."""
     if isinstance(experiment, PrecisionFile):
+        from squealstudy.study.experiments.work_precision.kind import WorkPrecision
+
         return WorkPrecision(experiment)
+    from squealstudy.study.experiments.method_stability.kind import MethodStability
+
     return MethodStability(experiment)

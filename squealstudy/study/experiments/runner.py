@@ -10,8 +10,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from joblib import delayed
-
 from squealstudy.study.chunks import finished_points
 from squealstudy.study.experiments.definition import Experiment, PrecisionFile
 from squealstudy.study.experiments.kinds import ExperimentKind, experiment_kind
@@ -80,9 +78,7 @@ def _solve(
     before = len(runs) - len(missing)
     progress("runs", before, len(runs))
     if kind.in_parallel:
-        made: Iterable[Any] = in_parallel(
-            jobs, [delayed(kind.solve)(directory, *run) for run in missing]
-        )
+        made: Iterable[Any] = in_parallel(jobs, [(kind.solve, directory, *run) for run in missing])
     else:
         made = (kind.solve(directory, *run) for run in missing)
     for number, _ in enumerate(made, start=1):

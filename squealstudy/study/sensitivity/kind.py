@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
@@ -37,6 +36,9 @@ from squealstudy.study.sensitivity.worker import (
     solve_sensitivities,
 )
 from squealstudy.study.tasks import ChunkReport, PointTask
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Sensitivities(Kind):

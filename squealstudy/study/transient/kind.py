@@ -6,9 +6,8 @@ import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
@@ -32,6 +31,9 @@ from squealstudy.study.transient.start import check_model
 from squealstudy.study.transient.tables import build_tables, simulated_time
 from squealstudy.study.transient.training import make_training_runs
 from squealstudy.study.transient.worker import solve_batch
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Transient(Kind):
