@@ -1,0 +1,50 @@
+"""What a command imports: libraries that its study does not need stay out, as each costs a second."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+STUDY = Path(__file__).parent.parent / "studies" / "hulten_flutter.toml"
+HEAVY = {"numba", "matplotlib", "skfem", "scipy.stats", "scipy.optimize", "scipy.spatial", "joblib"}
+COMMAND = """
+import sys
+from squealstudy.cli.app import app
+app({arguments!r}, standalone_mode=False)
+sys.stderr.write(" ".join(sys.modules))
+"""
+
+
+def imported(*arguments, **environment):
+    """Modules that a process has when a command is done."""
+    code = COMMAND.format(arguments=list(map(str, arguments)))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | environment,
+    )
+    return set(done.stderr.split())
+
+
+def test_check_of_a_minimal_model_imports_no_heavy_library():
+    found = imported("check", STUDY)
+    assert "scipy.linalg" in found  # what the points need was there: the list is a real one
+    assert not found & (HEAVY | {"pandas"})
+
+
+def test_small_study_runs_without_workers(tmp_path):
+    found = imported("run", STUDY, "--output", tmp_path / "out", "--no-pictures", "--jobs", "2")
+    assert (tmp_path / "out" / "modes.parquet").is_file()
+    assert not found & (HEAVY - {"scipy.optimize", "scipy.spatial"})  # onsets, tracking
+
+
+@pytest.mark.parametrize("command", [["--help"], ["models"], ["schema"]])
+def test_commands_that_compute_nothing_import_no_kernels(command):
+    found = imported(*command)
+    assert not found & HEAVY
