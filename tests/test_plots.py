@@ -508,9 +508,8 @@ def test_points_on_a_line_span_no_triangles():
 
 
 def test_the_plane_of_most_unstable_modes_is_shown():
-    one, two = grid()[0].assign(speed=1.0), grid()[0].assign(speed=2.0)
-    points = pd.concat([one, two], ignore_index=True)
-    points["point_id"] = [f"p{i}" for i in range(len(points))]
+    mu, p = (np.tile(values.ravel(), 2) for values in np.meshgrid(MU, P))
+    points = points_table(mu, p, speed=np.repeat([1.0, 2.0], len(mu) // 2))
     modes = modes_table(points)
     worse = modes["point_id"].isin(points["point_id"][points["speed"] == 2.0])
     modes.loc[worse & (modes["track"] == 3), "unstable"] = True

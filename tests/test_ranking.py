@@ -375,8 +375,9 @@ def test_tables_are_left_as_they_are():
     pd.testing.assert_frame_equal(modes, copies[1])
 
 
-def test_parameters_are_the_other_columns():
+def test_parameters_stand_between_the_head_and_the_results():
     points = points_table({"friction": [0.1, 0.2], SCALE: [1.0, 1.0]})
+    points = points.assign(valid=[True, False], invalid_reason=["", "friction"], mine=[1.0, 2.0])
     assert parameter_columns(points) == ["friction", SCALE]
     assert parameter_columns(points, varied=True) == ["friction"]
 

@@ -13,9 +13,8 @@ import pandas as pd
 from squealstudy.analysis.tables.crossings import BELOW_RANGE, CROSSING, INTO, line_crossings
 from squealstudy.errors import ResultsError
 
-NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "method", "n_modes", "n_unstable"}
-NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
-NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
+HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
+FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
 KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
@@ -115,8 +114,13 @@ def rank_modes(
 
 
 def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
-    """Parameters of the points table; with `varied` those of more than one value."""
-    names = [c for c in points.columns if c not in NOT_PARAMETERS]
+    """Parameters of a points table; with `varied` those of more than one value.
+
+    They are the columns between HEAD and the first result: columns added at the end are none.
+    """
+    columns = [str(c) for c in points.columns]
+    end = min((columns.index(c) for c in FIRST_RESULT if c in columns), default=len(columns))
+    names = [c for c in columns[:end] if c not in HEAD]
     return [c for c in names if not varied or (~points[c].duplicated()).sum() > 1]
 
 
