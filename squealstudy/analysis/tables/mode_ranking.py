@@ -256,7 +256,7 @@ def selection(
     counted = (points["status"] == "ok").to_numpy(bool)
     wanted = np.ones(len(modes), dtype=bool)
     for condition in [] if where is None else _conditions(where):
-        used = {c: points[c].to_numpy()[code] for c in points.columns if c in condition}
+        used = {c: points[c].array.take(code) for c in points.columns if c in condition}
         if (held := _holds(points, condition)) is not None:
             counted = counted & held
         elif (held := _holds(modes.assign(**used), condition)) is not None:
