@@ -118,6 +118,16 @@ def test_tracks_and_lines_are_kept_apart():
     assert list(found["kind"]) == ["crossing", "below range", "crossing", "first seen"]
 
 
+def test_without_damping_before_the_onset_is_only_bracketed():
+    """Zero up to a coalescence: linear interpolation would put it at the last stable point."""
+    found = crossings([0, 1, 2, 3, 4], [0.0, 1e-17, -0.1, -0.2, 0.0]).sort_values("value")
+    assert list(found["kind"]) == ["bracketed", "bracketed"]
+    assert list(found["value"]) == [2, 3]  # the unstable ends
+    assert list(found["direction"]) == ["in", "out"]
+    (row,) = crossings([0, 1, 2], [0.1, 0.0, -0.1]).to_dict("records")  # it falls through zero
+    assert (row["kind"], row["value"]) == ("crossing", 1)
+
+
 # -- root finding
 
 
@@ -266,15 +276,20 @@ def test_a_parameter_swept_in_log_is_refined_relative_to_its_value(tmp_path):
 
 def test_without_refinement_the_onset_is_read_off_the_grid(tmp_path):
     results = run(study(num=4) + "refine_onsets = false\n", tmp_path / "r")
-    assert results.onsets["status"].tolist() == ["interpolated"]
-    assert results.onsets["evaluations"].tolist() == [0]
-    assert results.rank()["threshold_kind"].tolist() == ["crossing"]
+    (row,) = results.onsets.to_dict("records")  # no damping up to the lock-in: where, is not known
+    assert (row["status"], row["evaluations"]) == ("bracketed", 0)
+    assert row["bracket_low"] < MU_C < row["bracket_high"] == row["onset"]
+    assert results.rank()["threshold_kind"].tolist() == ["bracketed"]
+    damped = study(num=4).replace("[modes]", "[parameters]\ndamping_ratio = 0.02\n[modes]")
+    assert set(run(damped + "refine_onsets = false\n", tmp_path / "d").onsets["status"]) == {
+        "interpolated"
+    }
 
 
-def test_structural_sweeps_are_interpolated(tmp_path):
+def test_structural_sweeps_are_not_refined(tmp_path):
     text = study(stop=99.0, start=60.0, num=14).replace('"friction"', '"frequency_2"')
     results = run(text + "[parameters]\nfriction = 0.2\n", tmp_path / "r")
-    assert set(results.onsets["status"]) == {"interpolated"}
+    assert set(results.onsets["status"]) == {"bracketed"}
     assert results.manifest["tracking"]["extra_points"] == 0
 
 
@@ -285,7 +300,7 @@ def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, mo
     monkeypatch.setattr("squealstudy.study.complex_modes.between.solve_design", fail)
     (row,) = run(study(num=4), tmp_path / "r").onsets.to_dict("records")
     assert row["status"] == "failed"
-    assert row["bracket_low"] <= row["onset"] < row["bracket_high"]
+    assert row["bracket_low"] < row["onset"] <= row["bracket_high"]
 
 
 def test_tables_do_not_depend_on_the_workers(tmp_path):

@@ -219,9 +219,7 @@ def beyond(distribution: Distribution, message: str) -> str:
     return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
 
 
-def levels(
-    start: float, stop: float, num: int, scale: Scale, every: int = 1
-) -> tuple[float, ...]:
+def levels(start: float, stop: float, num: int, scale: Scale, every: int = 1) -> tuple[float, ...]:
     """`num` >= 2 values from start to stop, both exactly in; equally spaced, or in their logarithm.
 
     The values between are rounded far below their spacing, so that two sweeps over different

@@ -10,7 +10,13 @@ import pandas as pd
 import pyarrow as pa
 from joblib import delayed
 
-from squealstudy.analysis.tables.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
+from squealstudy.analysis.tables.crossings import (
+    BELOW_RANGE,
+    BRACKETED,
+    FIRST_SEEN,
+    INTO,
+    line_crossings,
+)
 from squealstudy.analysis.tables.mode_ranking import (
     CUBIC,
     REFINED,
@@ -24,6 +30,7 @@ from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.study.complex_modes.counts import damping_ratios
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
+from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
 from squealstudy.study.parallel import in_parallel
@@ -31,7 +38,7 @@ from squealstudy.study.plan import Plan
 
 PRECISION = 1e-4
 FAILED, INTERPOLATED = "failed", "interpolated"
-UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}
+UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
 EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
 EXPECTED = 8  # evaluations an onset
 REAL = pa.float64()
@@ -90,7 +97,8 @@ class OnsetSearch:
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
         "interpolated" linearly, or put at a point that grows by less than its error, "failed"
-        refinement of such a value, "below_range" for a mode that is unstable at the beginning of a
+        refinement of such a value or the next, "bracketed" where the mode before has no damping:
+        put at the unstable end, an upper bound as the parameter ascends into instability; "below_range" for a mode that is unstable at the beginning of a
         line: NaN, "first_seen" for a track that begins unstable: an upper bound),
         ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
         errors of the roots make of it; NaN where there is none), ``evaluations``,
@@ -114,11 +122,12 @@ class OnsetSearch:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
         zeta = self._zeta
         unstable = zeta < -self._tolerance
-        x = self._points[self._along].where(self._points["status"] == "ok")
-        line = self._line
+        x, line = self._points[self._along], self._line
         by_line = x.groupby(line)
         several = (by_line.transform("nunique") > 1).to_numpy()
-        start = by_line.transform("min").to_numpy()
+        start = by_line.transform("min").to_numpy(dtype=float, copy=True)
+        if self._plan.study.definition.design.type in RANDOM_DESIGNS:
+            start[:] = np.nan  # its smallest value is drawn, the range begins below
         rows = np.isin(self._track, self._track[unstable]) & several[self._point]
         kept = np.flatnonzero(rows)
         point = self._point[kept]
@@ -170,6 +179,7 @@ class OnsetSearch:
         x = self._plan.coordinates[:, self._column][self._point[stable[rows]]]
         for row, at, off in zip(rows, x, self._shift(ends[:, 0], ends[:, 1]), strict=True):
             self._enter_value(table, int(row), float(at), float(off))
+            table.loc[row, "status"] = INTERPOLATED
 
     def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
