@@ -16,6 +16,8 @@ from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.plots.plane import study_plane
+from squealstudy.plots.stability_boundary import stability_boundary
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.definition import parse_study
@@ -259,6 +261,39 @@ def test_lines_have_their_own_onsets_and_friction_need_not_come_first(tmp_path):
     assert list(onsets["stiffness_damping"]) == pytest.approx([1e-6, 1e-5, 1e-4])
     expected = [damped_threshold(b * W1**2, b * W2**2) for b in onsets["stiffness_damping"]]
     assert onsets["onset"].to_numpy() == pytest.approx(expected, abs=1e-4)
+
+
+LOCK_IN_MAP = (
+    study(num=6, stop=0.5)
+    .replace("[modes]", '[[sweep]]\nparameter = "frequency_2"\nSWEEP\n[modes]')
+    .replace("SWEEP", "start = 72.0\nstop = 96.0\nnum = 4")
+)
+
+
+@pytest.mark.parametrize("design", ["grid", "boundary"])
+def test_the_boundary_on_the_map_is_the_closed_form(design, tmp_path):
+    """mu_c = |w1^2 - w2^2| / (2 w1 w2); zeta is zero up to it, and tracks change number on it."""
+    text = LOCK_IN_MAP
+    if design == "boundary":
+        text = text.replace("num = 6", "num = 3") + '[design]\ntype = "boundary"\nlevels = 2\n'
+    results = run(text, tmp_path / "r")
+    points = results.full_points()[0] if results.boundary else results.points
+    axes = ("friction", "frequency_2")
+    plane = study_plane(points, results.modes, axes, None, None, "count")
+    found = stability_boundary(plane, results.onsets, results.along)
+    (line,) = found.lines
+    mu, hz = line.T
+    assert (
+        found.refined == found.crossings == plane.up.scaled(points[axes[1]].drop_duplicates()).size
+    )
+    on_lines = np.isin(hz, points[axes[1]])
+    mu_c = (1e4 - hz**2) / (200 * hz)
+    np.testing.assert_allclose(mu[on_lines], mu_c[on_lines], atol=1e-4)
+    step = np.diff(np.unique(points[axes[1]])).max()
+    chord = step**2 / 8 * 100 / hz.min() ** 3  # of a straight line between two of them
+    assert (np.abs(mu - mu_c) < chord + 1e-4).all()
+    assert hz.min() == 72.0
+    assert hz.max() == 96.0
 
 
 def test_a_parameter_swept_in_log_is_refined_relative_to_its_value(tmp_path):

@@ -48,9 +48,10 @@ def sobol_table(
     -------
     DataFrame
         COLUMNS. `quantity` is "largest" (track 0; the largest growth rate of a point, over its
-        oscillating modes and growing real roots) or "track". A point that failed, or at which the track has no mode, takes
-        its whole group along; `groups` are left, `dropped_groups` are not. The indices of a track
-        of fewer whole groups than LEAST_SHARE are NaN. `variance` is that of the growth, 1/s^2.
+        oscillating modes and growing real roots) or "track". A point that failed, or at which the
+        track has no mode, takes its whole group along; `groups` are left, `dropped_groups` are not.
+        The indices of a track of fewer whole groups than LEAST_SHARE are NaN. `variance` is that of
+        the growth, 1/s^2.
         Estimators: Saltelli et al. 2010, table 2 b and f, as scipy.stats.sobol_indices.
 
     Raises

@@ -83,6 +83,8 @@ class OnsetSearch:
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
         self._lam, self._zeta = lam, damping_ratios(lam)
+        self._any = np.zeros(len(counts), dtype=bool)  # points with an unstable mode
+        self._any[self._point[self._zeta < -self._tolerance]] = True
         raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
         self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
@@ -97,9 +99,9 @@ class OnsetSearch:
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
         "interpolated" linearly, or put at a point that grows by less than its error, "failed"
-        refinement of such a value or the next, "bracketed" where the mode before has no damping:
-        put at the unstable end, an upper bound as the parameter ascends into instability; "below_range" for a mode that is unstable at the beginning of a
-        line: NaN, "first_seen" for a track that begins unstable: an upper bound),
+        refinement of such a value or the next, "bracketed" where nothing is damped on the stable
+        side: put at the unstable end, "below_range" for a mode that is unstable at the beginning
+        of a line: NaN, "first_seen" for a track that begins unstable: an upper bound),
         ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
         errors of the roots make of it; NaN where there is none), ``evaluations``,
         ``point_before``, ``point_after``. Lines of one point have none.
@@ -221,9 +223,32 @@ class OnsetSearch:
     def _refine(
         self, events: pd.DataFrame, table: pd.DataFrame, jobs: int, report: Progress
     ) -> None:
-        """Refine the crossings in place, the first of each track first, within the budget."""
+        """Refine crossings in place: those where the first mode turns unstable on a line, or the
+        last one stable, which bound stability; of others the first of each track first, within the
+        budget.
+        """
         brackets = self._brackets(events, table)
+        bounds = [rows for rows in brackets if self._bounds_stability(events.loc[rows[0]])]
+        others = [rows for rows in brackets if not self._bounds_stability(events.loc[rows[0]])]
         budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
+        self._refine_within(np.inf, bounds, events, table, jobs, report)
+        self._refine_within(budget, others, events, table, jobs, report)
+
+    def _bounds_stability(self, event: pd.Series) -> bool:
+        """Whether no mode is unstable at one end of a crossing's bracket."""
+        before, after = self._point[[event["before"], event["after"]]]
+        return bool(self._any[before] != self._any[after])
+
+    def _refine_within(
+        self,
+        budget: float,
+        brackets: list[list[int]],
+        events: pd.DataFrame,
+        table: pd.DataFrame,
+        jobs: int,
+        report: Progress,
+    ) -> None:
+        """Refine these in their order, until so many design points are solved for it."""
         spent = done = 0
         while done < len(brackets) and spent < budget:
             report("onsets", done, len(brackets))
@@ -237,7 +262,8 @@ class OnsetSearch:
                 for row, onset in results:
                     spent += self._enter(table, row, onset, events.loc[row])
             done += len(batch)
-        report("onsets", done, done)
+        if done:
+            report("onsets", done, done)
 
     def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
