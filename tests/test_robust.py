@@ -273,8 +273,10 @@ reference_points = 0
 """
 
 
-def run(directory: Path, kind: str, samples: int) -> squealstudy.study.results.Results:
-    text = STUDY.replace("TYPE", kind).replace("SAMPLES", str(samples))
+def run(
+    directory: Path, kind: str, samples: int, study: str = STUDY
+) -> squealstudy.study.results.Results:
+    text = study.replace("TYPE", kind).replace("SAMPLES", str(samples))
     run_study(Plan(parse_study(text, Path("s.toml"))), directory, jobs=1)
     return squealstudy.open_results(directory)
 
@@ -293,6 +295,26 @@ def test_probability_of_flutter_is_that_of_friction_above_its_threshold(sampled)
     assert row["probability_low"] < exact < row["probability_high"]
     # one mode of the two is unstable at a time, whichever track it is on
     assert table["probability"].iloc[1:].sum() == pytest.approx(row["probability"])
+
+
+@pytest.mark.parametrize("kind", ["sobol_indices", "latin_hypercube"])
+def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path, monkeypatch):
+    """Scatter far below the spacing of floating point: all points are equal."""
+    narrow = STUDY.replace(f"std = {STD}", "std = 1e-20").replace("sigma = 0.5", "sigma = 1e-20")
+    results = run(tmp_path / "r", kind, 8, narrow)
+    points = results.points
+    assert len(points) == (8 * 4 if kind == "sobol_indices" else 8)
+    assert len(points[["friction", "sliding_speed"]].drop_duplicates()) == 1
+    assert points["point_id"].is_unique
+    row = results.robust().iloc[0]
+    drawn = 16 if kind == "sobol_indices" else 8
+    assert (row["points"], row["unstable_points"]) == (drawn, drawn)  # MEAN > CRITICAL
+    assert results.rank()["points"].tolist() == [len(points)]
+    again = run_study(
+        Plan(parse_study(results.manifest["study"], Path("s.toml"))), tmp_path / "r", 1
+    )
+    assert again.n_solved == 0
+    assert command(monkeypatch, "plot", str(tmp_path / "r")) == 0
 
 
 def test_growth_scatters_with_friction_alone(sampled):

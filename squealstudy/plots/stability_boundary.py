@@ -191,8 +191,8 @@ class _Crossings:
         -inf where none of them has an oscillating mode.
         """
         plane, (a, b) = self._plane, edge
-        shared = np.flatnonzero(self._xy[a] == self._xy[b]) if plane.gridded else []
         here = plane.known & ~plane.unstable
-        for axis in shared:
-            here = here & (self._xy[:, axis] == self._xy[a, axis])
+        if plane.gridded:
+            shared = self._xy[a] == self._xy[b]
+            here &= (self._xy[:, shared] == self._xy[a, shared]).all(axis=1)
         return float(np.nan_to_num(plane.damping_ratio[here], nan=-np.inf).max(initial=-np.inf))

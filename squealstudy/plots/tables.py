@@ -69,17 +69,18 @@ def slice_points(
     totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
     best = totals == totals.max()
     place = sizes[best].idxmax()  # of equals the one with most points, then the first
-    return chosen[(group == place).to_numpy()], _reason(totals, best)
+    kind = "lines" if len(along) == 1 else "slices"
+    return chosen[(group == place).to_numpy()], _reason(f"{len(totals)} {kind}", totals, best)
 
 
-def _reason(totals: pd.Series, best: pd.Series) -> str:
+def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
     """Why one of several slices with these numbers of unstable modes was taken."""
     if len(totals) == 1:
         return ""
     if not totals.max() > 0:
-        return f"one of {len(totals)} slices, none with an unstable mode"
+        return f"one of {of}, none with an unstable mode"
     equals = f", one of {int(best.sum())} alike" if best.sum() > 1 else ""
-    return f"of {len(totals)} slices that with most unstable modes{equals}"
+    return f"of {of} that with most unstable modes{equals}"
 
 
 def describe(

@@ -90,8 +90,7 @@ class _Standing:
         """
         own = self._here[:, np.searchsorted(self._tracks, number)]
         beside = self._here[own].any(axis=0) & (self._tracks > 0)
-        absent: np.ndarray = ~self._here[:, ~beside].any(axis=1)
-        return absent
+        return np.logical_not(self._here[:, ~beside].any(axis=1))
 
 
 def _column(

@@ -228,16 +228,18 @@ class OnsetSearch:
         budget.
         """
         brackets = self._brackets(events, table)
-        bounds = [rows for rows in brackets if self._bounds_stability(events.loc[rows[0]])]
-        others = [rows for rows in brackets if not self._bounds_stability(events.loc[rows[0]])]
+        bounding = self._bounding(events)
+        bounds = [rows for rows in brackets if rows[0] in bounding]
+        others = [rows for rows in brackets if rows[0] not in bounding]
         budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
         self._refine_within(np.inf, bounds, events, table, jobs, report)
         self._refine_within(budget, others, events, table, jobs, report)
 
-    def _bounds_stability(self, event: pd.Series) -> bool:
-        """Whether no mode is unstable at one end of a crossing's bracket."""
-        before, after = self._point[[event["before"], event["after"]]]
-        return bool(self._any[before] != self._any[after])
+    def _bounding(self, events: pd.DataFrame) -> set[int]:
+        """Rows of crossings at one end of which no mode is unstable."""
+        ends = events[events["before"] >= 0]
+        before, after = (self._any[self._point[ends[end]]] for end in ("before", "after"))
+        return set(ends.index[before != after].tolist())
 
     def _refine_within(
         self,
