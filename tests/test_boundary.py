@@ -220,6 +220,52 @@ def test_an_island_between_the_nodes_of_the_coarse_grid_is_found_by_its_slopes()
     np.testing.assert_array_equal(map_of(grid, known)[0], everywhere(grid, small))
 
 
+@settings(max_examples=200)
+@given(
+    st.floats(1e-9, 1e3),
+    st.floats(1.001, 1e6),
+    st.integers(2, 40),
+    st.integers(1, 10),
+    st.sampled_from(["linear", "log"]),
+    st.booleans(),
+)
+def test_every_first_point_is_a_node_of_the_full_grid(start, factor, num, halvings, scale, falls):
+    low, high = start, start * factor
+    first, last = (high, low) if falls else (low, high)
+    sweep = f"start = {first!r}\nstop = {last!r}\nnum = {num}\nscale = '{scale}'"
+    text = ONE_SWEEP.format(sweep=sweep, levels=halvings)
+    plan = plan_of(text)
+    grid = BoundaryGrid.of(plan.study)
+    (axis,) = grid.axes
+    assert [grid.node(point) for point in plan.swept] == grid.coarse_nodes()
+    assert (axis[0], axis[-1]) == (first, last)
+    assert (np.diff(axis) * (-1 if falls else 1) > 0).all()
+    spacing = np.diff(np.log(axis) if scale == "log" else axis)
+    np.testing.assert_allclose(spacing, spacing.mean(), rtol=1e-5)
+
+
+ONE_SWEEP = """
+[study]
+name = "line"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "normal_force"
+{sweep}
+[design]
+type = "boundary"
+levels = {levels}
+"""
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_halvings_too_small_for_floating_point_are_refused(scale):
+    sweep = f"start = 1.0\nstop = 1.0000000000001\nnum = 9\nscale = '{scale}'"
+    with pytest.raises(StudyFileError, match=r"stop.*too near to start for 10 halvings"):
+        plan_of(ONE_SWEEP.format(sweep=sweep, levels=10))
+
+
 def test_around_a_failed_node_the_map_is_as_fine_as_it_goes():
     grid = grid_of((4, 4), 2)
     failing = {(4, 4), (5, 4)}

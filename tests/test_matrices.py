@@ -29,6 +29,7 @@ from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.definition import load_study, parse_study
+from squealstudy.study.family import TAKEN
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
@@ -361,6 +362,8 @@ def test_a_study_end_to_end(tmp_path, monkeypatch, capsys):
     assert (results.points["status"] == "ok").all()
     assert results.points["working_point_residual"].isna().all()
     assert not results.modes.filter(like="energy_").columns.size
+    columns = {*results.points, *results.modes, *results.onsets} - {"mu"}
+    assert columns <= TAKEN  # no parameter of somebody's matrices has the name of a column
     assert (results.modes["residual"] < 1e-12).all()
     ranking = results.rank()
     assert ranking["threshold"].iloc[0] == pytest.approx(MU_C, abs=1e-4)

@@ -16,6 +16,8 @@ from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
 from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.plots.plane import study_plane
+from squealstudy.plots.stability_boundary import stability_boundary
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.definition import parse_study
@@ -116,6 +118,16 @@ def test_tracks_and_lines_are_kept_apart():
     kinds = {(t, n): k for t, n, k in found[["track", "line", "kind"]].to_numpy() if k}
     assert kinds[2, 1] == "first seen"
     assert list(found["kind"]) == ["crossing", "below range", "crossing", "first seen"]
+
+
+def test_without_damping_before_the_onset_is_only_bracketed():
+    """Zero up to a coalescence: linear interpolation would put it at the last stable point."""
+    found = crossings([0, 1, 2, 3, 4], [0.0, 1e-17, -0.1, -0.2, 0.0]).sort_values("value")
+    assert list(found["kind"]) == ["bracketed", "bracketed"]
+    assert list(found["value"]) == [2, 3]  # the unstable ends
+    assert list(found["direction"]) == ["in", "out"]
+    (row,) = crossings([0, 1, 2], [0.1, 0.0, -0.1]).to_dict("records")  # it falls through zero
+    assert (row["kind"], row["value"]) == ("crossing", 1)
 
 
 # -- root finding
@@ -251,6 +263,39 @@ def test_lines_have_their_own_onsets_and_friction_need_not_come_first(tmp_path):
     assert onsets["onset"].to_numpy() == pytest.approx(expected, abs=1e-4)
 
 
+LOCK_IN_MAP = (
+    study(num=6, stop=0.5)
+    .replace("[modes]", '[[sweep]]\nparameter = "frequency_2"\nSWEEP\n[modes]')
+    .replace("SWEEP", "start = 72.0\nstop = 96.0\nnum = 4")
+)
+
+
+@pytest.mark.parametrize("design", ["grid", "boundary"])
+def test_the_boundary_on_the_map_is_the_closed_form(design, tmp_path):
+    """mu_c = |w1^2 - w2^2| / (2 w1 w2); zeta is zero up to it, and tracks change number on it."""
+    text = LOCK_IN_MAP
+    if design == "boundary":
+        text = text.replace("num = 6", "num = 3") + '[design]\ntype = "boundary"\nlevels = 2\n'
+    results = run(text, tmp_path / "r")
+    points = results.full_points()[0] if results.boundary else results.points
+    axes = ("friction", "frequency_2")
+    plane = study_plane(points, results.modes, axes, None, None, "count")
+    found = stability_boundary(plane, results.onsets, results.along)
+    (line,) = found.lines
+    mu, hz = line.T
+    assert (
+        found.refined == found.crossings == plane.up.scaled(points[axes[1]].drop_duplicates()).size
+    )
+    on_lines = np.isin(hz, points[axes[1]])
+    mu_c = (1e4 - hz**2) / (200 * hz)
+    np.testing.assert_allclose(mu[on_lines], mu_c[on_lines], atol=1e-4)
+    step = np.diff(np.unique(points[axes[1]])).max()
+    chord = step**2 / 8 * 100 / hz.min() ** 3  # of a straight line between two of them
+    assert (np.abs(mu - mu_c) < chord + 1e-4).all()
+    assert hz.min() == 72.0
+    assert hz.max() == 96.0
+
+
 def test_a_parameter_swept_in_log_is_refined_relative_to_its_value(tmp_path):
     """More stiffness damping stabilises: the onset is left as it rises."""
     text = study(num=3).replace('"friction"', '"stiffness_damping"').replace("start = 0.0", "start")
@@ -266,15 +311,20 @@ def test_a_parameter_swept_in_log_is_refined_relative_to_its_value(tmp_path):
 
 def test_without_refinement_the_onset_is_read_off_the_grid(tmp_path):
     results = run(study(num=4) + "refine_onsets = false\n", tmp_path / "r")
-    assert results.onsets["status"].tolist() == ["interpolated"]
-    assert results.onsets["evaluations"].tolist() == [0]
-    assert results.rank()["threshold_kind"].tolist() == ["crossing"]
+    (row,) = results.onsets.to_dict("records")  # no damping up to the lock-in: where, is not known
+    assert (row["status"], row["evaluations"]) == ("bracketed", 0)
+    assert row["bracket_low"] < MU_C < row["bracket_high"] == row["onset"]
+    assert results.rank()["threshold_kind"].tolist() == ["bracketed"]
+    damped = study(num=4).replace("[modes]", "[parameters]\ndamping_ratio = 0.02\n[modes]")
+    assert set(run(damped + "refine_onsets = false\n", tmp_path / "d").onsets["status"]) == {
+        "interpolated"
+    }
 
 
-def test_structural_sweeps_are_interpolated(tmp_path):
+def test_structural_sweeps_are_not_refined(tmp_path):
     text = study(stop=99.0, start=60.0, num=14).replace('"friction"', '"frequency_2"')
     results = run(text + "[parameters]\nfriction = 0.2\n", tmp_path / "r")
-    assert set(results.onsets["status"]) == {"interpolated"}
+    assert set(results.onsets["status"]) == {"bracketed"}
     assert results.manifest["tracking"]["extra_points"] == 0
 
 
@@ -285,7 +335,7 @@ def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, mo
     monkeypatch.setattr("squealstudy.study.complex_modes.between.solve_design", fail)
     (row,) = run(study(num=4), tmp_path / "r").onsets.to_dict("records")
     assert row["status"] == "failed"
-    assert row["bracket_low"] <= row["onset"] < row["bracket_high"]
+    assert row["bracket_low"] < row["onset"] <= row["bracket_high"]
 
 
 def test_tables_do_not_depend_on_the_workers(tmp_path):

@@ -4,7 +4,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.tables.mode_ranking import COLUMNS, parameter_columns, rank_modes
+from squealstudy.analysis.tables.mode_ranking import (
+    COLUMNS,
+    frequency_text,
+    parameter_columns,
+    rank_modes,
+)
 from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"
@@ -123,7 +128,7 @@ def test_tracks_on_one_line_are_kept_apart():
 
 def test_the_range_is_that_of_the_points_that_count():
     points, modes = linear_study(STUDY, MU, P)
-    ranking = rank_modes(points, modes, along="friction", where="friction > 0.45")
+    ranking = rank_modes(points, modes, along="friction", where="friction > 0.35")
     assert dict(zip(ranking["track"], ranking["threshold_kind"], strict=True)) == {
         1: "crossing",
         2: "below range",
@@ -225,11 +230,44 @@ def test_divergence_and_untracked_modes_are_rows_of_their_own():
     modes = modes_table(rows)
     modes["overdamped"] = modes["overdamped"].astype(bool)
     ranking = rank_modes(points, modes, along="friction").set_index("track")
-    assert set(ranking.index) == {1, -1, -2}
-    assert list(ranking.loc[[-1, -2], "kind"]) == ["static divergence", "untracked"]
-    assert list(ranking.loc[[-1, -2], "unstable_points"]) == [2, 2]
-    assert ranking.loc[1, "unstable_points"] == 1
-    assert list(ranking.loc[[-1, -2], "threshold"]) == [0.1, 0.1]
+    assert set(ranking.index) == {1, -1, -2, -3}  # 700 Hz is another mode than 750 and 760 Hz
+    kinds = ["static divergence", "untracked", "untracked"]
+    assert list(ranking.loc[[-1, -2, -3], "kind"]) == kinds
+    assert list(ranking.loc[[-1, -2, -3, 1], "unstable_points"]) == [2, 1, 1, 1]
+    assert list(ranking.loc[[-1, -2, -3], "threshold"]) == [0.1, 0.1, 0.3]
+    assert np.isnan(ranking.loc[-1, "frequency_hz"])  # it does not oscillate
+    assert (ranking["points"] == 3).all()
+
+
+def test_a_line_of_modes_without_a_track_has_the_figures_of_one_of_them():
+    """The mean of 100 and 298 Hz is no mode; the fastest growth is not of the least damping."""
+    points = points_table({"friction": [0.1, 0.2]})
+    rows = [
+        {"point": 0, "frequency_hz": 100.0, "damping_ratio": -0.02, "energy_pad": 0.9},
+        {"point": 1, "frequency_hz": 298.0, "damping_ratio": -0.01},
+        {"point": 1, "frequency_hz": 305.0, "damping_ratio": -0.03, "energy_disc": 0.7},
+    ]
+    table = rank_modes(points, modes_table([row | {"track": -1} for row in rows]), by="growth")
+    assert table["track"].tolist() == [-3, -2]
+    assert table["frequency_hz"].tolist() == [305.0, 100.0]
+    assert [frequency_text(row) for row in table.to_dict("records")] == ["298 to 305", "100"]
+    assert table["min_damping_ratio"].tolist() == [-0.03, -0.02]
+    growth = 2 * np.pi * np.array([305.0 * 0.03, 100.0 * 0.02])
+    assert table["max_growth_rate"].to_numpy() == pytest.approx(growth)
+    assert table["main_component"].tolist() == ["disc", "pad"]
+
+
+def test_a_failed_start_of_the_range_is_not_below_it():
+    status = ["working_point"] + 7 * ["ok"]
+    points, modes = linear_study({1: lambda m, q: -0.01}, MU, [1.0], status)
+    row = rank_modes(points, modes, along="friction").iloc[0]
+    assert (row["threshold_kind"], row["threshold"]) == ("first seen", MU[1])
+
+
+def test_a_random_design_has_no_beginning_of_a_range():
+    points, modes = linear_study({1: lambda m, q: -0.01}, [0.13, 0.42, 0.61], [1.0])
+    row = rank_modes(points, modes, along="friction", scattered=True).iloc[0]
+    assert (row["threshold_kind"], row["threshold"]) == ("first seen", 0.13)
 
 
 def test_an_ambiguous_label_anywhere_unstable_shows():
@@ -375,8 +413,9 @@ def test_tables_are_left_as_they_are():
     pd.testing.assert_frame_equal(modes, copies[1])
 
 
-def test_parameters_are_the_other_columns():
+def test_parameters_stand_between_the_head_and_the_results():
     points = points_table({"friction": [0.1, 0.2], SCALE: [1.0, 1.0]})
+    points = points.assign(valid=[True, False], invalid_reason=["", "friction"], mine=[1.0, 2.0])
     assert parameter_columns(points) == ["friction", SCALE]
     assert parameter_columns(points, varied=True) == ["friction"]
 

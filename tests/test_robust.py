@@ -188,6 +188,39 @@ def test_a_mode_that_is_not_there_is_not_unstable():
     row = table.iloc[1]
     assert (row["points"], row["present_points"], row["probability"]) == (4, 2, 0.25)
     assert table.iloc[0]["present_points"] == 4  # the other mode is
+    # both stand beside each other elsewhere: mode 1 is not the one that is there, it has left
+    assert (row["absent_points"], row["unknown_points"]) == (2, 0)
+
+
+def test_a_mode_that_may_stand_under_another_number_counts_neither_way():
+    """Mode 1 is unstable wherever tracking knows it; where it is lost the mode is number 3."""
+    x = np.linspace(0, 1, 24).reshape(8, 3)
+    points, modes = tables(x, np.full(8, 5.0))
+    lost = (modes["track"] == 1) & modes["point_id"].isin(["p5", "p6", "p7"])
+    modes.loc[lost, "track"] = 3
+    table = robust_table(points, modes).set_index("track")
+    for track, known in ((1, 5), (3, 3)):
+        row = table.loc[track]
+        assert (row["unstable_points"], row["unknown_points"]) == (known, 8 - known)
+        assert row["probability"] == 1.0
+        assert row["probability_low"] == probability_interval(known, known, 0.95)[0]
+    assert table.index.tolist() == [0, 1, 3]  # by what is known, not by a share of few points
+    assert table.loc[0, "probability"] == 1.0
+    modes.loc[lost, "track"] = -1  # without a number it may be any mode
+    assert robust_table(points, modes).set_index("track").loc[1, "unknown_points"] == 3
+
+
+def test_static_divergence_is_an_instability():
+    x = np.linspace(0, 1, 12).reshape(4, 3)
+    points, modes = tables(x, np.full(4, -3.0))
+    real = modes.iloc[:2].assign(overdamped=True, track=-1, growth_rate=[40.0, -50.0])
+    real = real.assign(point_id=["p1", "p2"], unstable=[True, False], damping_ratio=[-1.0, 1.0])
+    table = robust_table(points, pd.concat([modes, real], ignore_index=True))
+    assert table["quantity"].tolist() == ["any", "divergence"]
+    assert table["probability"].tolist() == [0.25, 0.25]
+    assert table["max_growth_rate"].tolist() == [40.0, 40.0]
+    assert table["at"].tolist() == 2 * ["x1=0.272727, x2=0.363636, x3=0.454545"]
+    assert table["unknown_points"].tolist() == [0, 0]
 
 
 def test_only_failed_points_have_no_probability():
@@ -240,8 +273,10 @@ reference_points = 0
 """
 
 
-def run(directory: Path, kind: str, samples: int) -> squealstudy.study.results.Results:
-    text = STUDY.replace("TYPE", kind).replace("SAMPLES", str(samples))
+def run(
+    directory: Path, kind: str, samples: int, study: str = STUDY
+) -> squealstudy.study.results.Results:
+    text = study.replace("TYPE", kind).replace("SAMPLES", str(samples))
     run_study(Plan(parse_study(text, Path("s.toml"))), directory, jobs=1)
     return squealstudy.open_results(directory)
 
@@ -260,6 +295,26 @@ def test_probability_of_flutter_is_that_of_friction_above_its_threshold(sampled)
     assert row["probability_low"] < exact < row["probability_high"]
     # one mode of the two is unstable at a time, whichever track it is on
     assert table["probability"].iloc[1:].sum() == pytest.approx(row["probability"])
+
+
+@pytest.mark.parametrize("kind", ["sobol_indices", "latin_hypercube"])
+def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path, monkeypatch):
+    """Scatter far below the spacing of floating point: all points are equal."""
+    narrow = STUDY.replace(f"std = {STD}", "std = 1e-20").replace("sigma = 0.5", "sigma = 1e-20")
+    results = run(tmp_path / "r", kind, 8, narrow)
+    points = results.points
+    assert len(points) == (8 * 4 if kind == "sobol_indices" else 8)
+    assert len(points[["friction", "sliding_speed"]].drop_duplicates()) == 1
+    assert points["point_id"].is_unique
+    row = results.robust().iloc[0]
+    drawn = 16 if kind == "sobol_indices" else 8
+    assert (row["points"], row["unstable_points"]) == (drawn, drawn)  # MEAN > CRITICAL
+    assert results.rank()["points"].tolist() == [len(points)]
+    again = run_study(
+        Plan(parse_study(results.manifest["study"], Path("s.toml"))), tmp_path / "r", 1
+    )
+    assert again.n_solved == 0
+    assert command(monkeypatch, "plot", str(tmp_path / "r")) == 0
 
 
 def test_growth_scatters_with_friction_alone(sampled):
@@ -317,7 +372,7 @@ def test_robust_on_the_screen_and_as_csv(sampled, monkeypatch, capsys, tmp_path)
     directory = str(sampled.directory)
     assert command(monkeypatch, "robust", directory) == 0
     screen = capsys.readouterr().out
-    assert "of 128 points, none failed" in screen
+    assert "of 128 points of the two independent samples, none failed" in screen
     assert "Clopper-Pearson" in screen
     assert "from 64 groups" in screen
     assert command(monkeypatch, "robust", directory, "--csv") == 0

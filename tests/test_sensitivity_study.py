@@ -16,9 +16,12 @@ from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, 
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.plots.sensitivity_bars import sensitivity_bars, step_text
+from squealstudy.study.chunks import write_chunk
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
+from squealstudy.study.sensitivity.rows import SCHEMA, failed_row
+from squealstudy.study.sensitivity.tables import build_tables
 
 HULTEN = """[study]
 name = "slopes"
@@ -132,6 +135,16 @@ def test_other_tables_and_rankings_are_refused(results):
     for ask in (lambda: results.modes, lambda: results.rank(), lambda: results.growth):
         with pytest.raises(ResultsError, match="sensitivity"):
             ask()
+
+
+def test_a_failed_point_has_no_count_of_modes(tmp_path):
+    study = plan(HULTEN)
+    rows = [failed_row(task.point_id, 0.0, "working_point", "lost") for task in study.tasks]
+    write_chunk(tmp_path, "all", rows, SCHEMA)
+    build_tables(study, tmp_path)
+    counts = pd.read_parquet(tmp_path / "points.parquet")["n_modes"]
+    assert counts.isna().all()
+    assert counts.dtype == "Int64"
 
 
 def test_stable_design_gives_no_rows(tmp_path):

@@ -130,7 +130,7 @@ def test_classes_on_both_sides_of_the_stability_boundary(finished):
     assert (points["growth_rate"] < 0).equals(stable)
     assert (points.loc[stable, "class"] == "stable").all()
     assert points.loc[points["sliding_speed"] == 0.5, "class"].item() == "limit_cycle"
-    assert (points["n_unstable"] > 0).equals(~stable)
+    assert ((points["n_unstable"] > 0) == ~stable).all()
 
 
 def test_growth_in_the_table_is_that_of_the_complex_mode(finished):
@@ -286,6 +286,11 @@ def test_a_failed_point_is_a_row_and_the_others_go_on(tmp_path):
     assert points.loc[soft, "message"].str.contains("must saturate at the sliding speed").all()
     assert points.loc[soft, "torque_rms"].isna().all()
     assert soft.sum() == 5
+    found = ["n_unstable", "n_unstable_above", "settled", "dominant_mode", "halvings"]
+    assert points.loc[soft, found].isna().all(axis=None)  # unknown, not none
+    assert points.loc[~soft, found].notna().all(axis=None)
+    assert points["n_unstable"].dtype == "Int64"
+    assert points["settled"].dtype == "boolean"
 
 
 def test_steps_that_are_halves_are_seen_at_equal_times():

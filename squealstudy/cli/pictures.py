@@ -78,7 +78,15 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
         nodes, solved = results.full_points() if results.boundary else (points, None)
         for measure in ("count", "growth"):
             figures[f"stability_map_{measure}"] = stability_map(
-                nodes, modes, varied[0], varied[1], units=units, measure=measure, solved=solved
+                nodes,
+                modes,
+                varied[0],
+                varied[1],
+                units=units,
+                measure=measure,
+                onsets=results.onsets,
+                along=results.along,
+                solved=solved,
             )
     if results.design in RANDOM_DESIGNS:
         figures["robust"] = _robust(results)

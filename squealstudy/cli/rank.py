@@ -19,4 +19,5 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
     if results.kind == "transient":
         transient_screen.ranking(table)
         return
-    screen.ranking(table, results.along, results.manifest["units"].get(results.along, ""))
+    unit = results.manifest["units"].get(results.along, "")
+    screen.ranking(table, results.along, unit, screen.Scope.of(results, where))

@@ -26,20 +26,23 @@ def robust_command(
         table.to_csv(sys.stdout, index=False)
         return
     if not indices:
-        show_probabilities(results.robust(confidence).iloc[: kept + 1], confidence)
+        show_probabilities(results.robust(confidence).iloc[: kept + 1], confidence, sampled)
     if indices or sampled:
         if not indices:
             console.print()
         show_indices(results.sobol_indices(kept, confidence), confidence)
 
 
-def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
-    """Print the table of analysis.robust.probability, the first row of any mode."""
+def show_probabilities(table: pd.DataFrame, confidence: float, sampled: bool = False) -> None:
+    """Print the table of analysis.robust.probability, the first row of any mode.
+
+    `sampled`: its points are the two independent samples of a design for Sobol indices.
+    """
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in (
         "mode",
         "Hz",
-        "there %",
+        "known at",
         "unstable %",
         "interval %",
         "mean",
@@ -49,43 +52,56 @@ def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
         grid.add_column(title, justify="right", no_wrap=True)
     grid.add_column("worst at", overflow="fold")
     for row in table.to_dict("records"):
-        hz = row["frequency_hz"]
         grid.add_row(
-            "any" if row["quantity"] == "any" else str(row["track"]),
-            f"{hz:.0f}" if hz == hz else "",
-            f"{100 * row['present_points'] / row['points']:.0f}",
+            str(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
+            _figure(row["frequency_hz"], 0, unknown=""),
+            str(row["points"] - row["unknown_points"]),
             f"{100 * row['probability']:.1f}",
             f"{100 * row['probability_low']:.1f} to {100 * row['probability_high']:.1f}",
             f"{row['mean_growth_rate']:.2f}",
-            f"{row['growth_mean']:.1f} +- {row['growth_std']:.1f}",
-            f"{row['max_growth_rate']:.1f}",
+            f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
+            _figure(row["max_growth_rate"]),
             ", ".join(part.rpartition("=")[2] for part in str(row["at"]).split(", ")),
         )
     console.print(grid)
+    for text in _legend(table, confidence, sampled):
+        console.print(text, style="dim")
+
+
+def _legend(table: pd.DataFrame, confidence: float, sampled: bool) -> list[str]:
+    """What the columns mean, and what is left out."""
     first = table.iloc[0]
-    names = ", ".join(part.rpartition("=")[0] for part in str(first["at"]).split(", "))
+    drawn = "points of the two independent samples" if sampled else "points"
     failed = int(first["failed_points"])
-    console.print(
-        f"of {first['points']} solved points; {failed} failed and count neither way"
-        if failed
-        else f"of {first['points']} points, none failed",
-        style="dim",
-    )
-    console.print(
+    counted = f"{failed} failed and count neither way" if failed else "none failed"
+    texts = [
+        f"of {first['points'] + failed} {drawn}, {counted}",
         f"interval: {100 * confidence:g} % (Clopper-Pearson) for independent draws, wide for a "
         "Sobol sequence or Latin hypercube",
-        style="dim",
-    )
-    console.print(
-        "mean: growth 1/s, zero where stable; mean +- std: of the growth rate where the mode is; "
-        "any: the fastest mode of each point",
-        style="dim",
-    )
-    console.print(
-        "there: points at which the mode was found; where tracking lost it, it is listed in pieces",
-        style="dim",
-    )
-    console.print(f"worst at: {names}", style="dim")
+        "mean: growth 1/s, zero where not unstable; mean +- std: of the growth rate where the mode "
+        "is; any: the fastest mode of each point",
+    ]
+    if (table["quantity"] == "divergence").any():
+        texts.append("divergence: a real root that grows, without oscillation; part of any")
+    if table["unknown_points"].any():
+        texts.append(
+            "known at: elsewhere the mode may stand under another number; unstable % is of the "
+            "points where it is known"
+        )
+    gone = table[(table["quantity"] == "track") & (table["absent_points"] > 0)]
+    if len(gone):
+        listed = ", ".join(
+            f"{n} of {t}" for t, n in zip(gone["track"], gone["absent_points"], strict=True)
+        )
+        texts.append(
+            f"points where a mode has left the band or does not oscillate, not unstable: {listed}"
+        )
+    names = ", ".join(part.rpartition("=")[0] for part in str(first["at"]).split(", "))
+    return [*texts, f"worst at: {names}"] if names else texts
+
+
+def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
+    return f"{value:.{digits}f}" if value == value else unknown
 
 
 def show_indices(table: pd.DataFrame, confidence: float) -> None:

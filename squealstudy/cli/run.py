@@ -67,7 +67,7 @@ def show_findings(results: Results) -> None:
         sensitivity_screen.show_ranking(results, None, LISTED)
         return
     unit = results.manifest["units"].get(results.along, "")
-    screen.ranking(results.rank(top=LISTED), results.along, unit)
+    screen.ranking(results.rank(top=LISTED), results.along, unit, screen.Scope.of(results))
 
 
 def _summary(report: RunReport) -> list[tuple[str, str]]:

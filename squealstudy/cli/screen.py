@@ -6,7 +6,7 @@ import contextlib
 import shutil
 import sys
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 from rich.progress import (
@@ -23,8 +23,17 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+from squealstudy.analysis.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
+from squealstudy.analysis.tables.mode_ranking import UNTRACKED, frequency_text, group_kind
+from squealstudy.study.results import Results
 
 INTERRUPTED = 130
+ONSETS = {
+    CROSSING: "~ before an onset: interpolated between two design points, not refined",
+    FIRST_SEEN: "<= before an onset: unstable at the first point where the mode was found",
+    BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
+    BELOW_RANGE: "below range: unstable at the first value of a line",
+}
 NARROW, WIDE = 6, 30  # least column widths: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 console = Console(
@@ -48,10 +57,50 @@ def facts(rows: Sequence[tuple[str, str]]) -> None:
     console.print(table)
 
 
-def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
+class Scope(NamedTuple):
+    """What a ranking is over.
+
+    Attributes
+    ----------
+    counted, failed : int
+        Design points that count, of a boundary design nodes of its map; design points that failed.
+    mapped, queried : bool
+        They are nodes of a map; a query chose them.
+    """
+
+    counted: int
+    failed: int
+    mapped: bool
+    queried: bool
+
+    @classmethod
+    def of(cls, results: Results, where: str | None = None) -> Scope:
+        """That of the ranking of results by a query."""
+        failed = int((results.points["status"] != "ok").sum())
+        mapped = results.boundary is not None
+        return cls(results.counted_points(where), failed, mapped, where is not None)
+
+    @property
+    def text(self) -> str:
+        """What counts, in words."""
+        text = f"the {self.counted} " + ("nodes of the map" if self.mapped else "solved points")
+        return f"{text} within the query" if self.queried else text
+
+    @property
+    def left_out(self) -> str:
+        """What does not, in words; empty where no point failed."""
+        return f"{self.failed} design point(s) failed and count neither way" if self.failed else ""
+
+
+def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
     """Print the ranking of unstable modes."""
     if not len(table):
-        console.print("No mode is unstable anywhere in the study.")
+        found = "mode within the query" if scope.queried else "mode"
+        none = "No solved design point is within the query." if scope.queried else "None is solved."
+        text = f"No {found} is unstable at any of {scope.text}."
+        console.print(text if scope.counted else none)
+        if scope.left_out:
+            console.print(scope.left_out, style="dim")
         return
     titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *(["onset"] if along else [])]
     grid = Table(box=None, pad_edge=False, header_style="bold")
@@ -64,7 +113,7 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     for row in table.to_dict("records"):
         grid.add_row(
             _label(row),
-            f"{row['frequency_hz']:.0f}",
+            frequency_text(row),
             f"{100 * row['unstable_share']:.1f} %",
             f"{row['max_growth_rate']:.1f}",
             f"{100 * row['min_damping_ratio']:.3f}",
@@ -73,17 +122,29 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
             ", ".join(value for _, value in _settings(row)),
         )
     console.print(grid)
-    console.print(
-        "unstable: share of the design points; growth, damping: at the worst point", style="dim"
-    )
+    _legend(table, along, unit, scope)
+
+
+def _legend(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
+    """What the columns of the ranking mean."""
+    texts = [f"unstable: share of {scope.text} at which the mode was found unstable"]
+    texts += [scope.left_out] if scope.left_out else []
+    texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
     names = ", ".join(name for name, _ in _settings(table.iloc[0].to_dict()))
-    if names:
-        console.print(f"worst at: {names}", style="dim")
+    texts += [f"worst at: {names}"] if names else []
     if along:
         name = f"{along} [{unit}]" if unit else along
-        console.print(f"onset: {name} from which on the mode is unstable", style="dim")
+        texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
+        texts += [text for kind, text in ONSETS.items() if (table["threshold_kind"] == kind).any()]
+    if (table["kind"] == group_kind(UNTRACKED)).any():
+        texts.append(
+            "untracked: all modes in this range of frequency, maybe different ones; growth and "
+            "damping of the fastest"
+        )
     if table["ambiguous"].any():
-        console.print("~ tracking was ambiguous somewhere on this mode's lines", style="dim")
+        texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
+    for text in texts:
+        console.print(text, style="dim")
 
 
 def _energy(row: dict[Hashable, Any]) -> str:
@@ -104,11 +165,12 @@ def _label(row: dict[Hashable, Any]) -> str:
 
 def _threshold(row: dict[Hashable, Any]) -> str:
     value, kind = row["threshold"], row["threshold_kind"]
-    if kind == "below range":
-        return "below range"
+    if kind == BELOW_RANGE:
+        return BELOW_RANGE
     if not isinstance(value, float) or value != value:
         return "-"
-    return f"{'<= ' if kind == 'first seen' else ''}{round(value, 9):.4g}"
+    bound = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}.get(kind, "")
+    return f"{bound}{round(value, 9):.4g}"
 
 
 @contextlib.contextmanager

@@ -61,7 +61,7 @@ def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
     )
     failed = growth["point_id"].isin(points.loc[points["status"] != "ok", "point_id"])
     unstable["kind"] = unstable["kind"].mask(failed, list(KINDS)[3])
-    calm = points[((points["status"] == "ok") & (points["n_unstable"] == 0)).to_numpy()]
+    calm = points[((points["status"] == "ok") & (points["n_unstable"] == 0)).to_numpy(bool)]
     stable = pd.DataFrame(
         {
             "predicted": calm["predicted_growth_rate"].astype(float),

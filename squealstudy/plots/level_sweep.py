@@ -88,7 +88,7 @@ def sweep_line(
     if len(points) == 1 and along in names:
         return points
     lasting = points.loc[points["class"].isin(LASTING), ["point_id"]].assign(unstable=True)
-    chosen = slice_points(points[["point_id", "status", *names]], lasting, (along,), fixed)
+    chosen, _ = slice_points(points[["point_id", "status", *names]], lasting, (along,), fixed)
     return points.loc[chosen.index].sort_values(along, kind="stable")
 
 

@@ -33,7 +33,7 @@ class StudyLine:
     worst : DataFrame
         The row of largest growth of each unstable track, fastest first.
     elsewhere : str
-        What is fixed.
+        What is fixed, and why there.
     """
 
     shown: Quantity
@@ -71,7 +71,8 @@ def study_line(
 
     Overdamped roots are left out. Raises ResultsError for an unknown parameter or value.
     """
-    line = slice_points(points, modes, (along,), fixed).sort_values(along, kind="stable")
+    line, why = slice_points(points, modes, (along,), fixed)
+    line = line.sort_values(along, kind="stable")
     shown = quantity(along, points[along], units)
     row = pd.Series(np.arange(len(line)), index=line["point_id"].to_numpy())
     rows = oscillating(modes[modes["point_id"].isin(line["point_id"])])
@@ -94,5 +95,5 @@ def study_line(
         wide("doubtful") == 1.0,
         rows[(rows["track"] <= 0).to_numpy()],
         worst_tracks(rows),
-        describe(line.iloc[0], points, others, units),
+        ", ".join(t for t in (describe(line.iloc[0], points, others, units), why) if t),
     )

@@ -120,7 +120,7 @@ def column(history: pd.DataFrame, name: str) -> np.ndarray:
 def number(row: Mapping[Any, Any] | pd.Series | None, name: str) -> float:
     """A number of a row, NaN where there is none."""
     value = np.nan if row is None else row.get(name, np.nan)
-    return np.nan if value is None else float(value)
+    return np.nan if pd.isna(value) else float(value)
 
 
 def own_rows(table: pd.DataFrame, row: pd.Series | None) -> pd.DataFrame:

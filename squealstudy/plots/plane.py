@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +12,9 @@ from matplotlib.tri import Triangulation
 from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, quantity
-from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+from squealstudy.plots.tables import describe, oscillating, slice_points
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
-ROUNDING = 1e-9  # of a damping ratio
 FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid
 
 
@@ -33,14 +32,15 @@ class StudyPlane:
         Their values as drawn.
     value : ndarray (n,)
         The measure, NaN where the point failed.
-    damping_ratio : DataFrame (n, tracks)
-        Of the tracks of fastest growth, NaN where a track has no mode.
-    worst : DataFrame
-        The row of largest growth of each of them.
+    point_ids : ndarray (n,) of str
+    known, unstable : ndarray (n,) of bool
+        Points that were solved, and those at which any mode is unstable.
+    damping_ratio : ndarray (n,)
+        The least of a point's oscillating modes, NaN where there is none.
     gridded : bool
         The points fill a grid.
     elsewhere : str
-        What is fixed, or varies besides.
+        What is fixed and why there, or varies besides.
     others_vary : bool
         Points of the plane differ in other parameters too.
     """
@@ -51,8 +51,10 @@ class StudyPlane:
     x: np.ndarray
     y: np.ndarray
     value: np.ndarray
-    damping_ratio: pd.DataFrame
-    worst: pd.DataFrame
+    point_ids: np.ndarray
+    known: np.ndarray
+    unstable: np.ndarray
+    damping_ratio: np.ndarray
     gridded: bool
     elsewhere: str
     others_vary: bool
@@ -64,6 +66,24 @@ class StudyPlane:
         table = np.full((len(y), len(x)), np.nan)
         table[j, i] = values
         return x, y, table
+
+    def polygons(self) -> Iterator[np.ndarray]:
+        """Rows of the design points at the corners of each cell or triangle, counterclockwise.
+
+        Those with a failed corner are left out, and those whose corners agree in stability.
+        """
+        if self.gridded:
+            _, _, place = self.cells(np.arange(len(self.x)))
+            corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
+            found = np.stack([c.ravel() for c in corners], axis=1)
+            found = found[np.isfinite(found).all(axis=1)].astype(int)
+        else:
+            mesh = self.triangles(np.where(self.known, 0.0, np.nan))
+            rows = np.flatnonzero(self.known)
+            found = np.zeros((0, 3), dtype=int) if mesh is None else rows[mesh.triangles]
+        state = self.unstable[found]
+        mixed = state.any(axis=1) & ~state.all(axis=1) & self.known[found].all(axis=1)
+        yield from found[mixed]
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
         """Triangles between the points with a value; None where they span no area."""
@@ -85,7 +105,6 @@ def study_plane(
     fixed: Mapping[str, float] | None,
     units: Mapping[str, str] | None,
     measure: str,
-    top: int,
 ) -> StudyPlane:
     """The plane of two parameters; of what `fixed` leaves open, that with most unstable modes.
 
@@ -95,17 +114,18 @@ def study_plane(
         raise ResultsError(f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}")
     if along[0] == along[1]:
         raise ResultsError(f"a map needs two parameters, got '{along[0]}' twice")
-    plane = slice_points(points, modes, along, fixed)
+    plane, why = slice_points(points, modes, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= FILLED * counts[0] * counts[1]
     if not gridded:
-        plane = slice_points(points, modes, tuple(parameter_columns(points, varied=True)), fixed)
+        every = tuple(parameter_columns(points, varied=True))
+        plane, why = slice_points(points, modes, every, fixed)
     rows = modes[modes["point_id"].isin(plane["point_id"])]
-    worst = worst_tracks(oscillating(rows), top)
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     held = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
+    count = _measured(plane, rows, "count")
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
         points.index.get_indexer(plane.index),
@@ -113,11 +133,13 @@ def study_plane(
         up,
         across.scaled(plane[along[0]]),
         up.scaled(plane[along[1]]),
-        _measured(plane, rows, measure),
-        _damping(plane, rows, worst),
-        worst,
+        count if measure == "count" else _measured(plane, rows, measure),
+        plane["point_id"].to_numpy(dtype=object),
+        np.isfinite(count),
+        count > 0,
+        _least_damping(plane, rows),
         gridded,
-        ", ".join(part for part in (held, besides) if part),
+        ", ".join(part for part in (held, why, besides) if part),
         bool(vary),
     )
 
@@ -131,12 +153,7 @@ def _measured(plane: pd.DataFrame, rows: pd.DataFrame, measure: str) -> np.ndarr
     return value.where(plane["status"] == "ok").to_numpy(dtype=float)
 
 
-def _damping(plane: pd.DataFrame, rows: pd.DataFrame, worst: pd.DataFrame) -> pd.DataFrame:
-    """Of the worst tracks (n, tracks); where it is mere rounding `unstable` gives the sign."""
-    tracked = rows[rows["track"].isin(worst["track"])]
-    zeta, unstable = tracked["damping_ratio"], tracked["unstable"].astype(bool)
-    tracked = tracked.assign(
-        damping_ratio=zeta.clip(lower=ROUNDING).where(~unstable, zeta.clip(upper=-ROUNDING))
-    )
-    wide = tracked.pivot_table("damping_ratio", "point_id", "track", aggfunc="first")
-    return wide.reindex(index=plane["point_id"], columns=worst["track"])
+def _least_damping(plane: pd.DataFrame, rows: pd.DataFrame) -> np.ndarray:
+    """Of the oscillating modes of each point (n,), NaN where there is none."""
+    least = oscillating(rows).groupby("point_id")["damping_ratio"].min()
+    return plane["point_id"].map(least).to_numpy(dtype=float)

@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.analysis.tables.mode_ranking import (
-    DIVERGENCE,
-    UNTRACKED,
     energy_columns,
+    frequency_text,
     unstable_groups,
 )
 from squealstudy.plots.style import UNSTABLE, empty_figure, finish, new_figure
@@ -22,7 +21,6 @@ SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
 LEGIBLE = 8.0  # percent: narrower bars carry no number
 HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
-NAMES = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
 
 
 def ranking_bars(
@@ -70,9 +68,11 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 
 
 def _name(row: Mapping[Hashable, Any]) -> str:
-    track = int(row["track"])
-    name = NAMES.get(track, f"T{track}")
-    return f"{name}   {row['frequency_hz']:.0f} Hz"
+    """Track and frequency; of modes without a track the range of these."""
+    if row["kind"] == "mode":
+        return f"T{row['track']}   {row['frequency_hz']:.0f} Hz"
+    hz = frequency_text(row)
+    return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 
 
 def _shares(axes: Axes, place: np.ndarray, shown: pd.DataFrame) -> None:

@@ -65,6 +65,8 @@ def _probabilities(axes: Axes, shown: pd.DataFrame) -> None:
     axes.barh(place, percent, 0.62, color=colours, xerr=error, error_kw=CAP)
     for y, x, row in zip(place, high, shown.to_dict("records"), strict=True):
         text = f"{100 * row['probability']:.1f} %, worst {row['max_growth_rate']:+.3g} 1/s"
+        if row["unknown_points"]:  # elsewhere it may stand under another number
+            text += f", known at {row['points'] - row['unknown_points']}"
         axes.annotate(text, (x, y), (5, 0), textcoords="offset points", va="center", fontsize=8.5)
     axes.set_yticks(place, [_mode(row) for row in shown.to_dict("records")])
     axes.set_ylim(len(shown) - 0.4, -0.6)
@@ -81,6 +83,8 @@ def _probabilities(axes: Axes, shown: pd.DataFrame) -> None:
 def _mode(row: dict[object, object]) -> str:
     if row["quantity"] == "any":
         return "any mode"
+    if row["quantity"] == "divergence":
+        return "static divergence"
     return f"T{row['track']}   {float(str(row['frequency_hz'])):.0f} Hz"
 
 

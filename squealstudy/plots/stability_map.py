@@ -11,16 +11,15 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, Normalize
-from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withTickedStroke
 
 from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
-from squealstudy.plots.style import finish, new_figure, plural, set_ticks, track_name
+from squealstudy.plots.stability_boundary import Boundary, stability_boundary
+from squealstudy.plots.style import COLOURS, finish, new_figure, plural, set_ticks
 
-BOUNDARIES = ("#0072B2", "#000000", "#009E73", "#CC79A7", "#56B4E9")
-DASHES = ("-", "--", "-.", (0, (3, 1)), (0, (5, 1, 1, 1, 1, 1)))
+BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
 MOST_CLASSES = 12  # counts beyond share colours
@@ -34,10 +33,14 @@ def stability_map(
     fixed: Mapping[str, float] | None = None,
     units: Mapping[str, str] | None = None,
     measure: str = "count",
-    top: int = 4,
+    onsets: pd.DataFrame | None = None,
+    along: str | None = None,
     solved: np.ndarray | None = None,
 ) -> Figure:
     """Cells of a grid, or triangles between scattered points, coloured by instability.
+
+    A line parts the points at which any mode is unstable from those at which none is; ticks point
+    to the unstable side (plots.stability_boundary).
 
     Parameters
     ----------
@@ -48,9 +51,10 @@ def stability_map(
     units : mapping of parameter -> unit, or None
     measure : str
         "count" of unstable modes, or "growth" of the fastest.
-    top : int
-        Number of tracks, fastest growth first, whose boundary of stability is drawn; ticks point
-        to the unstable side.
+    onsets : DataFrame or None
+        Table of onsets, by which the line is placed.
+    along : str or None
+        Their parameter.
     solved : ndarray (n_points,) of bool or None
         The rows of `points` that were solved, where it is the full grid of a boundary design: they
         are marked.
@@ -60,7 +64,7 @@ def stability_map(
     ResultsError
         For an unknown parameter, measure or value.
     """
-    plane = study_plane(points, modes, (x, y), fixed, units, measure, min(top, len(BOUNDARIES)))
+    plane = study_plane(points, modes, (x, y), fixed, units, measure)
     figure = new_figure(8.5, 6.2)
     axes = figure.add_subplot()
     colours, norm = _colours(plane.value, measure)
@@ -73,23 +77,20 @@ def stability_map(
         bar.minorticks_off()
     for axis, shown in ((axes.xaxis, plane.across), (axes.yaxis, plane.up)):
         set_ticks(axis, shown, points[shown.name])
-    drawable = 0 if plane.others_vary else len(plane.worst)
-    handles = [_boundary(axes, plane, place) for place in range(drawable)]
+    if not plane.others_vary:
+        _boundary(figure, axes, stability_boundary(plane, onsets, along), along)
     shares = _mark_solved(axes, plane, solved)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
-    failed = int(np.isnan(plane.value).sum())
+    failed = int((~plane.known).sum())
     mark = "hatched" if plane.gridded else "x"
     parts = [
         plane.elsewhere,
         shares,
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
     ]
-    parts += [] if len(plane.worst) else ["no unstable track"]
+    parts += [] if plane.unstable.any() else ["no unstable mode"]
     axes.set_title("; ".join(part for part in parts if part), fontsize=10, loc="left")
-    if handles:
-        title = "Boundary of stability, ticks to the unstable side"
-        figure.legend(handles=handles, loc="outside lower center", ncols=2, title=title, fontsize=9)
     return figure
 
 
@@ -154,26 +155,18 @@ def _scales(axes: Axes, plane: StudyPlane) -> None:
         axes.set_yscale("log")
 
 
-def _boundary(axes: Axes, plane: StudyPlane, place: int) -> Line2D:
-    """The line of zero damping of one track, where it has one. Returns its legend entry."""
-    worst = plane.worst.iloc[place]
-    zeta = plane.damping_ratio.iloc[:, place].to_numpy(dtype=float)
-    known = np.isfinite(zeta)
-    style: dict[str, Any] = {
-        "colors": BOUNDARIES[place],
-        "linestyles": [DASHES[place]],
-        "linewidths": 1.8,
-    }
-    lines: ContourSet | None = None
-    crosses = known.any() and zeta[known].min() < 0 < zeta[known].max()
-    if crosses and plane.gridded:
-        x, y, table = plane.cells(zeta)
-        lines = axes.contour(x, y, np.ma.masked_invalid(table), [0.0], **style)
-    elif crosses and (triangles := plane.triangles(zeta)) is not None:
-        lines = axes.tricontour(triangles, zeta[known], [0.0], **style)
-    name = track_name(int(worst["track"]), float(worst["frequency_hz"]))
-    if lines is None:
-        note = "no boundary drawn" if crosses else "unstable throughout"
-        return Line2D([], [], linestyle="", label=f"{name}: {note}")
-    lines.set_path_effects([withTickedStroke(angle=-60, spacing=9, length=0.5)])
-    return Line2D([], [], color=BOUNDARIES[place], linestyle=DASHES[place], label=name)
+def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None) -> None:
+    """The lines, ticks to the unstable side, and a legend that says how they were placed."""
+    for line in boundary.lines:
+        (drawn,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.8)
+        drawn.set_path_effects([withTickedStroke(angle=-60, spacing=9, length=0.5)])
+    if not boundary.lines:
+        return
+    crossings, refined = boundary.crossings, boundary.refined
+    how = "between design points, not refined"
+    if refined:
+        how = f"refined along {along}"
+        how += f" at {refined} of {crossings} crossings" if refined < crossings else ""
+    label = f"boundary of stability of any mode, ticks to the unstable side; {how}"
+    handle = Line2D([], [], color=BOUNDARY, linewidth=1.8, label=label)
+    figure.legend(handles=[handle], loc="outside lower center", fontsize=9, frameon=False)

@@ -29,13 +29,19 @@ def slice_points(
     modes: pd.DataFrame,
     along: tuple[str, ...],
     fixed: Mapping[str, float] | None,
-) -> pd.DataFrame:
-    """Points where all varied parameters but those in `along` are fixed.
+) -> tuple[pd.DataFrame, str]:
+    """Points where all varied parameters but those in `along` are fixed, and why there.
 
     Parameters
     ----------
     fixed : mapping of parameter -> value or None
         Values to keep; those not given are where most modes are unstable.
+
+    Returns
+    -------
+    DataFrame
+    str
+        What the values not given were chosen by, for a title; empty where there was no choice.
 
     Raises
     ------
@@ -56,12 +62,25 @@ def slice_points(
             raise ResultsError(f"no design point has {name} = {value:g}")
     others = [name for name in varied if name not in along]
     if not others:
-        return chosen
+        return chosen, ""
     unstable = modes.loc[modes["unstable"].to_numpy(bool), "point_id"].value_counts()
     count = chosen["point_id"].map(unstable).fillna(0)
     group = chosen.groupby(others, dropna=False).ngroup()
-    totals = count.groupby(group).sum() + 1e-6 * count.groupby(group).size()
-    return chosen[(group == totals.idxmax()).to_numpy()]
+    totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
+    best = totals == totals.max()
+    place = sizes[best].idxmax()  # of equals the one with most points, then the first
+    kind = "lines" if len(along) == 1 else "slices"
+    return chosen[(group == place).to_numpy()], _reason(f"{len(totals)} {kind}", totals, best)
+
+
+def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
+    """Why one of several slices with these numbers of unstable modes was taken."""
+    if len(totals) == 1:
+        return ""
+    if not totals.max() > 0:
+        return f"one of {of}, none with an unstable mode"
+    equals = f", one of {int(best.sum())} alike" if best.sum() > 1 else ""
+    return f"of {of} that with most unstable modes{equals}"
 
 
 def describe(

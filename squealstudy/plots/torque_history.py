@@ -75,7 +75,7 @@ def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame | None) -
     """Exponential growth, saturation and limit cycle, as far as the run got."""
     end = float(column(history, "time")[-1])
     start, stop = _fit_window(row, growth)
-    settled = number(row, "settled_time") if bool(row.get("settled", False)) else np.nan
+    settled = number(row, "settled_time") if number(row, "settled") == 1 else np.nan
     found = []
     if np.isfinite(start) and stop > start:
         kind = "decay" if number(row, "growth_rate") < 0 else "growth"

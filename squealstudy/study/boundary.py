@@ -19,7 +19,6 @@ import numpy as np
 
 from squealstudy.study.cell_rule import CellRule, Node
 from squealstudy.study.definition import Study
-from squealstudy.study.sweeps import levels
 
 
 @dataclass(frozen=True)
@@ -67,11 +66,7 @@ class BoundaryGrid:
     def of(cls, study: Study) -> BoundaryGrid:
         """The grid of a study with a boundary design."""
         n = study.definition.design.levels
-        axes = [
-            levels(s.values[0], s.values[-1], (len(s.values) - 1) * 2**n + 1, s.scale)
-            for s in study.sweeps
-        ]
-        return cls(tuple(s.name for s in study.sweeps), tuple(axes), n)
+        return cls(tuple(s.name for s in study.sweeps), tuple(s.halved(n) for s in study.sweeps), n)
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -79,6 +80,12 @@ def _check_boundary(
             f"the full grid would have {nodes:,} nodes, more than {MOST_NODES:,}: "
             "fewer levels, or a smaller num",
         )
+    for i, sweep in enumerate(sweeps):
+        steps = [b - a for a, b in itertools.pairwise(sweep.halved(design.levels))]
+        if min(steps) <= 0 <= max(steps):
+            raise source.error(
+                ("sweep", i, "stop"), f"too near to start for {design.levels} halvings of each step"
+            )
 
 
 def _check_zip(

@@ -33,6 +33,7 @@ TAKEN = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "
 TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
 TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
 TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
+TAKEN |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}
 TAKEN |= {"reference_frequency_error", "reference_damping_error"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -208,8 +209,13 @@ class Plan:
 
     @cached_property
     def tasks(self) -> tuple[PointTask, ...]:
-        """Identity and structure of every design point, in the order of the design."""
+        """Identity and structure of every design point, in the order of the design.
+
+        A point that a random design draws again is another draw, with its own identity: it is
+        solved again, and counts again.
+        """
         tasks = []
+        draws: Counter[str] = Counter()
         keys: dict[tuple[float, ...], tuple[str, str]] = {}
         for design in self.designs:
             structure = tuple(design.structural_values().values())
@@ -217,7 +223,11 @@ class Plan:
                 key = self.structure_key(design)
                 keys[structure] = key, self._model_hash(key)
             key, model_hash = keys[structure]
-            tasks.append(PointTask(point_id(model_hash, design.values), design, key))
+            name = point_id(model_hash, design.values)
+            draws[name] += 1
+            if draws[name] > 1:
+                name = content_hash([name, draws[name]])
+            tasks.append(PointTask(name, design, key))
         return tuple(tasks)
 
     def _model_hash(self, structure_key: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from squealstudy.analysis.tables.mode_ranking import rank_modes
+from squealstudy.analysis.tables.mode_ranking import point_codes, rank_modes, selection
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.kinds import EXPERIMENTS
@@ -187,19 +187,33 @@ class Results:
             from squealstudy.analysis.tables.energy_ranking import rank_energy
 
             return rank_energy(self.points, self.modes, top, where)
-        if self.boundary is not None:
-            return self._rank_map(by, top, where)
-        return rank_modes(self.points, self.modes, self.along, by, top, where, self.onsets)
+        table = rank_modes(
+            *self._ranked, self.along, by, top, where, self.onsets, self.design in RANDOM_DESIGNS
+        )
+        return table if self.boundary is None else self._from_solved(table, where)
 
-    def _rank_map(self, by: str, top: int | None, where: str | None) -> pd.DataFrame:
-        """The ranking over all nodes of a boundary design's full grid; `at` are solved nodes."""
+    def counted_points(self, where: str | None = None) -> int:
+        """Number of design points, or nodes of a boundary map, that `rank` is over."""
+        points, modes = self._ranked
+        return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+
+    @cached_property
+    def _ranked(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Points and modes that count in a ranking: of a boundary design all nodes of its grid."""
+        if self.boundary is None:
+            return self.points, self.modes
         from squealstudy.analysis.tables.boundary_map import full_tables
 
-        facts = self.boundary or {}
-        points, modes = full_tables(self.points, self.modes, facts["axes"], facts["levels"])
-        table = rank_modes(points, modes, self.along, by, top, where)
-        solved = rank_modes(self.points, self.modes, None, "growth", None, where)
-        table["at"] = table["track"].map(solved.set_index("track")["at"]).fillna(table["at"])
+        facts = self.boundary
+        return full_tables(self.points, self.modes, facts["axes"], facts["levels"])
+
+    def _from_solved(self, table: pd.DataFrame, where: str | None) -> pd.DataFrame:
+        """The ranking of a map with what only its solved points tell: worst design and onset."""
+        solved = rank_modes(
+            self.points, self.modes, self.along, "growth", None, where, self.onsets
+        ).set_index("track")
+        for name in ("at", "threshold", "threshold_kind"):
+            table[name] = table["track"].map(solved[name]).fillna(table[name])
         return table
 
     @property

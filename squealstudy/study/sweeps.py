@@ -50,6 +50,11 @@ class Sweep:
         """The parameter's name as the user wrote it."""
         return self.parameter.name
 
+    def halved(self, times: int) -> tuple[float, ...]:
+        """All values of a boundary design, each step between `values` halved so many times."""
+        n = (len(self.values) - 1) * 2**times + 1
+        return levels(self.values[0], self.values[-1], n, self.scale)
+
 
 def resolve_sweeps(
     definition: StudyDefinition, model: ModelDefinition, source: SourceText
@@ -193,7 +198,9 @@ class _SweepReader:
             raise self._error("stop", f"{what}: nothing to divide")
         if self.design.type in RANDOM_DESIGNS or section.num is None:
             return (start, stop)
-        return levels(start, stop, section.num, section.scale)
+        # of a boundary design every 2^levels-th value of its full grid: rounded once
+        every = 2**self.design.levels if self.design.type == BOUNDARY else 1
+        return levels(start, stop, (section.num - 1) * every + 1, section.scale, every)
 
     def _checked(self, parameter: StudyParameter, value: float | None, key: KeyPath) -> float:
         try:
@@ -212,17 +219,21 @@ def beyond(distribution: Distribution, message: str) -> str:
     return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
 
 
-def levels(start: float, stop: float, num: int, scale: Scale) -> tuple[float, ...]:
+def levels(start: float, stop: float, num: int, scale: Scale, every: int = 1) -> tuple[float, ...]:
     """`num` >= 2 values from start to stop, both exactly in; equally spaced, or in their logarithm.
 
     The values between are rounded far below their spacing, so that two sweeps over different
-    ranges share the values they have in common.
+    ranges share the values they have in common. With `every`, a divisor of num - 1, only the first
+    of so many values each, and the last.
     """
+    places = range(every, num - 1, every)
     if scale == "log":
         a, b = math.log10(start), math.log10(stop)
-        inner = [float(f"{10 ** (a + (b - a) * i / (num - 1)):.12g}") for i in range(1, num - 1)]
+        step = abs(math.expm1((b - a) / (num - 1) * math.log(10)))
+        digits = min(max(12, 9 - math.floor(math.log10(step))), 17) if step else 17
+        inner = [float(f"{10 ** (a + (b - a) * i / (num - 1)):.{digits}g}") for i in places]
     else:
         step = (stop - start) / (num - 1)
         digits = 9 - math.floor(math.log10(abs(step))) if step else 0
-        inner = [round(start + step * i, digits) for i in range(1, num - 1)]
+        inner = [round(start + step * i, digits) for i in places]
     return (start, *inner, stop)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.mode_ranking import point_codes
+from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, point_codes
 
 LARGEST = 0  # in place of a track number
 
@@ -19,54 +19,92 @@ class GrowthColumn:
     Attributes
     ----------
     track : int
-        LARGEST for the largest over the oscillating modes of a point.
+        LARGEST for the largest of a point, DIVERGENCE for that of its real, growing roots.
     frequency_hz : float
-        Mean over the points where the mode is unstable; NaN for LARGEST.
+        Mean over the points where the mode is unstable; NaN for LARGEST and DIVERGENCE.
     growth : ndarray (n_points,)
         1/s; NaN where the point failed or the track has no mode.
     unstable : ndarray (n_points,) of bool
+    absent : ndarray (n_points,) of bool
+        Points without a mode of the track at which it is known to be none of the oscillating modes
+        of the band: all of these have tracks that stand beside this one at other points.
     """
 
     track: int
     frequency_hz: float
     growth: np.ndarray
     unstable: np.ndarray
+    absent: np.ndarray
 
 
 def growth_columns(
     points: pd.DataFrame, modes: pd.DataFrame, top: int | None = None
 ) -> list[GrowthColumn]:
-    """The largest growth of each point, then those of the tracks unstable anywhere.
+    """The largest growth of each point, then those of static divergence and unstable tracks.
 
     Parameters
     ----------
     points, modes : DataFrame
-        Tables of a complex-mode study. Overdamped roots do not count.
+        Tables of a complex-mode study. Overdamped roots count where they grow: that is static
+        divergence, an instability without oscillation.
     top : int or None
         Tracks to keep, those unstable at most points first, then by largest growth.
     """
-    oscillating = ~modes["overdamped"].to_numpy(bool)
-    code = point_codes(points, modes)[oscillating]
-    growth = modes["growth_rate"].to_numpy(dtype=float)[oscillating]
-    unstable = modes["unstable"].to_numpy(bool)[oscillating]
-    track = modes["track"].to_numpy()[oscillating]
-    hz = modes["frequency_hz"].to_numpy(dtype=float)[oscillating]
-    n = len(points)
-    columns = [_column(LARGEST, np.nan, n, code, growth, unstable)]
+    code, n = point_codes(points, modes), len(points)
+    growth = modes["growth_rate"].to_numpy(dtype=float)
+    unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
+    track = np.where(real, DIVERGENCE, modes["track"].to_numpy())
+    hz = modes["frequency_hz"].to_numpy(dtype=float)
+    judged, diverging = ~real | unstable, real & unstable
+    everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
+
+    def column(number: int, own: np.ndarray, absent: np.ndarray, mean_hz: float) -> GrowthColumn:
+        return _column(number, mean_hz, n, code[own], growth[own], unstable[own], absent)
+
+    columns = [column(LARGEST, judged, everywhere, np.nan)]
+    if diverging.any():
+        columns.append(column(DIVERGENCE, diverging, everywhere, np.nan))
     seen = unstable & (track > 0)
     listed = pd.Series(growth[seen]).groupby(track[seen]).agg(["count", "max"])
+    standing = _Standing(n, code[~real], track[~real])
     for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
         own = track == number
-        frequency = float(hz[own & unstable].mean())
-        columns.append(_column(int(number), frequency, n, code[own], growth[own], unstable[own]))
+        absent = standing.absent(int(number))
+        columns.append(column(int(number), own, absent, float(hz[own & unstable].mean())))
     return columns
 
 
+class _Standing:
+    """Which tracks stand at which points, from the oscillating modes' points and tracks (m,)."""
+
+    def __init__(self, n: int, code: np.ndarray, track: np.ndarray) -> None:
+        self._tracks, place = np.unique(track, return_inverse=True)
+        self._here = np.zeros((n, len(self._tracks)), dtype=bool)
+        self._here[code, place] = True
+
+    def absent(self, number: int) -> np.ndarray:
+        """Points (n,) at which a track is certainly none of the modes: each is another one.
+
+        Two tracks at one point are two modes. A mode without a track, or of a track that never
+        stands beside this one, may be the mode that is sought under another number.
+        """
+        own = self._here[:, np.searchsorted(self._tracks, number)]
+        beside = self._here[own].any(axis=0) & (self._tracks > 0)
+        return np.logical_not(self._here[:, ~beside].any(axis=1))
+
+
 def _column(
-    track: int, hz: float, n: int, code: np.ndarray, growth: np.ndarray, unstable: np.ndarray
+    track: int,
+    hz: float,
+    n: int,
+    code: np.ndarray,
+    growth: np.ndarray,
+    unstable: np.ndarray,
+    absent: np.ndarray,
 ) -> GrowthColumn:
     largest = np.full(n, -np.inf)
     np.maximum.at(largest, code, growth)
     anywhere = np.zeros(n, dtype=bool)
     anywhere[code[unstable]] = True
-    return GrowthColumn(track, hz, np.where(np.isfinite(largest), largest, np.nan), anywhere)
+    present = np.isfinite(largest)
+    return GrowthColumn(track, hz, np.where(present, largest, np.nan), anywhere, absent & ~present)

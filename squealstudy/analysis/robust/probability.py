@@ -6,16 +6,18 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.robust.growth_table import LARGEST, GrowthColumn, growth_columns
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
+from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, parameter_columns
 from squealstudy.errors import ResultsError
 
 COLUMNS = (
     {"quantity": "str", "track": "int64", "frequency_hz": "f8", "points": "int64"}
-    | {"failed_points": "int64", "present_points": "int64", "unstable_points": "int64"}
+    | {"failed_points": "int64", "present_points": "int64", "absent_points": "int64"}
+    | {"unknown_points": "int64", "unstable_points": "int64"}
     | {"probability": "f8", "probability_low": "f8", "probability_high": "f8"}
     | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
     | {"max_growth_rate": "f8", "at": "str"}
 )
+QUANTITIES = {LARGEST: "any", DIVERGENCE: "divergence"}
 
 
 def robust_table(
@@ -38,12 +40,16 @@ def robust_table(
     Returns
     -------
     DataFrame
-        COLUMNS, "any" mode (track 0) first, then tracks, the most probable first. `points` are
-        solved; `failed_points` count neither as stable nor as unstable. A track without a mode at
-        a point (`present_points` is less than `points`) is not unstable there. The interval of
+        COLUMNS, "any" mode (track 0) first, then "divergence" (track -1: real, growing roots) and
+        each "track", those unstable at most points first. `points` are solved; `failed_points`
+        count neither as stable nor as unstable. Of the points without a mode of a track
+        `absent_points` are those where it has left the band or does not oscillate any more: there
+        it counts as not unstable (were it a real, growing root, that is "divergence").
+        At `unknown_points` it may be one of the modes under another number: these count neither
+        way, `probability` is over the others. The interval of
         `probability` is that of Clopper and Pearson, exact for independent draws; points of a
         Sobol sequence or Latin hypercube fill the space more evenly, it is then wider than it need
-        be in all but contrived cases. `mean_growth_rate` is the mean over the points with zero
+        be in all but contrived cases. `mean_growth_rate` is the mean over the same points with zero
         where the mode is not unstable; `growth_mean` and `growth_std` are of the growth rate itself
         where there is the mode, 1/s; `max_growth_rate` is the worst case, `at` its parameters.
 
@@ -59,15 +65,15 @@ def robust_table(
     names = parameter_columns(points, varied=True)
     rows = []
     for column in growth_columns(points, modes):
-        row = _row(column, solved, confidence)
-        if column.track == LARGEST or row["unstable_points"]:
+        if column.track == LARGEST or (column.unstable & solved).any():
+            row = _row(column, solved, confidence)
             worst = _worst(column, solved)
             at = points[names].iloc[worst].to_dict() if worst is not None else {}
             row["at"] = ", ".join(f"{name}={value:g}" for name, value in at.items())
             row["failed_points"] = int(drawn.sum() - solved.sum())
             rows.append(row)
     table = pd.DataFrame(rows)
-    rest = table.iloc[1:].sort_values(["probability", "max_growth_rate"], ascending=False)
+    rest = table.iloc[1:].sort_values(["unstable_points", "max_growth_rate"], ascending=False)
     return pd.concat([table.iloc[:1], rest], ignore_index=True)[list(COLUMNS)].astype(COLUMNS)
 
 
@@ -82,14 +88,17 @@ def probability_interval(unstable: int, points: int, confidence: float) -> tuple
 def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[str, object]:
     unstable = column.unstable & solved
     growth = column.growth[solved & np.isfinite(column.growth)]
-    n, k = int(solved.sum()), int(unstable.sum())
+    absent = int((column.absent & solved).sum())
+    n, k = len(growth) + absent, int(unstable.sum())
     low, high = probability_interval(k, n, confidence)
     return {
-        "quantity": "any" if column.track == LARGEST else "track",
+        "quantity": QUANTITIES.get(column.track, "track"),
         "track": column.track,
         "frequency_hz": column.frequency_hz,
-        "points": n,
+        "points": int(solved.sum()),
         "present_points": len(growth),
+        "absent_points": absent,
+        "unknown_points": int(solved.sum()) - n,
         "unstable_points": k,
         "probability": k / n,
         "probability_low": low,

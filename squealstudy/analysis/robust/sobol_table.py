@@ -46,10 +46,11 @@ def sobol_table(
     Returns
     -------
     DataFrame
-        COLUMNS. `quantity` is "largest" (track 0; the largest growth rate over the oscillating
-        modes of a point) or "track". A point that failed, or at which the track has no mode, takes
-        its whole group along; `groups` are left, `dropped_groups` are not. The indices of a track
-        of fewer whole groups than LEAST_SHARE are NaN. `variance` is that of the growth, 1/s^2.
+        COLUMNS. `quantity` is "largest" (track 0; the largest growth rate of a point, over its
+        oscillating modes and growing real roots) or "track". A point that failed, or at which the
+        track has no mode, takes its whole group along; `groups` are left, `dropped_groups` are not.
+        The indices of a track of fewer whole groups than LEAST_SHARE are NaN. `variance` is that of
+        the growth, 1/s^2.
         Estimators: Saltelli et al. 2010, table 2 b and f, as scipy.stats.sobol_indices.
 
     Raises
@@ -62,6 +63,8 @@ def sobol_table(
         raise ResultsError("Sobol indices need all points of a design of type 'sobol_indices'")
     tables = []
     for quantity in growth_columns(points, modes, top):
+        if quantity.track < LARGEST:  # divergence is part of the largest growth
+            continue
         groups, dropped = grouped(quantity.growth, d)
         enough = _enough(len(groups.a), dropped)
         if quantity.track == LARGEST and not enough:

@@ -8,6 +8,7 @@ import pandas as pd
 ROUNDING = 1e-9
 INTO, OUT_OF = "in", "out"  # of instability
 BELOW_RANGE, FIRST_SEEN, CROSSING = "below range", "first seen", "crossing"
+BRACKETED = "bracketed"
 
 
 def line_crossings(
@@ -28,8 +29,9 @@ def line_crossings(
     line : ndarray (n,) of int
         Line of its point.
     x, start : ndarray (n,)
-        Value of the parameter along the line at its point, and at the beginning of the line; NaN
-        for lines of one point.
+        Value of the parameter along the line at its point, and where the swept range begins on
+        the line, whether that point was solved or not; NaN for lines of one point, and for random
+        designs, whose lines begin nowhere.
     zeta : ndarray (n,)
         Damping ratio.
     unstable : ndarray (n,) of bool
@@ -37,9 +39,11 @@ def line_crossings(
     Returns
     -------
     DataFrame
-        ``track``, ``line``, ``value`` (zeta interpolated to zero between both ends; for a track
-        that begins unstable its first value), ``kind`` ("crossing", "below range" where it is
-        unstable at the beginning of a line, "first seen" where it begins unstable elsewhere),
+        ``track``, ``line``, ``value`` (zeta interpolated to zero between both ends; where its
+        first value is unstable, that one), ``kind`` ("crossing"; "bracketed" where no point of the
+        stable stretch has damping: there may be none up to a coalescence anywhere between both
+        ends, ``value`` is the unstable one; "below range" where the track is unstable at the
+        beginning of a line, "first seen" where it begins unstable elsewhere),
         ``direction`` ("in" or "out" of instability as x ascends), and ``before``, ``after``: the
         rows in the arrays of both ends, -1 where there is none before.
     """
@@ -57,7 +61,13 @@ def line_crossings(
     stable = np.maximum(np.where(out[at], z1, z0), 0.0)
     growing = np.where(out[at], z0, z1)
     part = np.clip(stable / np.maximum(stable - growing, np.finfo(float).tiny), 0.0, 1.0)
-    part[part < ROUNDING] = 0.0  # the damping before was zero but for round-off
+    part[part < ROUNDING] = 0.0  # the damping is zero but for round-off
+    run = np.cumsum(first | into | out)  # of points alike, from one change to the next
+    highest = np.full(run[-1] + 1 if len(run) else 1, -np.inf)
+    np.maximum.at(highest, run, zeta)
+    calm = highest[run[np.where(out[at], at, at - 1)]] <= ROUNDING * np.abs(growing)
+    undamped = (part == 0) & calm
+    part[undamped] = 1.0
     value = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))
     below = first[at] & (x1 == start[at]) & (group[at] > 0)
     return pd.DataFrame(
@@ -65,7 +75,9 @@ def line_crossings(
             "track": group[at],
             "line": line[at],
             "value": np.where(first[at], x1, value),
-            "kind": np.select([below, first[at]], [BELOW_RANGE, FIRST_SEEN], CROSSING),
+            "kind": np.select(
+                [below, first[at], undamped], [BELOW_RANGE, FIRST_SEEN, BRACKETED], CROSSING
+            ),
             "direction": np.where(out[at], OUT_OF, INTO),
             "before": np.where(first[at], -1, np.roll(order, 1)[at]),
             "after": order[at],

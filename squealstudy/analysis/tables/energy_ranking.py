@@ -8,7 +8,6 @@ import pandas as pd
 from squealstudy.analysis.tables import mode_ranking
 from squealstudy.errors import ResultsError
 
-HEAD = ("point_id", "status", "message", "wall_s")  # then parameters, then the summary from CLASS
 CLASS = "class"
 LASTING = ("limit_cycle", "irregular", "growing")
 SHARES = ("energy_share", "energy_share_low", "energy_share_high", "energy_mean")
@@ -72,11 +71,9 @@ def transient_parameters(points: pd.DataFrame, varied: bool = False) -> list[str
 
     Raises ResultsError where the table has no column "class".
     """
-    columns = [str(c) for c in points.columns]
-    if CLASS not in columns:
+    if CLASS not in points.columns:
         raise ResultsError(f"this is no points table of a transient study: no column '{CLASS}'")
-    names = [c for c in columns[: columns.index(CLASS)] if c not in HEAD]
-    return [c for c in names if not varied or len(points[c].unique()) > 1]
+    return mode_ranking.parameter_columns(points, varied)
 
 
 def component_columns(modes: pd.DataFrame) -> list[str]:

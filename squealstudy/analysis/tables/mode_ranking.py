@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Hashable, Mapping
 from keyword import iskeyword
 from tokenize import TokenError
 from typing import Any
@@ -10,15 +11,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.crossings import BELOW_RANGE, CROSSING, INTO, line_crossings
+from squealstudy.analysis.tables.crossings import (
+    BELOW_RANGE,
+    BRACKETED,
+    CROSSING,
+    INTO,
+    line_crossings,
+)
 from squealstudy.errors import ResultsError
 
-NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "method", "n_modes", "n_unstable"}
-NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
-NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
+HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
+FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
-DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
-KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}
+# in place of a track number: overdamped roots together; modes without a track in groups of near
+# frequency, numbered downwards in ascending frequency
+DIVERGENCE, UNTRACKED = -1, -2
+APART = 0.05  # relative: a wider gap in frequency parts modes without a track
 ORDER = {  # by: column, ascending
     "share": ("unstable_share", False),
     "growth": ("max_growth_rate", False),
@@ -32,6 +40,7 @@ ORDER = {  # by: column, ascending
 COLUMNS = (
     {"track": "int64", "kind": "str", "frequency_hz": "f8", "frequency_min_hz": "f8"}
     | {"frequency_max_hz": "f8", "unstable_share": "f8", "unstable_points": "int64"}
+    | {"points": "int64"}
     | {"max_growth_rate": "f8", "mean_growth_rate": "f8", "min_damping_ratio": "f8"}
     | {"at": "str", "threshold": "f8"}
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
@@ -51,6 +60,7 @@ def rank_modes(
     top: int | None = None,
     where: str | None = None,
     onsets: pd.DataFrame | None = None,
+    scattered: bool = False,
 ) -> pd.DataFrame:
     """One row for each track that is unstable anywhere.
 
@@ -71,17 +81,26 @@ def rank_modes(
         count, the others which unstable modes do.
     onsets : DataFrame or None
         Table of onsets along `along`; where it has a refined one, that replaces the interpolation.
+    scattered : bool
+        The points are those of a random design, whose lines begin nowhere.
 
     Returns
     -------
     DataFrame
-        COLUMNS; `kind` is "mode", but overdamped unstable roots are together in a row of track -1,
-        "static divergence", and unstable modes without a track in one of track -2, "untracked".
+        COLUMNS; `kind` is "mode", a track, with its mean frequency over the unstable points and
+        mean energies. Overdamped unstable roots are together in a row of track -1, "static
+        divergence", without a frequency. Unstable modes without a track stand in rows of track -2
+        and below, "untracked": each holds all modes, maybe different ones, in a range of frequency
+        without a gap of more than APART, whose ends the row has; frequency, growth, damping and
+        energies are those of its fastest one.
+        `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
+        points that failed do not count.
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
-        interpolated on lines of constant other parameters. `threshold_kind` is "crossing",
-        "refined" (to 1e-4), "below range" (unstable at the first value of a line; NaN) or
-        "first seen" (a track that begins unstable; an upper bound).
+        on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
+        "refined" (to 1e-4), "bracketed" (the mode before has no damping: an upper bound), "below
+        range" (unstable at the first value of a line; NaN) or "first seen" (a track that begins
+        unstable; an upper bound).
 
     Raises
     ------
@@ -89,7 +108,8 @@ def rank_modes(
         For an unknown `by` or `along`, or a query that cannot be used.
     """
     (key, ascending), code = _order(points, modes, along, by), point_codes(points, modes)
-    counted, wanted = selection(points, modes, code, where)
+    held, wanted = _held(points, modes, code, where)
+    counted = held & (points["status"] == "ok").to_numpy(bool)
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
     if along is not None and len(table):
@@ -97,13 +117,15 @@ def rank_modes(
         listed = np.isin(track, table.index[table.index > 0]) & counted[code]
         group = np.where(listed & (group >= 0), track, np.minimum(group, 0))
         rows = np.flatnonzero(group)
-        x, line = points[along].where(counted), line_codes(points, along)
+        line, x = line_codes(points, along), points[along].to_numpy(float)
+        start = np.full(len(points), np.nan) if scattered else _starts(points[along], line, held)
         refined = _refined_onsets(points, onsets)
         found = _thresholds(
             modes[["damping_ratio", "unstable"]].iloc[rows],
             group[rows],
             code[rows],
             x,
+            start,
             line,
             refined,
         )
@@ -115,8 +137,13 @@ def rank_modes(
 
 
 def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
-    """Parameters of the points table; with `varied` those of more than one value."""
-    names = [c for c in points.columns if c not in NOT_PARAMETERS]
+    """Parameters of a points table; with `varied` those of more than one value.
+
+    They are the columns between HEAD and the first result: columns added at the end are none.
+    """
+    columns = [str(c) for c in points.columns]
+    end = min((columns.index(c) for c in FIRST_RESULT if c in columns), default=len(columns))
+    names = [c for c in columns[:end] if c not in HEAD]
     return [c for c in names if not varied or (~points[c].duplicated()).sum() > 1]
 
 
@@ -139,11 +166,30 @@ def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
 
 
 def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
-    """Track of each unstable row, DIVERGENCE or UNTRACKED; 0 for stable rows."""
+    """Track of each unstable row, DIVERGENCE, or UNTRACKED and below; 0 for stable rows."""
     track = modes["track"].to_numpy()
-    oscillating = np.where(track > 0, track, UNTRACKED)
-    group = np.where(modes["overdamped"].to_numpy(bool), DIVERGENCE, oscillating)
-    return np.where(modes["unstable"].to_numpy(bool), group, 0)
+    unstable, overdamped = (modes[n].to_numpy(bool) for n in ("unstable", "overdamped"))
+    group = np.where(overdamped, DIVERGENCE, track)
+    loose = np.flatnonzero(unstable & ~overdamped & (track <= 0))
+    hz = modes["frequency_hz"].to_numpy(float)[loose]
+    order = np.argsort(hz, kind="stable")
+    apart = np.diff(hz[order]) > APART * hz[order][:-1]
+    group[loose[order]] = UNTRACKED - np.cumsum(np.append(False, apart)[: len(order)])
+    return np.where(unstable, group, 0)
+
+
+def group_kind(group: int) -> str:
+    """What a number of `unstable_groups` stands for."""
+    if group > 0:
+        return "mode"
+    return "static divergence" if group == DIVERGENCE else "untracked"
+
+
+def frequency_text(row: Mapping[Hashable, Any]) -> str:
+    """Frequency of a row of the ranking in Hz; of modes without a track their range."""
+    hz = f"{row['frequency_hz']:.0f}" if row["frequency_hz"] == row["frequency_hz"] else ""
+    low, high = (f"{row[f'frequency_{end}_hz']:.0f}" for end in ("min", "max"))
+    return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
 
 
 def energy_columns(modes: pd.DataFrame) -> list[str]:
@@ -176,7 +222,8 @@ def _summary(
     table = by_track[[*energies, "frequency_hz"]].mean()
     table["frequency_min_hz"] = by_track["frequency_hz"].min()
     table["frequency_max_hz"] = by_track["frequency_hz"].max()
-    table["kind"] = [KINDS.get(int(track), "mode") for track in table.index]
+    table["kind"] = [group_kind(int(track)) for track in table.index]
+    table["points"] = n_points
     table["unstable_points"] = by_track["point"].nunique()
     table["unstable_share"] = table["unstable_points"] / max(n_points, 1)
     table["max_growth_rate"] = by_track["growth_rate"].max()
@@ -186,6 +233,10 @@ def _summary(
     table["ambiguous"] = by_track["track_ambiguous"].any()
     table["threshold"], table["threshold_kind"] = np.nan, ""
     worst = unstable.sort_values("growth_rate").drop_duplicates("track", keep="last")
+    alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
+    table.loc[alone.index, [*energies, "frequency_hz"]] = alone[[*energies, "frequency_hz"]]
+    table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
+    table.loc[table.index == DIVERGENCE, "frequency_hz"] = np.nan  # it does not oscillate
     names = parameter_columns(points, varied=True) or parameter_columns(points)
     designs = points[names].iloc[worst["point"]].to_dict("records")
     at = [", ".join(f"{name}={value:g}" for name, value in row.items()) for row in designs]
@@ -210,18 +261,16 @@ def _thresholds(
     modes: pd.DataFrame,
     group: np.ndarray,
     code: np.ndarray,
-    x: pd.Series,
+    x: np.ndarray,
+    start: np.ndarray,
     line: np.ndarray,
     refined: dict[tuple[int, int, int], float],
 ) -> pd.DataFrame:
     """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`."""
-    by_line = x.groupby(line)
-    start = by_line.transform("min").where(by_line.transform("nunique") > 1).to_numpy()
     zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
-    at = x.to_numpy()[code]
-    found = line_crossings(group, line[code], at, start[code], zeta, unstable)
+    found = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
     found = found[found["direction"] == INTO]
-    crossed = (found["kind"] == CROSSING).to_numpy()
+    crossed = found["kind"].isin([CROSSING, BRACKETED]).to_numpy()
     if refined and crossed.any():
         ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
         keys = zip(found.loc[crossed, "track"], *ends, strict=True)
@@ -231,6 +280,13 @@ def _thresholds(
         found.loc[rows, "kind"] = REFINED
     found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
     return found.sort_values("value").drop_duplicates("track").set_index("track")
+
+
+def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Where each point's line begins among the points held, failed ones too; NaN for one value."""
+    by_line = x.where(held).groupby(line)
+    start = by_line.transform("min").where(by_line.transform("nunique") > 1)
+    return start.to_numpy(dtype=float)
 
 
 def _refined_onsets(
@@ -249,10 +305,18 @@ def selection(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
-    counted = (points["status"] == "ok").to_numpy(bool)
+    held, wanted = _held(points, modes, code, where)
+    return held & (points["status"] == "ok").to_numpy(bool), wanted
+
+
+def _held(
+    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `selection`, failed points too."""
+    counted = np.ones(len(points), dtype=bool)
     wanted = np.ones(len(modes), dtype=bool)
     for condition in [] if where is None else _conditions(where):
-        used = {c: points[c].to_numpy()[code] for c in points.columns if c in condition}
+        used = {c: points[c].array.take(code) for c in points.columns if c in condition}
         if (held := _holds(points, condition)) is not None:
             counted = counted & held
         elif (held := _holds(modes.assign(**used), condition)) is not None:

@@ -9,7 +9,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.tables.crossings import BELOW_RANGE, FIRST_SEEN, INTO, line_crossings
+from squealstudy.analysis.tables.crossings import (
+    BELOW_RANGE,
+    BRACKETED,
+    FIRST_SEEN,
+    INTO,
+    line_crossings,
+)
 from squealstudy.analysis.tables.mode_ranking import (
     CUBIC,
     REFINED,
@@ -23,6 +29,7 @@ from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.study.complex_modes.counts import damping_ratios
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
+from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
 from squealstudy.study.parallel import in_parallel
@@ -31,7 +38,7 @@ from squealstudy.study.structures import patience
 
 PRECISION = 1e-4
 FAILED, INTERPOLATED = "failed", "interpolated"
-UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}
+UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
 EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
 EXPECTED = 8  # evaluations an onset
 REAL = pa.float64()
@@ -76,6 +83,8 @@ class OnsetSearch:
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
         self._lam, self._zeta = lam, damping_ratios(lam)
+        self._any = np.zeros(len(counts), dtype=bool)  # points with an unstable mode
+        self._any[self._point[self._zeta < -self._tolerance]] = True
         raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
         self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
@@ -90,8 +99,9 @@ class OnsetSearch:
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
         "interpolated" linearly, or put at a point that grows by less than its error, "failed"
-        refinement of such a value, "below_range" for a mode that is unstable at the beginning of a
-        line: NaN, "first_seen" for a track that begins unstable: an upper bound),
+        refinement of such a value or the next, "bracketed" where nothing is damped on the stable
+        side: put at the unstable end, "below_range" for a mode that is unstable at the beginning
+        of a line: NaN, "first_seen" for a track that begins unstable: an upper bound),
         ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
         errors of the roots make of it; NaN where there is none), ``evaluations``,
         ``point_before``, ``point_after``. Lines of one point have none.
@@ -114,11 +124,12 @@ class OnsetSearch:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
         zeta = self._zeta
         unstable = zeta < -self._tolerance
-        x = self._points[self._along].where(self._points["status"] == "ok")
-        line = self._line
+        x, line = self._points[self._along], self._line
         by_line = x.groupby(line)
         several = (by_line.transform("nunique") > 1).to_numpy()
-        start = by_line.transform("min").to_numpy()
+        start = by_line.transform("min").to_numpy(dtype=float, copy=True)
+        if self._plan.study.definition.design.type in RANDOM_DESIGNS:
+            start[:] = np.nan  # its smallest value is drawn, the range begins below
         rows = np.isin(self._track, self._track[unstable]) & several[self._point]
         kept = np.flatnonzero(rows)
         point = self._point[kept]
@@ -170,6 +181,7 @@ class OnsetSearch:
         x = self._plan.coordinates[:, self._column][self._point[stable[rows]]]
         for row, at, off in zip(rows, x, self._shift(ends[:, 0], ends[:, 1]), strict=True):
             self._enter_value(table, int(row), float(at), float(off))
+            table.loc[row, "status"] = INTERPOLATED
 
     def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
@@ -211,9 +223,34 @@ class OnsetSearch:
     def _refine(
         self, events: pd.DataFrame, table: pd.DataFrame, jobs: int, report: Progress
     ) -> None:
-        """Refine the crossings in place, the first of each track first, within the budget."""
+        """Refine crossings in place: those where the first mode turns unstable on a line, or the
+        last one stable, which bound stability; of others the first of each track first, within the
+        budget.
+        """
         brackets = self._brackets(events, table)
+        bounding = self._bounding(events)
+        bounds = [rows for rows in brackets if rows[0] in bounding]
+        others = [rows for rows in brackets if rows[0] not in bounding]
         budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
+        self._refine_within(np.inf, bounds, events, table, jobs, report)
+        self._refine_within(budget, others, events, table, jobs, report)
+
+    def _bounding(self, events: pd.DataFrame) -> set[int]:
+        """Rows of crossings at one end of which no mode is unstable."""
+        ends = events[events["before"] >= 0]
+        before, after = (self._any[self._point[ends[end]]] for end in ("before", "after"))
+        return set(ends.index[before != after].tolist())
+
+    def _refine_within(
+        self,
+        budget: float,
+        brackets: list[list[int]],
+        events: pd.DataFrame,
+        table: pd.DataFrame,
+        jobs: int,
+        report: Progress,
+    ) -> None:
+        """Refine these in their order, until so many design points are solved for it."""
         spent = done = 0
         while done < len(brackets) and spent < budget:
             report("onsets", done, len(brackets))
@@ -227,7 +264,8 @@ class OnsetSearch:
                 for row, onset in results:
                     spent += self._enter(table, row, onset, events.loc[row])
             done += len(batch)
-        report("onsets", done, done)
+        if done:
+            report("onsets", done, done)
 
     def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""

@@ -109,8 +109,8 @@ def _points_table(
         points[parameter] = [float(v[parameter]) for v in plan.shown_values]
     marks = {"modes": np.ones(len(unstable), dtype=bool), "unstable": unstable}
     for name, mark in (marks | {"overdamped": columns.overdamped}).items():
-        count = np.bincount(columns.point[mark], minlength=len(points))
-        points[f"n_{name}"] = count.astype(np.int32)
+        count = pd.Series(np.bincount(columns.point[mark], minlength=len(points)), dtype="Int64")
+        points[f"n_{name}"] = count.where(points["status"] == "ok")  # missing, not zero
     for name in ("method", "working_point_residual", "open_share"):
         points[name] = found[name]
     for kind in ("frequency", "damping"):
@@ -125,7 +125,7 @@ def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
         [(n, pa.string()) for n in ("point_id", "status", "message")]
         + [("wall_s", pa.float64())]
         + [(p, pa.float64()) for p in parameters]
-        + [(n, pa.int32()) for n in ("n_modes", "n_unstable", "n_overdamped")]
+        + [(n, pa.int64()) for n in ("n_modes", "n_unstable", "n_overdamped")]
         + [("method", pa.string())]
         + [
             (n, pa.float64())

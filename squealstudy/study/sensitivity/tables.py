@@ -50,7 +50,8 @@ def _points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     filled = []
     for row in rows:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
-        filled.append({**row, "n_modes": len(row["modes"]), "max_growth_rate": growth})
+        count = len(row["modes"]) if row["status"] == "ok" else None
+        filled.append({**row, "n_modes": count, "max_growth_rate": growth})
     return points_table(plan, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
 
 

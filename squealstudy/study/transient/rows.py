@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from squealstudy.study.rows import FLAG, HEAD, REAL, TEXT, WHOLE, Fields, head
 
-EMPTY = {TEXT: "", REAL: np.nan, WHOLE: 0, FLAG: False}
+EMPTY = {TEXT: "", REAL: np.nan, WHOLE: None, FLAG: None}
 FAILED = "failed"
 
 SUMMARY_FIELDS = (
@@ -90,7 +90,7 @@ def _structs(fields: Fields) -> pa.DataType:
 
 
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=False) for n, t in (*HEAD, *SUMMARY_FIELDS)]
+    [pa.field(n, t, nullable=EMPTY[t] is None) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
         pa.field("modes", _structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
         pa.field("growth", _structs(GROWTH_FIELDS)),
