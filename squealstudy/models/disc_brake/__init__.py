@@ -12,6 +12,7 @@ from squealstudy.models.disc_brake.faces import brake_faces
 from squealstudy.models.disc_brake.interfaces import BrakeInterfaces
 from squealstudy.models.disc_brake.parameters import OPTIONS, PARAMETERS
 from squealstudy.models.disc_brake.solids import COMPONENTS, MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.fem.correspondence import corresponding_rows
 from squealstudy.models.fem.sampling import surface_nodes
 from squealstudy.models.operating import law_from_values
 from squealstudy.models.parameter import ModelDefinition
@@ -34,6 +35,7 @@ def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Asse
             solids[name].K,
             solids[name].coordinates,
             {face: surface_nodes(solids[name], keep) for face, keep in faces[name].items()},
+            corresponding_rows(solids[name]),
         )
         for name in COMPONENTS
     )
