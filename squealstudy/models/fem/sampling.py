@@ -66,28 +66,17 @@ def facing_surface(solid: Solid, surface: Surface) -> Surface:
     Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
     The cells are looked up a hair inside `solid`: on the face itself it is round-off that decides.
     """
-    try:
-        S = shape_functions_at(solid, surface.points, INSIDE * surface.normal)
-    except ValueError as error:
-        raise ModelError(f"a surface has points outside the facing solid ({error})") from error
-    return Surface(surface.points, surface.area, -surface.normal, S)
-
-
-def shape_functions_at(
-    solid: Solid, points: np.ndarray, inwards: np.ndarray | float = 0.0
-) -> sp.csr_matrix:
-    """Values at points (p, 3) [m] from values at the nodes: (p, n_nodes).
-
-    `inwards` is added where the cell of each point is looked up. Raises ValueError for a point
-    outside the solid.
-    """
     basis = solid.basis
     find_cells = basis.mesh.element_finder(mapping=basis.mapping)
-    cells = find_cells(*(points + inwards).T)
-    local = basis.mapping.invF(points.T[:, :, None], tind=cells)
+    try:
+        cells = find_cells(*(surface.points + INSIDE * surface.normal).T)
+    except ValueError as error:
+        raise ModelError(f"a surface has points outside the facing solid ({error})") from error
+    local = basis.mapping.invF(surface.points.T[:, :, None], tind=cells)
     shape = [basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0] for k in range(basis.Nbfun)]
     rows = np.tile(np.arange(len(cells)), basis.Nbfun)
-    return sp.csr_matrix(
+    S = sp.csr_matrix(
         (np.ravel(shape), (rows, basis.element_dofs[:, cells].ravel())),
         shape=(len(cells), basis.N),
     )
+    return Surface(surface.points, surface.area, -surface.normal, S)

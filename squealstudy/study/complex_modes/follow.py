@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,10 @@ from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roo
 from squealstudy.analysis.tracking.pairing import Pairing
 from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes
 from squealstudy.analysis.tracking.tree import tracking_tree
-from squealstudy.study.complex_modes.alignment import ShapeAlignment
+from squealstudy.study.complex_modes.alignment import CommonShapes
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.complex_modes.follow_tasks import (
-    KEPT,
     Pairings,
     PairTask,
     RefineTask,
@@ -56,18 +54,15 @@ class Follower:
             raise ValueError("columns were read without shapes")
         self._plan, self._jobs, self._file = plan, jobs, columns.shapes
         self.lams = columns.oscillating()
-        parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
+        costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
+        parents = tracking_tree(plan.coordinates, plan.grid_shape, costly).tolist()
         self._tree = TrackTree(parents, self.lams, plan.coordinates)
-        self._alignment = ShapeAlignment(plan)
+        self._shapes = CommonShapes(plan, columns.shapes, self.lams)
         self.near = Neighbourhoods(plan) if near is None else near
-
-    def shapes(self, point: int) -> np.ndarray:
-        """Shapes (m, k) of the oscillating modes of a point, in those of the first structure."""
-        return self._alignment.apply(self._plan.tasks[point].prepared_key, self.raw(point))
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
-        return self._file.read(point)[: len(self.lams[point])]
+        return self._shapes.raw(point)
 
     def follow(self, refine: bool, report: Progress) -> tuple[Tracks, dict[str, Any]]:
         """Labels of all modes, and how they came about.
@@ -98,14 +93,15 @@ class Follower:
             "extra_points": points,
             "still_ambiguous": _ambiguous(pairings.values()),
         }
-        return self._tree.label(pairings), summary
+        low, high = self._plan.band_hz
+        return self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high)), summary
 
     def _pair(self, groups: Sequence[list[int]], known: Pairings) -> Pairings:
         """Pairings of groups of points with their parents."""
         tree = self._tree
         steps = sum(map(len, groups))
         if self._jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
-            shapes = lru_cache(maxsize=KEPT)(self.shapes)
+            shapes = self._shapes.pair
             found: Pairings = {}
             for group in groups:
                 found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)

@@ -11,11 +11,11 @@ import numpy as np
 from squealstudy.analysis.tracking.labels import pair_points
 from squealstudy.analysis.tracking.pairing import Pairing
 from squealstudy.analysis.tracking.refinement import Modes, Refinement
+from squealstudy.study.complex_modes.alignment import KEPT
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.columns import ShapeFile
 from squealstudy.study.process import watch_parent
 
-KEPT = 8  # shapes of points kept at hand
 Pairings = dict[int, Pairing]
 
 
@@ -53,9 +53,12 @@ def pair_task(task: PairTask) -> Pairings:
     def shapes(point: int) -> np.ndarray:
         return task.shapes.read(point)[: len(task.lams[point])]  # without overdamped roots
 
+    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        return shapes(a), shapes(b)
+
     found: Pairings = {}
     for group in task.groups:
-        found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)
+        found |= pair_points(group, task.parents, task.step, task.lams, pair, task.known)
     return found
 
 
