@@ -135,7 +135,6 @@ class Follower:
         """Refine the steps that are in doubt, the least trusted first; extra points solved."""
         trust = {i: float(p.trust.min(initial=np.inf)) for i, p in pairings.items()}
         doubtful = [i for i in trust if trust[i] <= DOUBTFUL and i not in known]
-        doubtful = [i for i in doubtful if self.near.joined(self._tree.parents[i], i)]
         doubtful.sort(key=lambda i: (trust[i], i))
         refined: Pairings = {}
         points = done = 0
@@ -162,10 +161,11 @@ class Follower:
         return RefineTask(
             i,
             self.near.of(p),
+            self.near.of(i),
             Modes(self.lams[p], self.raw(p)),
             Modes(self.lams[i], self.raw(i)),
-            self._plan.coordinates[i],
             expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
+            pairings[i],
             os.getpid(),
         )
 

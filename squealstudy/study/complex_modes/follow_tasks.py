@@ -11,6 +11,7 @@ import numpy as np
 from squealstudy.analysis.tracking.labels import pair_points
 from squealstudy.analysis.tracking.pairing import Pairing
 from squealstudy.analysis.tracking.refinement import Modes, Refinement
+from squealstudy.errors import SquealstudyError
 from squealstudy.study.complex_modes.alignment import KEPT
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.columns import ShapeFile
@@ -34,14 +35,31 @@ class PairTask:
 
 @dataclass(frozen=True)
 class RefineTask:
-    """A doubtful step for a worker to refine."""
+    """A doubtful step for a worker to refine.
+
+    Attributes
+    ----------
+    point : int
+        At the end of the step.
+    start, end : Between
+        Around both its points.
+    a, b : Modes
+        Of both, as they were solved.
+    expected : ndarray or None
+        As of `pair_modes`.
+    direct : Pairing
+        What is to be refined.
+    parent : int
+        Process.
+    """
 
     point: int
-    between: Between
+    start: Between
+    end: Between
     a: Modes
     b: Modes
-    x_b: np.ndarray
     expected: np.ndarray | None
+    direct: Pairing
     parent: int
 
 
@@ -65,6 +83,13 @@ def pair_task(task: PairTask) -> Pairings:
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
     watch_parent(task.parent)
-    refinement = Refinement(task.between.solve)
-    pairing = refinement.pair(task.a, task.b, task.between.x, task.x_b, task.expected)
+    solve, a, b = task.start.solve, task.a, task.b
+    if task.start.prepared_key != task.end.prepared_key:
+        try:
+            way = task.start.way_to(task.end)
+        except SquealstudyError:
+            return task.point, task.direct, 0
+        solve, a, b = way.solve, way.at_a(a), way.at_b(b)
+    refinement = Refinement(solve)
+    pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
     return task.point, pairing, refinement.points
