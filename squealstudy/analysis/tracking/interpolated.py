@@ -17,6 +17,9 @@ from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.refinement import Modes
 
 
+REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
+
+
 class ModalMatrices(NamedTuple):
     """A design point in k real modes of its structure, ascending in frequency, of unit mass.
 
@@ -53,7 +56,7 @@ class InterpolatedModes:
         x_b: np.ndarray,
         band: tuple[float, float],
     ) -> None:
-        k = min(len(a.K), len(b.K))
+        k = max(min(_count(a, REACH * band[1]), _count(b, REACH * band[1])), 1)
         u, _, vh = la.svd(a.seen[:, :k].T @ b.seen[:, :k])
         self._turn = u @ vh
         self._a = a.C[:k, :k], a.K[:k, :k]
@@ -75,3 +78,8 @@ class InterpolatedModes:
     def at_b(self, modes: Modes) -> Modes:
         """Modes of b, in the coordinates of a."""
         return Modes(modes.lam, modes.shapes[:, : len(self._turn)] @ self._turn.T)
+
+
+def _count(point: ModalMatrices, limit: float) -> int:
+    """How many real modes lie below a frequency, rad/s."""
+    return int((np.diagonal(point.K) <= limit**2).sum())

@@ -60,6 +60,15 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return _mac(a, b, squares(a), squares(b))
 
 
+def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """MAC of shapes (ma, k) with their partners' among (mb, k), NaN where there is none (ma,)."""
+    value = np.full(len(partner), np.nan)
+    paired = partner >= 0
+    if paired.any():
+        value[paired] = mac(a, b)[paired, partner[paired]]
+    return value
+
+
 def squares(a: np.ndarray) -> np.ndarray:
     """|a|^2 of each row."""
     total: np.ndarray = np.einsum("ij,ij->i", a.real, a.real)

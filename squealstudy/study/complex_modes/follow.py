@@ -10,8 +10,8 @@ import numpy as np
 from joblib import delayed
 
 from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
-from squealstudy.analysis.tracking.pairing import Pairing
-from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes
+from squealstudy.analysis.tracking.pairing import Pairing, pair_macs
+from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes, unresolved
 from squealstudy.analysis.tracking.tree import tracking_tree
 from squealstudy.study.complex_modes.alignment import CommonShapes
 from squealstudy.study.complex_modes.between import Neighbourhoods
@@ -87,6 +87,7 @@ class Follower:
             if not groups:
                 break
             pairings |= self._pair(groups, known)
+        pairings = {i: p if i in known else unresolved(p) for i, p in pairings.items()}
         summary = {
             "ambiguous_pairs": before,
             "refined": len(known),
@@ -146,7 +147,8 @@ class Follower:
             batch = [self._refine_task(i, pairings) for i in doubtful[done : done + count]]
             results = in_parallel(self._jobs, [delayed(refine_task)(task) for task in batch])
             for i, pairing, spent in results:
-                refined[i] = pairing
+                seen = self._shapes.pair(self._tree.parents[i], i)
+                refined[i] = pairing._replace(mac=pair_macs(*seen, pairing.partner))
                 points += spent
             done += len(batch)
         if done:
