@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.tracking.pairing import LOW_MAC
 from squealstudy.analysis.tracking.refinement import Modes
 
 
@@ -57,7 +58,8 @@ class InterpolatedModes:
         band: tuple[float, float],
     ) -> None:
         k = max(min(_count(a, REACH * band[1]), _count(b, REACH * band[1])), 1)
-        u, _, vh = la.svd(a.seen[:, :k].T @ b.seen[:, :k])
+        self._likeness = np.asarray(a.seen[:, :k]).T @ b.seen[:, :k]
+        u, _, vh = la.svd(self._likeness)
         self._turn = u @ vh
         self._a = a.C[:k, :k], a.K[:k, :k]
         self._b = tuple(self._turn @ A[:k, :k] @ self._turn.T for A in (b.C, b.K))
@@ -78,6 +80,12 @@ class InterpolatedModes:
     def at_b(self, modes: Modes) -> Modes:
         """Modes of b, in the coordinates of a."""
         return Modes(modes.lam, modes.shapes[:, : len(self._turn)] @ self._turn.T)
+
+    def foreign(self, modes: Modes) -> np.ndarray:
+        """Modes of b that are for the most part no motion of the real modes of a (m,)."""
+        q = modes.shapes[:, : len(self._turn)]
+        foreign: np.ndarray = np.linalg.norm(q @ self._likeness.T, axis=1) ** 2 < LOW_MAC
+        return foreign
 
 
 def _count(point: ModalMatrices, limit: float) -> int:

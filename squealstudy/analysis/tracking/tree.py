@@ -55,6 +55,33 @@ def tracking_tree(
     return _grid_tree(grid_shape, order)
 
 
+def cross_edges(
+    coordinates: np.ndarray, parents: np.ndarray, grid_shape: tuple[int, ...] | None = None
+) -> np.ndarray:
+    """Neighbouring design points (e, 2) that the tree does not connect.
+
+    In a grid those one step apart along any parameter; else the nearest points of each, two for
+    every parameter.
+    """
+    n = len(parents)
+    if grid_shape is not None:
+        index = np.arange(n).reshape(grid_shape, order="F")
+        found = [
+            np.column_stack([np.delete(index, -1, k).ravel(), np.delete(index, 0, k).ravel()])
+            for k in range(index.ndim)
+        ]
+        edges = np.vstack([np.zeros((0, 2), dtype=int), *found])
+    else:
+        x = _unit_box(np.asarray(coordinates, dtype=float))
+        count = min(2 * x.shape[1] + 1, n)
+        near = cKDTree(x).query(x, count)[1].reshape(n, count) if n else np.zeros((0, 1), int)
+        edges = np.column_stack([np.repeat(np.arange(n), near.shape[1]), near.ravel()])
+        edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1), axis=0)
+    a, b = edges.T
+    apart: np.ndarray = edges[(parents[a] != b) & (parents[b] != a)]
+    return apart
+
+
 def _grid_tree(shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
     """One step back along the first parameter in order that is not at its first value."""
     index = np.arange(np.prod(shape, dtype=int))

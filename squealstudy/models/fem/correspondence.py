@@ -46,7 +46,9 @@ def _block_points(solid: Solid, block: Block) -> tuple[np.ndarray, np.ndarray]:
     ]
     ring = block.theta[1] - block.theta[0] >= TURN
     counts = (SIDES[0], AROUND if ring else SIDES[1], SIDES[2])
-    lines = [a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(spans, counts, strict=True)]
+    lines = [
+        a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(spans, counts, strict=True)
+    ]
     radius, theta, z = (c.ravel() for c in np.meshgrid(*lines, indexing="ij"))
     points = np.column_stack([radius * np.cos(theta), radius * np.sin(theta), z])
     cell = np.prod([(b - a) / n for (a, b), n in zip(spans, counts, strict=True)])

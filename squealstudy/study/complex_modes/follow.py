@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
+from squealstudy.analysis.tracking.joining import join_tracks
 from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
 from squealstudy.analysis.tracking.pairing import Pairing, pair_macs
 from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes, unresolved
-from squealstudy.analysis.tracking.tree import tracking_tree
+from squealstudy.analysis.tracking.tree import cross_edges, tracking_tree
 from squealstudy.study.complex_modes.alignment import CommonShapes
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.columns import ModeColumns
@@ -55,8 +56,9 @@ class Follower:
         self._plan, self._jobs, self._file = plan, jobs, columns.shapes
         self.lams = columns.oscillating()
         costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
-        parents = tracking_tree(plan.coordinates, plan.grid_shape, costly).tolist()
-        self._tree = TrackTree(parents, self.lams, plan.coordinates)
+        parents = tracking_tree(plan.coordinates, plan.grid_shape, costly)
+        self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
+        self._tree = TrackTree(parents.tolist(), self.lams, plan.coordinates)
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
         self.near = Neighbourhoods(plan) if near is None else near
 
@@ -95,7 +97,8 @@ class Follower:
             "still_ambiguous": _ambiguous(pairings.values()),
         }
         low, high = self._plan.band_hz
-        return self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high)), summary
+        tracks = self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high))
+        return join_tracks(tracks, self.lams, self._edges.tolist(), self._shapes.pair), summary
 
     def _pair(self, groups: Sequence[list[int]], known: Pairings) -> Pairings:
         """Pairings of groups of points with their parents."""

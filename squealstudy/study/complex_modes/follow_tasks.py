@@ -84,12 +84,17 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
     watch_parent(task.parent)
     solve, a, b = task.start.solve, task.a, task.b
+    foreign = np.zeros(len(b.lam), dtype=bool)
     if task.start.prepared_key != task.end.prepared_key:
         try:
             way = task.start.way_to(task.end)
         except SquealstudyError:
             return task.point, task.direct, 0
-        solve, a, b = way.solve, way.at_a(a), way.at_b(b)
+        solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
     refinement = Refinement(solve)
     pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
+    doubtful = np.zeros(len(a.lam), dtype=bool)
+    paired = pairing.partner >= 0
+    doubtful[paired] = foreign[pairing.partner[paired]]
+    pairing = pairing._replace(ambiguous=pairing.ambiguous | doubtful)
     return task.point, pairing, refinement.points
