@@ -17,7 +17,6 @@ from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.pairing import LOW_MAC
 from squealstudy.analysis.tracking.refinement import Modes
 
-
 REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
 
 

@@ -23,8 +23,8 @@ def tracking_tree(
 
     A grid has lines along its first parameter, whose first points are chained along the second,
     those of the planes along the third, and so on; parameters that change the structure come after
-    all others, so that no more steps than needed lead from one structure to the next. Any other design has the minimum spanning tree
-    of its points, each parameter scaled to [0, 1].
+    all others, so that no more steps than needed lead from one structure to the next. Any other
+    design has the minimum spanning tree of its points, each parameter scaled to [0, 1].
 
     Parameters
     ----------
