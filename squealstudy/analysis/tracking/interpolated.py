@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.tracking.pairing import LOW_MAC
+from squealstudy.analysis.tracking.pairing import LOW_MAC, squares
 from squealstudy.analysis.tracking.refinement import Modes
 
 REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
@@ -57,8 +57,8 @@ class InterpolatedModes:
         band: tuple[float, float],
     ) -> None:
         k = max(min(_count(a, REACH * band[1]), _count(b, REACH * band[1])), 1)
-        self._likeness = np.asarray(a.seen[:, :k]).T @ b.seen[:, :k]
-        u, _, vh = la.svd(self._likeness)
+        self._seen = np.asarray(a.seen[:, :k]), np.asarray(b.seen[:, :k])
+        u, _, vh = la.svd(self._seen[0].T @ self._seen[1])
         self._turn = u @ vh
         self._a = a.C[:k, :k], a.K[:k, :k]
         self._b = tuple(self._turn @ A[:k, :k] @ self._turn.T for A in (b.C, b.K))
@@ -82,8 +82,10 @@ class InterpolatedModes:
 
     def foreign(self, modes: Modes) -> np.ndarray:
         """Modes of b that are for the most part no motion of the real modes of a (m,)."""
-        q = modes.shapes[:, : len(self._turn)]
-        foreign: np.ndarray = np.linalg.norm(q @ self._likeness.T, axis=1) ** 2 < LOW_MAC
+        a, b = self._seen
+        seen = b @ modes.shapes[:, : len(self._turn)].T
+        held = la.qr(a, mode="economic")[0].T @ seen
+        foreign: np.ndarray = squares(held.T) < LOW_MAC * squares(seen.T)
         return foreign
 
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from squealstudy.models.fem.grid import Block
 from squealstudy.models.fem.solid import Solid
 
-AROUND = 30  # points of a closed ring in theta: several for each wave length of the audible range
+AROUND = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
 SIDES = (2, 8, 2)  # points of any other block in r, theta, z
 NEAREST = 8  # cells that may hold a point, by the distance of their centres
 ITERATIONS = 8  # of Newton, on cells that are nearly boxes
