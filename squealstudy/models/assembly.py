@@ -85,6 +85,11 @@ class Assembly:
         """Elastic stiffness of the components (n_dof, n_dof), N/m: the block diagonal of eq. 1."""
         return sp.block_diag([c.K for c in self.components], format="csr")
 
+    @cached_property
+    def correspondence(self) -> sp.csr_matrix:
+        """Component.seen of all components, block by block: (rows, n_dof)."""
+        return sp.block_diag([c.seen for c in self.components], format="csr")
+
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
         """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""
         kept = [s.matrix() for s in self.springs if s.in_static or not static]

@@ -24,6 +24,10 @@ class Component:
         Node coordinates, m; n = 3 n_nodes where there are any, empty for minimal models.
     surfaces : dict of name -> ndarray
         Node numbers of named surfaces, for plots and selections.
+    correspondence : csr_matrix (s, n) or None
+        Rows that observe the same places of the component whatever the values of the model's
+        parameters, weighted by the square root of the mass that each stands for: mode shapes of
+        two structures are compared there. None: the degrees of freedom themselves.
 
     Raises
     ------
@@ -36,6 +40,7 @@ class Component:
     K: sp.csr_matrix
     coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     surfaces: dict[str, np.ndarray] = field(default_factory=dict)
+    correspondence: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -46,6 +51,10 @@ class Component:
             raise ModelError(f"component '{self.name}': mass matrix is not positive definite")
         if (self.K.diagonal() < 0).any():
             raise ModelError(f"component '{self.name}': stiffness is not positive semi-definite")
+        if self.correspondence is not None and self.correspondence.shape[1] != self.n_dof:
+            raise ModelError(
+                f"component '{self.name}': its correspondence does not have {self.n_dof} columns"
+            )
         if len(self.coordinates) and 3 * len(self.coordinates) != self.n_dof:
             raise ModelError(
                 f"component '{self.name}': {len(self.coordinates)} nodes do not match "
@@ -56,6 +65,13 @@ class Component:
     def n_dof(self) -> int:
         """Number of degrees of freedom."""
         return int(self.M.shape[0])
+
+    @property
+    def seen(self) -> sp.csr_matrix:
+        """The rows of `correspondence`, whether given or not."""
+        if self.correspondence is not None:
+            return self.correspondence
+        return sp.diags(np.sqrt(self.M.diagonal())).tocsr()
 
     @property
     def mass(self) -> float:

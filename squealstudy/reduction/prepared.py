@@ -23,8 +23,6 @@ from squealstudy.reduction.cmt import (
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
-SENSORS = 900  # degrees of freedom, several times the number of modes they tell apart
-
 
 @dataclass(frozen=True)
 class PreparedModel:
@@ -40,8 +38,8 @@ class PreparedModel:
         Real modes of the nominal working point in reduced coordinates, up to the assembly cutoff:
         mode shapes are compared by their coordinates on it.
     sensor_shapes : ndarray (s, k)
-        Those modes at a fixed choice of degrees of freedom of the assembly: they relate the shape
-        bases of structures that differ in material or geometry but not in mesh topology.
+        Those modes at the places that correspond between structures (Assembly.correspondence), in
+        which shapes of structures that differ in material, geometry or mesh are compared.
     nominal_gap : ndarray (nc,)
         Gaps of the nominal working point [m]: where every other one starts.
     timings : mapping of stage -> seconds
@@ -85,15 +83,9 @@ def prepare(
     K = model.K_springs + model.N.T @ ((model.area * point.tangent)[:, None] * model.N)
     K[np.diag_indices_from(K)] += model.k_el
     _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
-    sensors = basis.expand(phi)[sensor_dofs(assembly.n_dof)]
+    sensors = assembly.correspondence @ basis.expand(phi)
     clock.stage("reduction_s")
     return PreparedModel(space, model, phi, sensors, point.gap, clock.stages)
-
-
-def sensor_dofs(n_dof: int) -> np.ndarray:
-    """Degrees of freedom that compare mode shapes between structures: a fixed random choice."""
-    count = min(SENSORS, n_dof)
-    return np.sort(np.random.default_rng(0).choice(n_dof, size=count, replace=False))
 
 
 def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[WorkingPoint]:

@@ -16,7 +16,7 @@ from squealstudy.analysis.full_order.modes import (
 from squealstudy.analysis.point import RIGID_HZ, PointModes, state_working_point
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
-from squealstudy.reduction.prepared import PreparedModel, sensor_dofs
+from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
 FULL = "full"
@@ -46,7 +46,7 @@ def solve_full_order(
     found = full_order_modes(assembly, modes, point, state, band, damped_to_hz, expected)
     order = np.argsort(found.lam.imag == 0, kind="stable")
     lam, psi, residual = found.lam[order], found.psi[:, order], found.residual[order]
-    seen = psi[sensor_dofs(assembly.n_dof)]
+    seen = assembly.correspondence @ psi
     shapes = la.lstsq(prepared.sensor_shapes, seen)[0].T
     shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return PointModes(

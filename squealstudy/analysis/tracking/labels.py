@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from squealstudy.analysis.tracking.pairing import Pairing, pair_modes
+from squealstudy.analysis.tracking.pairing import Pairing, broken, pair_modes
 from squealstudy.analysis.tracking.tree import levels
 
 STRAIGHT = 0.999  # cosine above which two steps lie on one line
@@ -32,6 +32,8 @@ class Tracks:
     macs : list of ndarray
         MAC with the same track's mode in the parent point, NaN where the track begins.
     ambiguous : list of ndarray of bool
+        The pairing with the parent point is in doubt; or the track ends here, or begins, and may
+        go on under another number at the next point (`broken`).
     """
 
     labels: list[np.ndarray]
@@ -95,8 +97,13 @@ class TrackTree:
             found.setdefault(first[i], []).append(i)
         return list(found.values())
 
-    def label(self, pairings: Mapping[int, Pairing]) -> Tracks:
-        """Labels of all points: a child inherits those of its parent. They depend on the tree."""
+    def label(
+        self, pairings: Mapping[int, Pairing], band: tuple[float, float] | None = None
+    ) -> Tracks:
+        """Labels of all points: a child inherits those of its parent. They depend on the tree.
+
+        `band` is that of the roots, rad/s, at whose edges modes come and go (`broken`).
+        """
         labels = [np.full(len(lam), -1) for lam in self.lams]
         macs = [np.full(len(lam), np.nan) for lam in self.lams]
         ambiguous = [np.zeros(len(lam), dtype=bool) for lam in self.lams]
@@ -110,7 +117,11 @@ class TrackTree:
                 a = np.flatnonzero(pairs.partner >= 0)
                 b = pairs.partner[a]
                 labels[i][b] = labels[p][a]
-                macs[i][b], ambiguous[i][b] = pairs.mac[a], pairs.ambiguous[a]
+                macs[i][b] = pairs.mac[a]
+                ambiguous[i][b] |= pairs.ambiguous[a]
+                ended, began = broken(self.lams[p], self.lams[i], pairs.partner, band)
+                ambiguous[p] |= ended
+                ambiguous[i] |= began
             used += _number_newcomers(level, self.lams, labels, used)
         return Tracks(labels, macs, ambiguous)
 
@@ -139,8 +150,11 @@ def track(
     if len(lams) != n or len(shapes) != n:
         raise ValueError(f"{n} parents, {len(lams)} sets of roots, {len(shapes)} sets of shapes")
     tree = TrackTree(parents, lams, coordinates)
-    found = pair_points(tree.children, tree.parents, tree.step, lams, shapes.__getitem__, {})
-    return tree.label(found)
+
+    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        return shapes[a], shapes[b]
+
+    return tree.label(pair_points(tree.children, tree.parents, tree.step, lams, pair, {}))
 
 
 def pair_points(
@@ -148,7 +162,7 @@ def pair_points(
     parents: Indexed[int],
     step: Indexed[float],
     lams: Indexed[np.ndarray],
-    shapes: Callable[[int], np.ndarray],
+    shapes: Callable[[int, int], tuple[np.ndarray, np.ndarray]],
     known: Mapping[int, Pairing],
 ) -> dict[int, Pairing]:
     """Pairings of points with their parents.
@@ -161,7 +175,7 @@ def pair_points(
     parents, step, lams : indexed by point
         As of TrackTree.
     shapes : callable
-        Shapes (m, k) of a point.
+        Shapes (ma, k) and (mb, k) of two points in common coordinates.
     known : mapping of point -> Pairing
         What is not to be paired again.
     """
@@ -174,7 +188,8 @@ def pair_points(
         before = found.get(p) if step[i] else None
         lam_g = lams[parents[p]] if before is not None else None
         expected = expected_roots(lams[p], step[i], lam_g, before)
-        found[i] = pair_modes(lams[p], shapes(p), lams[i], shapes(i), expected)
+        at_p, at_i = shapes(p, i)
+        found[i] = pair_modes(lams[p], at_p, lams[i], at_i, expected)
     return found
 
 

@@ -15,6 +15,7 @@ TIE = 1e-3  # what decides between two equal pairings, see `_cost`
 LOST = 0.8  # distance within which two modes that both stay alone may be one, see `_lost`
 PASSING = 1.2  # trust in a pair whose frequency passes that of another
 CLEAR = 0.99  # but for a MAC above this: a crossing
+EDGE = 1.5  # a mode may come or go at an edge of the band within this times the largest change
 BLOCK = 40  # modes whose MAC is taken together: only those within the frequency window count
 
 
@@ -56,6 +57,15 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         Between 0 and 1; zero where a shape vanishes.
     """
     return _mac(a, b, squares(a), squares(b))
+
+
+def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """MAC of shapes (ma, k) with their partners' among (mb, k), NaN where there is none (ma,)."""
+    value = np.full(len(partner), np.nan)
+    paired = partner >= 0
+    if paired.any():
+        value[paired] = mac(a, b)[paired, partner[paired]]
+    return value
 
 
 def squares(a: np.ndarray) -> np.ndarray:
@@ -207,3 +217,48 @@ def _lost(far: np.ndarray, partner: np.ndarray) -> np.ndarray:
         return alone
     free = _without(far.T, partner[partner >= 0]).T
     return alone[(free[alone] < LOST).any(axis=1)]
+
+
+def broken(
+    lam_a: np.ndarray,
+    lam_b: np.ndarray,
+    partner: np.ndarray,
+    band: tuple[float, float] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Modes that end at a point a, and those that begin at b, where they may be one.
+
+    Parameters
+    ----------
+    lam_a, lam_b : ndarray (ma,), (mb,) complex
+        Roots, rad/s.
+    partner : ndarray (ma,) of int
+        As of Pairing.
+    band : (low, high) or None
+        Of the roots, rad/s: none of two modes is in doubt where one may have left the band and the
+        other have come in, going by the largest change of a frequency among the pairs.
+
+    Returns
+    -------
+    ended, began : ndarray (ma,), (mb,) of bool
+    """
+    ended, began = np.zeros(len(lam_a), dtype=bool), np.ones(len(lam_b), dtype=bool)
+    paired = np.flatnonzero(partner >= 0)
+    began[partner[paired]] = False
+    a, b = np.flatnonzero(partner < 0), np.flatnonzero(began)
+    began[:] = False
+    if len(a) and len(b):
+        near = _distance(lam_a[a], lam_b[b])[0] < LOST
+        if band is not None:
+            ratio = np.abs(lam_b[partner[paired]]) / np.abs(lam_a[paired])
+            reach = EDGE * np.abs(np.log(ratio)).max(initial=0.0)
+            near &= ~(_at_edge(lam_a[a], band, reach)[:, None] & _at_edge(lam_b[b], band, reach))
+        ended[a], began[b] = near.any(axis=1), near.any(axis=0)
+    return ended, began
+
+
+def _at_edge(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
+    """Whether roots are within a relative distance of an edge of the band (m,)."""
+    size = np.maximum(np.abs(lam), 1e-300)
+    edges = np.log(np.maximum(np.array(band), 1e-300))
+    near: np.ndarray = np.abs(np.log(size)[:, None] - edges).min(axis=1) <= reach
+    return near

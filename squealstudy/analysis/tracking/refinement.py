@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.analysis.tracking.labels import EXTRAPOLATED
-from squealstudy.analysis.tracking.pairing import PASSING, Pairing, mac, pair_modes
+from squealstudy.analysis.tracking.pairing import PASSING, Pairing, pair_macs, pair_modes
 from squealstudy.errors import SquealstudyError
 
 DEPTH = 4  # halvings of a step
@@ -82,15 +82,14 @@ class Refinement:
         direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected)
         doubtful = wanted & (direct.trust <= DOUBTFUL)
         if not depth:
-            unresolved = wanted & (direct.trust <= PASSING)
-            return direct._replace(ambiguous=direct.ambiguous | unresolved)
+            return unresolved(direct, wanted)
         if not doubtful.any():
             return direct
         middle = (x_a + x_b) / 2
         try:
             mid = self.solve(middle)
         except SquealstudyError:
-            return direct
+            return unresolved(direct, wanted)
         finally:
             self.points += 1
         halfway = None if expected is None else (a.lam + expected) / 2
@@ -100,6 +99,21 @@ class Refinement:
         onward = _onward(a.lam, mid.lam, first.partner)
         second = self._pair(mid, b, middle, x_b, carried, onward, depth - 1)
         return _composed(a, b, direct, first, second, doubtful)
+
+
+def unresolved(pairing: Pairing, wanted: np.ndarray | None = None) -> Pairing:
+    """A pairing that is not refined any more: pairs that should have been are ambiguous.
+
+    Frequencies that pass each other in one step may as well have veered.
+
+    Parameters
+    ----------
+    wanted : ndarray (ma,) of bool or None
+        Modes that matter; None: all.
+    """
+    doubtful = (pairing.trust <= PASSING) & (pairing.partner >= 0)
+    doubtful &= True if wanted is None else wanted
+    return pairing._replace(ambiguous=pairing.ambiguous | doubtful)
 
 
 def _onward(lam_a: np.ndarray, lam_m: np.ndarray, partner: np.ndarray) -> np.ndarray:
@@ -128,8 +142,5 @@ def _composed(
         if direct.partner[j] >= 0 and direct.partner[j] not in taken:
             partner[j] = direct.partner[j]
             trust[j], ambiguous[j] = direct.trust[j], direct.ambiguous[j]
-    paired = partner >= 0
-    macs = np.full(len(a.lam), np.nan)
-    macs[paired] = mac(a.shapes, b.shapes)[paired, partner[paired]]
-    ambiguous &= paired
-    return Pairing(partner, macs, ambiguous, trust)
+    ambiguous &= partner >= 0
+    return Pairing(partner, pair_macs(a.shapes, b.shapes, partner), ambiguous, trust)

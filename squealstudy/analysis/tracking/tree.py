@@ -12,12 +12,17 @@ DENSE_LIMIT = 2000  # points up to which every pair is an edge
 NEIGHBOURS = 12  # edges a point beyond that
 
 
-def tracking_tree(coordinates: np.ndarray, grid_shape: tuple[int, ...] | None = None) -> np.ndarray:
+def tracking_tree(
+    coordinates: np.ndarray,
+    grid_shape: tuple[int, ...] | None = None,
+    structural: Sequence[bool] = (),
+) -> np.ndarray:
     """Parent of each design point.
 
     A grid has lines along its first parameter, whose first points are chained along the second,
-    those of the planes along the third, and so on. Any other design has the minimum spanning tree
-    of its points, each parameter scaled to [0, 1].
+    those of the planes along the third, and so on; parameters that change the structure come after
+    all others, so that no more steps than needed lead from one structure to the next. Any other
+    design has the minimum spanning tree of its points, each parameter scaled to [0, 1].
 
     Parameters
     ----------
@@ -25,6 +30,8 @@ def tracking_tree(coordinates: np.ndarray, grid_shape: tuple[int, ...] | None = 
         Values of the swept parameters.
     grid_shape : tuple of int or None
         Number of values of each parameter of a grid; the first varies fastest over the points.
+    structural : sequence of bool (p,)
+        Whether a parameter changes the structure; none by default.
 
     Returns
     -------
@@ -41,17 +48,46 @@ def tracking_tree(coordinates: np.ndarray, grid_shape: tuple[int, ...] | None = 
         return _spanning_tree(_unit_box(x))
     if np.prod(grid_shape, dtype=int) != len(x):
         raise ValueError(f"a grid of shape {grid_shape} does not have {len(x)} points")
-    return _grid_tree(grid_shape)
+    columns = range(len(grid_shape))
+    order = sorted(columns, key=lambda k: k < len(structural) and structural[k])
+    return _grid_tree(grid_shape, order)
 
 
-def _grid_tree(shape: tuple[int, ...]) -> np.ndarray:
-    """One step back along the first parameter that is not at its first value."""
+def cross_edges(
+    coordinates: np.ndarray, parents: np.ndarray, grid_shape: tuple[int, ...] | None = None
+) -> np.ndarray:
+    """Neighbouring design points (e, 2) that the tree does not connect.
+
+    In a grid those one step apart along any parameter; else the nearest points of each, two for
+    every parameter.
+    """
+    n = len(parents)
+    if grid_shape is not None:
+        index = np.arange(n).reshape(grid_shape, order="F")
+        found = [
+            np.column_stack([np.delete(index, -1, k).ravel(), np.delete(index, 0, k).ravel()])
+            for k in range(index.ndim)
+        ]
+        edges = np.vstack([np.zeros((0, 2), dtype=int), *found])
+    else:
+        x = _unit_box(np.asarray(coordinates, dtype=float))
+        count = min(2 * x.shape[1] + 1, n)
+        near = cKDTree(x).query(x, count)[1].reshape(n, count) if n else np.zeros((0, 1), int)
+        edges = np.column_stack([np.repeat(np.arange(n), near.shape[1]), near.ravel()])
+        edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1), axis=0)
+    a, b = edges.T
+    apart: np.ndarray = edges[(parents[a] != b) & (parents[b] != a)]
+    return apart
+
+
+def _grid_tree(shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
+    """One step back along the first parameter in order that is not at its first value."""
     index = np.arange(np.prod(shape, dtype=int))
     parents = np.full(len(index), -1)
     strides = np.cumprod((1, *shape))[:-1]
-    for stride, size in reversed(list(zip(strides, shape, strict=True))):
-        inside = (index // stride) % size > 0
-        parents[inside] = index[inside] - stride
+    for k in reversed(order):
+        inside = (index // strides[k]) % shape[k] > 0
+        parents[inside] = index[inside] - strides[k]
     return parents
 
 

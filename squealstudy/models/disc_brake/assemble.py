@@ -12,6 +12,7 @@ from squealstudy.models.disc_brake.faces import brake_faces
 from squealstudy.models.disc_brake.interfaces import BrakeInterfaces
 from squealstudy.models.disc_brake.parameters import COMPONENTS
 from squealstudy.models.disc_brake.solids import MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.fem.correspondence import corresponding_rows
 from squealstudy.models.fem.sampling import surface_nodes
 from squealstudy.models.operating import law_from_values
 
@@ -33,6 +34,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
             solids[name].K,
             solids[name].coordinates,
             {face: surface_nodes(solids[name], keep) for face, keep in faces[name].items()},
+            corresponding_rows(solids[name]),
         )
         for name in COMPONENTS
     )

@@ -34,11 +34,14 @@ class CylindricalMesh:
         Cell centres in (r, theta, z).
     material : ndarray (n_cells,) of str
         Material name of each cell.
+    blocks : tuple of Block
+        Of which the solid is the union.
     """
 
     mesh: MeshHex2
     centres: np.ndarray
     material: np.ndarray
+    blocks: tuple[Block, ...] = ()
 
 
 def grid_lines(breaks: Sequence[float], size: float) -> np.ndarray:
@@ -78,7 +81,7 @@ def cylindrical_mesh(
     ijk = np.stack(np.unravel_index(cells, shape))
     mesh = _mesh_of_cells(ijk, r, theta, z)
     names = np.array([block.material for block in blocks])
-    return CylindricalMesh(mesh, centres[:, cells], names[owner[cells]])
+    return CylindricalMesh(mesh, centres[:, cells], names[owner[cells]], tuple(blocks))
 
 
 def _mesh_of_cells(ijk: np.ndarray, r: np.ndarray, theta: np.ndarray, z: np.ndarray) -> MeshHex2:

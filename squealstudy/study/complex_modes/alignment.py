@@ -1,45 +1,51 @@
-"""Mode shapes of different structures in the coordinates of one of them."""
+"""Mode shapes of two design points in common coordinates."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from squealstudy.study.cache import is_prepared, load_prepared
+from squealstudy.study.cache import load_prepared
+from squealstudy.study.complex_modes.columns import ShapeFile
 from squealstudy.study.plan import Plan
 
+KEPT = 8  # shapes of points kept at hand
 
-class ShapeAlignment:
-    """Maps shape coordinates of every structure of a plan to those of its first one.
 
-    Each structure has its own nominal real modes, of arbitrary sign and, for doublets, rotation;
-    a least-squares fit at the sensors expresses them in the first structure's modes. Structures
-    of another mesh topology have no common sensors and stay as they are.
+class CommonShapes:
+    """Shapes of two points of a plan as they can be compared by their MAC.
+
+    Points of one structure have the same nominal real modes as coordinates. Each structure has its
+    own, so that two structures are compared by what is seen at the places that correspond between
+    them (PreparedModel.sensor_shapes), weighted by mass.
+
+    Parameters
+    ----------
+    plan : Plan
+    file : ShapeFile
+    lams : list of ndarray (m,)
+        Roots of the oscillating modes of each point; the others' shapes are left out.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        keys = [s.key for s in plan.structures if is_prepared(s.key)]
-        self._first = keys[0] if keys else ""
-        self._several = len(keys) > 1
-        self._maps: dict[str, np.ndarray | None] = {}
+    def __init__(self, plan: Plan, file: ShapeFile, lams: list[np.ndarray]) -> None:
+        self._keys = [task.prepared_key for task in plan.tasks]
+        self._file, self._counts = file, [len(lam) for lam in lams]
+        self._seen = lru_cache(maxsize=KEPT)(self._observed)
 
-    def apply(self, key: str, shapes: np.ndarray) -> np.ndarray:
-        """Unit shapes (m, k) of structure `key` in the first structure's coordinates."""
-        if not self._several or key == self._first or not len(shapes):
-            return shapes
-        if key not in self._maps:
-            self._maps[key] = self._map(key)
-        Q = self._maps[key]
-        if Q is None:
-            return shapes
-        aligned = shapes @ Q.T
-        size = np.linalg.norm(aligned, axis=1, keepdims=True)
-        unit: np.ndarray = (aligned / np.maximum(size, 1e-30)).astype(np.complex64)
-        return unit
+    def raw(self, point: int) -> np.ndarray:
+        """Unit shapes (m, k) of a point in the nominal modes of its own structure."""
+        return self._file.read(point)[: self._counts[point]]
 
-    def _map(self, key: str) -> np.ndarray | None:
-        reference = load_prepared(self._first).sensor_shapes
-        own = load_prepared(key).sensor_shapes
-        if len(reference) != len(own):
-            return None
-        Q: np.ndarray = np.linalg.lstsq(reference, own, rcond=None)[0]
-        return Q
+    def pair(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Shapes (ma, k) and (mb, k) of two points."""
+        if self._keys[a] == self._keys[b]:
+            return self.raw(a), self.raw(b)
+        return self._seen(a), self._seen(b)
+
+    def _observed(self, point: int) -> np.ndarray:
+        shapes = self.raw(point)
+        if not len(shapes):
+            return shapes
+        sensors = load_prepared(self._keys[point]).sensor_shapes
+        return shapes @ sensors.T.astype(shapes.dtype)

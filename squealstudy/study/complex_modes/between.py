@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.tracking.interpolated import InterpolatedModes, ModalMatrices
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
+from squealstudy.study.cache import load_prepared
 from squealstudy.study.complex_modes.bases import BasisTask
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.solve import solve_design
@@ -24,6 +28,7 @@ from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.method import FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
+from squealstudy.study.working_points import known_gap
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,33 @@ class Between:
                 return self._solved(self.design_at(x))
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+
+    def matrices(self) -> ModalMatrices:
+        """The design point in the real modes of its structure, of an assembly.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no working point.
+        """
+        prepared = load_prepared(self.prepared_key)
+        state, X = self.design.state(), prepared.shape_basis
+        known = known_gap(self.prepared_key, self.design)
+        with threadpool_limits(1):
+            point = state_working_point(prepared, state, known)
+            system = linearise(prepared.model, point, state)
+            return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
+
+    def way_to(self, other: Between) -> InterpolatedModes:
+        """What lies between this point and one of another structure.
+
+        Raises
+        ------
+        ConvergenceError
+            Where one of both has no working point.
+        """
+        band = (2 * np.pi * self.band_hz[0], 2 * np.pi * self.band_hz[1])
+        return InterpolatedModes(self.matrices(), other.matrices(), self.x, other.x, band)
 
     def _solved(self, design: Design) -> Modes:
         if isinstance(self.by, BasisTask):

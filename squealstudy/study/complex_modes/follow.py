@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from squealstudy.analysis.tracking.joining import join_tracks
 from squealstudy.analysis.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
-from squealstudy.analysis.tracking.pairing import Pairing
-from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes
-from squealstudy.analysis.tracking.tree import tracking_tree
-from squealstudy.study.complex_modes.alignment import ShapeAlignment
+from squealstudy.analysis.tracking.pairing import Pairing, pair_macs
+from squealstudy.analysis.tracking.refinement import DEPTH, DOUBTFUL, Modes, unresolved
+from squealstudy.analysis.tracking.tree import cross_edges, tracking_tree
+from squealstudy.study.complex_modes.alignment import CommonShapes
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.complex_modes.follow_tasks import (
-    KEPT,
     Pairings,
     PairTask,
     RefineTask,
@@ -57,18 +56,16 @@ class Follower:
         self._plan, self._jobs, self._file = plan, jobs, columns.shapes
         self._patience = patience(plan)
         self.lams = columns.oscillating()
-        parents = tracking_tree(plan.coordinates, plan.grid_shape).tolist()
-        self._tree = TrackTree(parents, self.lams, plan.coordinates)
-        self._alignment = ShapeAlignment(plan)
+        costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
+        parents = tracking_tree(plan.coordinates, plan.grid_shape, costly)
+        self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
+        self._tree = TrackTree(parents.tolist(), self.lams, plan.coordinates)
+        self._shapes = CommonShapes(plan, columns.shapes, self.lams)
         self.near = Neighbourhoods(plan) if near is None else near
-
-    def shapes(self, point: int) -> np.ndarray:
-        """Shapes (m, k) of the oscillating modes of a point, in those of the first structure."""
-        return self._alignment.apply(self._plan.tasks[point].prepared_key, self.raw(point))
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
-        return self._file.read(point)[: len(self.lams[point])]
+        return self._shapes.raw(point)
 
     def follow(self, refine: bool, report: Progress) -> tuple[Tracks, dict[str, Any]]:
         """Labels of all modes, and how they came about.
@@ -93,20 +90,23 @@ class Follower:
             if not groups:
                 break
             pairings |= self._pair(groups, known)
+        pairings = {i: p if i in known else unresolved(p) for i, p in pairings.items()}
         summary = {
             "ambiguous_pairs": before,
             "refined": len(known),
             "extra_points": points,
             "still_ambiguous": _ambiguous(pairings.values()),
         }
-        return self._tree.label(pairings), summary
+        low, high = self._plan.band_hz
+        tracks = self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high))
+        return join_tracks(tracks, self.lams, self._edges.tolist(), self._shapes.pair), summary
 
     def _pair(self, groups: Sequence[list[int]], known: Pairings) -> Pairings:
         """Pairings of groups of points with their parents."""
         tree = self._tree
         steps = sum(map(len, groups))
         if self._jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
-            shapes = lru_cache(maxsize=KEPT)(self.shapes)
+            shapes = self._shapes.pair
             found: Pairings = {}
             for group in groups:
                 found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)
@@ -140,7 +140,6 @@ class Follower:
         """Refine the steps that are in doubt, the least trusted first; extra points solved."""
         trust = {i: float(p.trust.min(initial=np.inf)) for i, p in pairings.items()}
         doubtful = [i for i in trust if trust[i] <= DOUBTFUL and i not in known]
-        doubtful = [i for i in doubtful if self.near.joined(self._tree.parents[i], i)]
         doubtful.sort(key=lambda i: (trust[i], i))
         refined: Pairings = {}
         points = done = 0
@@ -154,7 +153,8 @@ class Follower:
                 self._jobs, [(refine_task, task) for task in batch], self._patience
             )
             for i, pairing, spent in results:
-                refined[i] = pairing
+                seen = self._shapes.pair(self._tree.parents[i], i)
+                refined[i] = pairing._replace(mac=pair_macs(*seen, pairing.partner))
                 points += spent
             done += len(batch)
         if done:
@@ -169,10 +169,11 @@ class Follower:
         return RefineTask(
             i,
             self.near.of(p),
+            self.near.of(i),
             Modes(self.lams[p], self.raw(p)),
             Modes(self.lams[i], self.raw(i)),
-            self._plan.coordinates[i],
             expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
+            pairings[i],
             os.getpid(),
         )
 

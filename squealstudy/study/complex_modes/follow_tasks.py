@@ -11,11 +11,12 @@ import numpy as np
 from squealstudy.analysis.tracking.labels import pair_points
 from squealstudy.analysis.tracking.pairing import Pairing
 from squealstudy.analysis.tracking.refinement import Modes, Refinement
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.complex_modes.alignment import KEPT
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.columns import ShapeFile
 from squealstudy.study.process import watch_parent
 
-KEPT = 8  # shapes of points kept at hand
 Pairings = dict[int, Pairing]
 
 
@@ -34,14 +35,31 @@ class PairTask:
 
 @dataclass(frozen=True)
 class RefineTask:
-    """A doubtful step for a worker to refine."""
+    """A doubtful step for a worker to refine.
+
+    Attributes
+    ----------
+    point : int
+        At the end of the step.
+    start, end : Between
+        Around both its points.
+    a, b : Modes
+        Of both, as they were solved.
+    expected : ndarray or None
+        As of `pair_modes`.
+    direct : Pairing
+        What is to be refined.
+    parent : int
+        Process.
+    """
 
     point: int
-    between: Between
+    start: Between
+    end: Between
     a: Modes
     b: Modes
-    x_b: np.ndarray
     expected: np.ndarray | None
+    direct: Pairing
     parent: int
 
 
@@ -53,15 +71,30 @@ def pair_task(task: PairTask) -> Pairings:
     def shapes(point: int) -> np.ndarray:
         return task.shapes.read(point)[: len(task.lams[point])]  # without overdamped roots
 
+    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        return shapes(a), shapes(b)
+
     found: Pairings = {}
     for group in task.groups:
-        found |= pair_points(group, task.parents, task.step, task.lams, shapes, task.known)
+        found |= pair_points(group, task.parents, task.step, task.lams, pair, task.known)
     return found
 
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
     watch_parent(task.parent)
-    refinement = Refinement(task.between.solve)
-    pairing = refinement.pair(task.a, task.b, task.between.x, task.x_b, task.expected)
+    solve, a, b = task.start.solve, task.a, task.b
+    foreign = np.zeros(len(b.lam), dtype=bool)
+    if task.start.prepared_key != task.end.prepared_key:
+        try:
+            way = task.start.way_to(task.end)
+        except SquealstudyError:
+            return task.point, task.direct, 0
+        solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
+    refinement = Refinement(solve)
+    pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
+    doubtful = np.zeros(len(a.lam), dtype=bool)
+    paired = pairing.partner >= 0
+    doubtful[paired] = foreign[pairing.partner[paired]]
+    pairing = pairing._replace(ambiguous=pairing.ambiguous | doubtful)
     return task.point, pairing, refinement.points
