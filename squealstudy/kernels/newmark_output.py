@@ -102,7 +102,7 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
 
 @fast_kernel
 def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.ndarray) -> None:
-    """Torque, normal force and the stick, slip and open shares of the area into row[1:6]."""
+    """Torque, normal force, stick, slip and open shares of the area and creep: row[1:6], row[12]."""
     torque = 0.0
     force = 0.0
     area = 0.0
@@ -112,6 +112,7 @@ def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.
         area += points[1, i]
     stick = 0.0
     opened = 0.0
+    creep = 0.0
     for i in range(points.shape[1]):
         p = point[3, i]
         s = (point[1, i] * point[1, i] + point[2, i] * point[2, i]) ** 0.5
@@ -120,11 +121,13 @@ def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.
             opened += points[1, i] / area
         elif law[7] * s < points[2, i] * mu * p:
             stick += points[1, i] / area
+            creep = max(creep, s)
     row[1] = torque
     row[2] = force
     row[3] = stick
     row[4] = 1.0 - stick - opened
     row[5] = opened
+    row[12] = creep
 
 
 @fast_kernel

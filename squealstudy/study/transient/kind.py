@@ -116,9 +116,16 @@ class Transient(Kind):
         """Write points, modes and growth; what ending early has saved."""
         points = build_tables(plan, directory)
         section = plan.study.definition.transient
-        if section.stop == "end":
-            return points, {}
-        return points, {"simulated_time": simulated_time(points, section.duration)}
+        facts: dict[str, Any] = {}
+        if plan.regularisation is not None:
+            from squealstudy.study.measure.slope_pilot import slope_pilot  # of all kinds of study
+
+            facts["regularisation"] = plan.regularisation | {
+                "pilot": slope_pilot(plan, directory, points, report)
+            }
+        if section.stop != "end":
+            facts["simulated_time"] = simulated_time(points, section.duration)
+        return points, facts
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""
