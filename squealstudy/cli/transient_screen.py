@@ -9,7 +9,6 @@ import pandas as pd
 from rich.table import Table
 
 from squealstudy.cli import screen
-from squealstudy.models.operating import REGULARISATION_SHARE
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 LISTED = 24  # design points listed; all of them are in the tables
@@ -67,7 +66,7 @@ def regularisation(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     text = f"points stick below {speed}"
     if found["automatic"]:
         text += (
-            f", {100 * REGULARISATION_SHARE:g} % of the study's slowest sliding speed of "
+            f", {100 * found['share']:g} % of the study's slowest sliding speed of "
             f"{found['slowest_sliding_speed']:.4g} m/s: a slower design point changes every row"
         )
     rows = [("friction", text)]

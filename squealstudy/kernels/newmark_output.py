@@ -102,7 +102,7 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
 
 @fast_kernel
 def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.ndarray) -> None:
-    """Torque, normal force, stick, slip and open shares of the area and creep: row[1:6], row[12]."""
+    """Torque, normal force, stick, slip and open shares of the area: row[1:6]; creep: row[12]."""
     torque = 0.0
     force = 0.0
     area = 0.0

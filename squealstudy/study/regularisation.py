@@ -51,8 +51,9 @@ def regularisation_facts(
     -------
     dict
         ``speed``, ``speed_highest``: least and largest regularisation speed in use, m/s;
-        ``slowest_sliding_speed``, m/s; ``points``: design points whose slope follows from such a
-        speed, ``automatic``: those among them whose speed follows from the slowest one.
+        ``slowest_sliding_speed``, m/s, and the ``share`` of it that is automatic; ``points``:
+        design points whose slope follows from such a speed, ``automatic``: those among them whose
+        speed follows from the slowest one.
     """
     speeds = [d.values[REGULARISATION_SPEED.name] for d in designs if regularised(d)]
     if not speeds:
@@ -61,6 +62,7 @@ def regularisation_facts(
         "speed": min(speeds),
         "speed_highest": max(speeds),
         "slowest_sliding_speed": slowest,
+        "share": REGULARISATION_SHARE,
         "points": len(speeds),
         "automatic": automatic,
     }

@@ -260,7 +260,7 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
     """
     stick, opened, creep = (run.result.history[name][window] for name in ("stick", "open", "creep"))
     sticks = stick > 0
-    speed = run.point.design.speed
+    speed = abs(run.point.design.speed)
     return {
         "stick_creep": float(creep[sticks].max() / speed) if sticks.any() and speed else np.nan,
         "stick_share": float(stick.mean()),

@@ -29,9 +29,8 @@ LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
 BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
-# regularisation speeds over that of a study without [fidelity]
-SATURATIONS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
-TRIAL_SATURATION = 3  # of these: at which the others are compared
+# regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
+SATURATIONS = (1.0, 0.5, 0.25, 0.125)
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ def _bases(study: Study) -> Ladder:
 
 
 def _saturations(study: Study) -> Ladder:
-    """Sliding speeds below which points stick, of all design points; the softest friction first."""
+    """Sliding speeds below which points stick, of all design points, softest friction first."""
     own = REGULARISATION_SHARE * slowest_speed(study, design_points(study))
     speeds = [factor * own for factor in SATURATIONS]
     key = f"parameters.{REGULARISATION_SPEED.name}"

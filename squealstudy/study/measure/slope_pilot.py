@@ -26,7 +26,7 @@ from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.transient.rows import SCHEMA
 from squealstudy.study.transient_section import PILOT_POINTS
 
-EXTRAPOLATED = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
+FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
 CYCLE = "limit_cycle"
 DECIDED = ("stable", CYCLE, "growing")  # classes of which one run tells about another
 QUANTITIES = ("torque_rms", "growth_rate", "torque_mean", "dominant_frequency")
@@ -108,8 +108,8 @@ def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]
         error.quantity: {
             "value": error.value,
             "at_double": error.truth,
-            "error": EXTRAPOLATED * error.error,
-            "chance": EXTRAPOLATED * error.chance,
+            "error": FIRST_ORDER * error.error,
+            "chance": FIRST_ORDER * error.chance,
         }
         for error in run_errors(own, found)[0]
         if error.quantity in QUANTITIES
@@ -118,9 +118,7 @@ def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]
     return {"status": OK, "message": "", **classes, "errors": errors} | _doubt(classes, errors)
 
 
-def _doubt(
-    classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]
-) -> dict[str, str]:
+def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """Status and message where the two runs cannot tell; empty where they can."""
     own, double = classes.values()
     if own != double:

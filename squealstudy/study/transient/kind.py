@@ -13,6 +13,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ParameterError
+from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.names import GROWTH, MODES, POINTS
@@ -46,6 +47,12 @@ class Transient(Kind):
     def check(self, plan: Plan) -> None:
         """Sensors, perturbed modes and the continued state must fit every structure."""
         section = plan.study.definition.transient
+        if REGULARISATION_SPEED.name in plan.study.shown_parameters and not plan.regularisation:
+            raise plan.error(
+                REGULARISATION_SPEED.name,
+                f"every design point has a {SLOPE.name} of its own, which this would not change: "
+                "give one of the two",
+            )
         try:
             sampling(section, plan.band_hz)
         except ValueError as error:
