@@ -1,4 +1,4 @@
-"""The slope of friction at zero sliding: one for a study, how much of it creeps, what it errs by."""
+"""The slope of friction at zero sliding: one for a study, what creeps at it, what it errs by."""
 
 from __future__ import annotations
 
