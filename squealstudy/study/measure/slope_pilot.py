@@ -112,7 +112,7 @@ def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]
             "chance": FIRST_ORDER * error.chance,
         }
         for error in run_errors(own, found)[0]
-        if error.quantity in QUANTITIES
+        if error.quantity in QUANTITIES and np.isfinite(error.value)  # which both runs have
     }
     classes = {"class": own["class"], "class_at_double": found["class"]}
     return {"status": OK, "message": "", **classes, "errors": errors} | _doubt(classes, errors)
