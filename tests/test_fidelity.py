@@ -37,6 +37,8 @@ name = "belt"
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 0.6, 0.7]
+[parameters]
+"contact.regularisation_speed" = 0.01
 [modes]
 band = [10.0, 1000.0]
 [transient]
@@ -47,6 +49,7 @@ save_every = 0
 tolerance = 0.001
 audit = 1
 """
+SLOPE = '"contact.regularisation_speed" = 0.01'
 BRAKE = """
 [study]
 name = "brake"
@@ -146,11 +149,12 @@ def _first(tried, ladder, rung, cost):
 # -- what is free to choose ----------------------------------------------------------------------
 def test_explicit_settings_always_win(tmp_path):
     text = BRAKE.format(kind="transient", model="", more="")
-    assert set(free_ladders(study(text, tmp_path))) == {"step", "basis", "contact points"}
+    every = {"step", "slope of friction", "basis", "contact points"}
+    assert set(free_ladders(study(text, tmp_path))) == every
     given_ = BRAKE.format(
         kind="transient",
         model="contact_points = 2",
-        more="[transient]\nstep = 1e-6\nmodes_below = 8e3",
+        more=f"[transient]\nstep = 1e-6\nmodes_below = 8e3\n[parameters]\n{SLOPE}",
     )
     assert free_ladders(study(given_, tmp_path)) == {}
     modes = BRAKE.format(kind="complex_modes", model="", more="")
@@ -252,14 +256,14 @@ def test_a_tolerance_missed_to_the_end_is_said(tmp_path, monkeypatch):
 
 def test_a_pilot_that_fails_stops_the_choice(tmp_path):
     text = BELT.replace("values = [0.5, 0.6, 0.7]", "values = [0.6]").replace(
-        "[modes]", '[parameters]\n"contact.kt" = 1e-3\n[modes]'
+        SLOPE, '"contact.kt" = 1e-3'
     )
     with pytest.raises(SquealstudyError, match="every pilot design point failed, the first with"):
         resolve(study(text, tmp_path), 1, quiet)
 
 
 def test_a_pilot_that_fails_gives_way_to_another(tmp_path):
-    text = BELT.replace("[modes]", '[parameters]\n"contact.kt" = 4.8e6\n[modes]')
+    text = BELT.replace(SLOPE, '"contact.kt" = 4.8e6')
     text = text.replace("[0.5, 0.6, 0.7]", "[0.3, 0.5, 0.6, 0.7]")  # too soft for the slowest
     text = text.replace("audit = 1", "audit = 1\npilots = 4")
     resolved = resolve(study(text, tmp_path), 1, quiet)
@@ -474,7 +478,7 @@ def test_an_explicit_step_that_misses_is_said(tmp_path):
 
 
 def test_a_point_that_fails_is_left_out_of_the_audit(tmp_path, monkeypatch):
-    text = BELT.replace("[modes]", '[parameters]\n"contact.kt" = 4.8e6\n[modes]')
+    text = BELT.replace(SLOPE, '"contact.kt" = 4.8e6')
     text = text.replace("[0.5, 0.6, 0.7]", "[0.3, 0.5, 0.6, 0.7]")  # too soft for the slowest
     monkeypatch.setattr(fidelity_run, "drawn_points", lambda *_: (0, 1))
     resolved = resolve(study(text, tmp_path), 1, quiet)

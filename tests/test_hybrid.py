@@ -266,6 +266,9 @@ def test_stick_slip_and_lift_off_agree_with_the_modal_kernel(case, layers):
     for name in ("torque", "normal_force", "stored", "modal_energy", "dissipated_damping"):
         size = np.abs(modal.history[name]).max()
         np.testing.assert_allclose(hybrid.history[name], modal.history[name], atol=1e-4 * size)
+    creep = hybrid.history["creep"], modal.history["creep"]
+    assert creep[1].max() > 0
+    assert np.isclose(*creep, rtol=1e-2).mean() > 0.95  # but where a point is at its bound
     assert abs(hybrid.energy.relative) < 1e-3
     assert hybrid.energy.friction == pytest.approx(modal.energy.friction, rel=1e-4)
 

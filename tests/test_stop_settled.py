@@ -340,6 +340,8 @@ name = "belt"
 kind = "transient"
 [model]
 name = "belt"
+[parameters]
+"contact.regularisation_speed" = 0.01
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 1.1, 1.3]

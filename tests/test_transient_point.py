@@ -45,7 +45,7 @@ def changed_space(brake, reduced, state):
 def at(brake, reduced, reference, state, point=None):
     point = point or working_point(changed_space(brake, reduced, state), state.operating)
     return point, transient_point(
-        reduced[0], reference, KEYS, point, state, 0.0, "regularised", BAND, 1e-7
+        reduced[0], reference, KEYS, point, state, 0.0, 1e-3, "regularised", BAND, 1e-7
     )
 
 

@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from squealstudy.cli import fidelity_screen, screen
+from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
@@ -73,6 +73,7 @@ def _facts(
         *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
         _structures(plan, cost),
         *_method(plan),
+        *transient_screen.regularisation(plan.regularisation),
     ]
     if cost.n_coordinates is not None:
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))

@@ -13,7 +13,7 @@ from rich.table import Table
 from squealstudy.analysis.tables.comparison import compare
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
-from squealstudy.models.operating import SLOPE
+from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.names import GROWTH
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.results import Results
@@ -52,7 +52,9 @@ def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
         odd = sorted(k for k in options[0].keys() | options[1].keys() if _differs(k, *options))
         told = ", ".join(f"{k} {options[0].get(k)} and {options[1].get(k)}" for k in odd)
         raise ResultsError(f"the two studies differ in the options of their model: {told}")
-    ours, theirs = ([n for n in r.parameters if n != SLOPE.name] for r in (frequency, transient))
+    ours, theirs = (
+        [n for n in r.parameters if n not in IN_TIME_ONLY] for r in (frequency, transient)
+    )
     nominal = {n: _elsewhere(transient, n) for n in ours if n not in theirs}
     nominal |= {n: _elsewhere(frequency, n) for n in theirs if n not in ours}
     return compare(

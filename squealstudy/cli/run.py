@@ -81,6 +81,7 @@ def _summary(report: RunReport) -> list[tuple[str, str]]:
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
         *transient_screen.ended_early(manifest),
+        *transient_screen.regularisation(manifest.get("regularisation")),
         *fidelity_screen.facts(manifest.get("fidelity")),
         *_method(manifest),
         ("error", error_statement(report.directory, manifest)),

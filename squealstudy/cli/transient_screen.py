@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 LISTED = 24  # design points listed; all of them are in the tables
+PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 
 
 def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
@@ -56,6 +57,42 @@ def ended_early(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
         f"{found['settled']} runs had settled, {found['decayed']} had decayed"
     )
     return [("ended early", text)]
+
+
+def regularisation(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """What slopes of friction follow from, and what they err by; nothing where they are given."""
+    if found is None:
+        return []
+    low, high = found["speed"], found["speed_highest"]
+    speed = f"{low:.3g} m/s" if low == high else f"{low:.3g} to {high:.3g} m/s"
+    text = f"points stick below {speed}"
+    if found["automatic"]:
+        text += (
+            f", {100 * found['share']:g} % of the study's slowest sliding speed of "
+            f"{found['slowest_sliding_speed']:.4g} m/s: a slower design point changes every row"
+        )
+    rows = [("friction", text)]
+    pilot = found.get("pilot")
+    return rows if pilot is None else [*rows, ("  its error", _pilot(pilot))]
+
+
+def _pilot(pilot: Mapping[str, Any]) -> str:
+    """What one run at twice the slope of friction told."""
+    known = pilot.get("errors", {})
+    errors = ", ".join(
+        f"{word} {_share(known[name])}" for name, word in PILOT_WORDS.items() if name in known
+    )
+    if pilot["status"] in ("failed", "skipped"):
+        return f"not known: {pilot['message']}"
+    told = f"{errors or 'no level, no growth to compare'}, by one design point at 2 k_t"
+    return told if pilot["status"] == "ok" else f"{told}; undecided: {pilot['message']}"
+
+
+def _share(error: Mapping[str, float]) -> str:
+    """An error in percent; what chance may do where that is more."""
+    if error["error"] < error["chance"]:
+        return f"below {100 * error['chance']:.2g} % (the bounds of the runs)"
+    return f"{100 * error['error']:.2g} %"
 
 
 def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:

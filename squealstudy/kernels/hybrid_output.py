@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels.contact_point import potential
 from squealstudy.kernels.friction_laws import mu_at
-from squealstudy.kernels.hybrid_layout import OLD_X, Hybrid, State
+from squealstudy.kernels.hybrid_layout import OLD_X, PAST_T, Hybrid, State
 from squealstudy.kernels.jit import kernel
 
 OPEN = 0.01  # a point is open below this share of the mean pressure
@@ -28,7 +28,7 @@ def contact_energy(model: Hybrid, state: State) -> float:
 
 @kernel
 def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
-    """Fill the columns newmark_layout.HISTORY of contact and work: row[1:10]."""
+    """Fill the columns newmark_layout.HISTORY of contact and work: row[1:10], row[12]."""
     torque = 0.0
     force = 0.0
     area = 0.0
@@ -40,6 +40,7 @@ def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
         area += point[1]
     stick = 0.0
     opened = 0.0
+    creep = 0.0
     for i in range(model.points.shape[0]):
         point, trial = model.points[i], state.point[i]
         s = (trial[1] * trial[1] + trial[2] * trial[2]) ** 0.5
@@ -48,7 +49,10 @@ def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
             opened += point[1] / area
         elif law[7] * s < point[2] * mu * trial[3]:
             stick += point[1] / area
+            creep = max(creep, s)
+            torque += 0.5 * point[3] * (trial[4] - trial[PAST_T])  # as newmark_output.contact_row
     row[1], row[2] = torque, force
     row[3], row[4], row[5] = stick, 1.0 - stick - opened, opened
+    row[12] = creep
     for i in range(4):
         row[6 + i] = state.work[i]

@@ -47,6 +47,7 @@ HISTORY = (
     "dissipated_damping",
     "stored",  # J, from the reference state, loads of the reference included
     "modal_energy",  # J, (v^2 + w^2 q^2) / 2 of all modes
+    "creep",  # m/s, largest sliding speed of a point that sticks; 0 where none does
 )
 
 

@@ -13,7 +13,9 @@ from squealstudy.kernels.newmark_layout import (
     LOAD,
     OLD,
     SAVED,
+    SLOPE,
     STEP,
+    SUBSTEP_OLD,
     V_TRIAL,
     W2,
     W_BELT,
@@ -101,8 +103,14 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
 
 
 @fast_kernel
-def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.ndarray) -> None:
-    """Torque, normal force and the stick, slip and open shares of the area into row[1:6]."""
+def contact_row(
+    points: np.ndarray, law: np.ndarray, point: np.ndarray, h: float, row: np.ndarray
+) -> None:
+    """Torque, normal force, stick, slip and open shares of the area: row[1:6]; creep: row[12].
+
+    The friction of a point that sticks counts with its mean over the last sub-step h, which is
+    what the trapezoidal rule gave the motion: at a long step it alternates about that mean.
+    """
     torque = 0.0
     force = 0.0
     area = 0.0
@@ -112,6 +120,7 @@ def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.
         area += points[1, i]
     stick = 0.0
     opened = 0.0
+    creep = 0.0
     for i in range(points.shape[1]):
         p = point[3, i]
         s = (point[1, i] * point[1, i] + point[2, i] * point[2, i]) ** 0.5
@@ -120,11 +129,14 @@ def contact_row(points: np.ndarray, law: np.ndarray, point: np.ndarray, row: np.
             opened += points[1, i] / area
         elif law[7] * s < points[2, i] * mu * p:
             stick += points[1, i] / area
+            creep = max(creep, s)
+            torque += 0.5 * h * points[3, i] * point[SLOPE, i]
     row[1] = torque
     row[2] = force
     row[3] = stick
     row[4] = 1.0 - stick - opened
     row[5] = opened
+    row[12] = creep
 
 
 @fast_kernel
@@ -136,7 +148,8 @@ def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> 
     fill(row, 0.0)
     row[0] = counts[STEP] * settings.h
     if modal.points.shape[2] > 0:
-        contact_row(modal.points[k], modal.laws[k], work.point[k], row)
+        h = work.real[k, SUBSTEP_OLD]
+        contact_row(modal.points[k], modal.laws[k], work.point[k], h, row)
     for i in range(4):
         row[6 + i] = work.real[k, W_LOAD + i]
     row[10] = stored_energy(modal, work, k)

@@ -30,6 +30,7 @@ from squealstudy.models.operating import (
     DAMPING,
     DECAY_SPEED,
     FRICTION,
+    REGULARISATION_SPEED,
     SLIDING_SPEED,
     SLOPE,
     STATIC_RATIO,
@@ -45,6 +46,7 @@ PARAMETERS = (
     replace(STATIC_RATIO, default=2.0),
     replace(DECAY_SPEED, default=0.5),
     SLOPE,
+    REGULARISATION_SPEED,
     *structural(
         (
             ("mass", 1.0, "kg", "the mass"),

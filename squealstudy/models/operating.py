@@ -46,10 +46,21 @@ SLOPE = Parameter(
     0.0,
     "N s/m3",
     "slope of friction at zero sliding, per area, in time only; 0: automatic, friction saturates "
-    "at 2 % of the sliding speed where the working point presses hardest",
+    "at contact.regularisation_speed where the working point presses hardest",
     minimum=0.0,
 )
-FRICTION_LAW = (STATIC_RATIO, DECAY_SPEED, SLOPE)
+REGULARISATION_SHARE = 0.002  # of the slowest sliding speed of a study
+REGULARISATION_SPEED = Parameter(
+    "contact.regularisation_speed",
+    0.0,
+    "m/s",
+    "sliding speed below which a point sticks, of the automatic contact.kt, in time only; 0: "
+    f"{100 * REGULARISATION_SHARE:g} % of the slowest sliding_speed of all design points of the "
+    "study, so that a slower one changes every row",
+    minimum=0.0,
+)
+IN_TIME_ONLY = (SLOPE.name, REGULARISATION_SPEED.name)  # complex modes do not see them
+FRICTION_LAW = (STATIC_RATIO, DECAY_SPEED, SLOPE, REGULARISATION_SPEED)
 CONTACT_LAW = (
     Parameter("contact.p0", 1e5, "Pa", "exponential law: pressure at zero gap", positive=True),
     Parameter("contact.lambda", 5e5, "1/m", "exponential law: exponent", positive=True),

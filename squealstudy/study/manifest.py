@@ -47,6 +47,7 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "transient": plan.in_time[0] if plan.in_time else None,
+        "regularisation": plan.regularisation,
         "study": study.text,
         "versions": {name: version(name) for name in PACKAGES},
         "python": platform.python_version(),

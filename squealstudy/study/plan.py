@@ -19,6 +19,12 @@ from squealstudy.study.design import Design
 from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
 from squealstudy.study.method import APPROXIMATE, DENSE, FULL, Method, choose_method
+from squealstudy.study.regularisation import (
+    is_automatic,
+    regularisation_facts,
+    slowest_speed,
+    with_speed,
+)
 from squealstudy.study.sampling import design_points, grid_shape
 from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
@@ -27,6 +33,9 @@ from squealstudy.study.toml_lines import KeyPath
 from squealstudy.study.transient.start import StartState, find_start
 
 LAW_OPTION = "contact_law"
+TRANSIENT = "transient"
+# of [transient], what changes no run
+NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}
 MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
@@ -61,8 +70,28 @@ class Plan:
         self.study = study
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
-            Design(study.model, self.law_kind, {**study.values, **point}) for point in self.swept
+            Design(study.model, self.law_kind, self._resolved({**study.values, **point}))
+            for point in self.swept
         )
+
+    @cached_property
+    def slowest(self) -> float | None:
+        """Slowest sliding speed of all design points of the study, m/s; None without motion."""
+        if self.study.definition.study.kind != TRANSIENT:
+            return None
+        return slowest_speed(self.study, design_points(self.study))
+
+    def _resolved(self, values: dict[str, float]) -> dict[str, float]:
+        """Values of a design point, those that follow from the whole study filled in."""
+        return values if self.slowest is None else with_speed(values, self.slowest)
+
+    @cached_property
+    def regularisation(self) -> dict[str, Any] | None:
+        """What the slopes of friction follow from; None where they are given, or without motion."""
+        if self.slowest is None:
+            return None
+        automatic = sum(is_automatic({**self.study.values, **point}) for point in self.swept)
+        return regularisation_facts(self.designs, self.slowest, automatic)
 
     @property
     def law_kind(self) -> str:
@@ -164,10 +193,10 @@ class Plan:
     @cached_property
     def in_time(self) -> list[Any]:
         """What a design point's motion depends on beside its parameters; empty without motion."""
-        if self.study.definition.study.kind != "transient":
+        if self.study.definition.study.kind != TRANSIENT:
             return []
         section = self.study.definition.transient
-        settings = section.model_dump(mode="json", exclude={"batch", "start", "start_point"})
+        settings = section.model_dump(mode="json", exclude=NO_MOTION)
         continued = self.start is not None
         kicked = not continued or "perturbation" in section.model_fields_set
         start = self.start.point_id if self.start is not None else ""
@@ -263,6 +292,7 @@ class Plan:
                 list(self.study.shown_parameters),
                 modes.model_dump(mode="json"),
                 *self.in_time,
+                *([self.study.definition.transient.slope_pilot] if self.in_time else []),
                 *self.in_sensitivity,
             ]
         )
@@ -278,7 +308,7 @@ class Plan:
         neutral = {s.name: s.parameter.default for s in self.study.sweeps}
         uniform = self.study.values.get("damping_ratio", 0.0)
         modal = {p.name: uniform for p in self.designs[0].assembly_parameters()}
-        return {**neutral, **modal, **self.study.values}
+        return self._resolved({**neutral, **modal, **self.study.values})
 
     @cached_property
     def coordinates(self) -> np.ndarray:

@@ -16,6 +16,7 @@ from squealstudy.analysis.transient.defaults import SLOW_TOLERANCE, TOLERANCE
 from squealstudy.study.section import Section
 
 MOST_STEPS = 1e9
+PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
 WORKING_POINT = "working_point"  # where a run starts by default
 
 
@@ -118,6 +119,12 @@ class TransientSection(Section):
     )
     storage: Literal["double", "single"] = Field(
         default="double", description="precision in which the observation matrix is stored"
+    )
+    slope_pilot: Literal["auto", "always", "never"] = Field(
+        default="auto",
+        description="one design point once more with twice its slope of friction k_t: what the "
+        "automatic k_t errs by; auto: of minimal models always, of meshed ones from "
+        f"{PILOT_POINTS} design points on",
     )
     stop: Literal["end", "settled"] = Field(
         default="end",

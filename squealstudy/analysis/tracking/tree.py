@@ -70,6 +70,8 @@ def cross_edges(
         ]
         edges = np.vstack([np.zeros((0, 2), dtype=int), *found])
     else:
+        from scipy.spatial import cKDTree
+
         x = _unit_box(np.asarray(coordinates, dtype=float))
         count = min(2 * x.shape[1] + 1, n)
         near = cKDTree(x).query(x, count)[1].reshape(n, count) if n else np.zeros((0, 1), int)

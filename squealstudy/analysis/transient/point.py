@@ -16,7 +16,6 @@ from squealstudy.errors import ParameterError
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
-REGULARISATION = 0.02  # of the sliding speed: where friction saturates at the highest pressure
 TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
 
@@ -46,11 +45,13 @@ class TransientPoint:
     static_torque: float
 
 
-def automatic_slope(state: DesignState, point: WorkingPoint) -> float:
-    """Slope k_t of friction at zero sliding [N s/m3] that saturates at 2 % of the sliding speed."""
+def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
+    """Slope k_t of friction at zero sliding [N s/m3] that saturates at a sliding speed [m/s].
+
+    It does so at the static friction coefficient, where the working point presses hardest.
+    """
     operating = state.operating
     mu = max(operating.friction * operating.static_ratio, LEAST_FRICTION)
-    speed = REGULARISATION * operating.sliding_speed
     return float(mu * max(point.pressure.max(), 1e-300) / speed)
 
 
@@ -61,6 +62,7 @@ def transient_point(
     point: WorkingPoint,
     state: DesignState,
     slope: float,
+    saturation: float,
     regularisation: str,
     band_hz: tuple[float, float],
     tolerance: float,
@@ -79,6 +81,8 @@ def transient_point(
     state : DesignState
     slope : float
         k_t, N s/m3; 0 for `automatic_slope`.
+    saturation : float
+        Sliding speed that the automatic slope is of, m/s; not used with a slope.
     regularisation : str
         ``regularised`` or ``smooth``.
     band_hz : (low, high)
@@ -96,11 +100,11 @@ def transient_point(
     friction = FrictionLaw(
         operating.friction * operating.static_ratio,
         operating.friction,
-        slope if slope > 0 else automatic_slope(state, point),
+        slope if slope > 0 else automatic_slope(state, point, saturation),
         operating.decay_speed,
         regularisation,
     )
-    _check_slope(friction, state, point)
+    _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
     d, s = shape_terms(model, component_modes, state)
     basis = state.damping_ratio * reference.coupling
     d, s = np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
@@ -129,18 +133,30 @@ def transient_point(
     )
 
 
-def _check_slope(friction: FrictionLaw, state: DesignState, point: WorkingPoint) -> None:
-    """Friction must have reached its bound at the sliding speed, at every contact point."""
+def _check_slope(
+    friction: FrictionLaw, state: DesignState, point: WorkingPoint, saturation: float
+) -> None:
+    """Friction must have reached its bound at the sliding speed, at every contact point.
+
+    `saturation` [m/s] is what its slope follows from; 0 where the slope itself is given.
+    """
     operating = state.operating
     least = operating.mu_steady * float(point.pressure.max()) / operating.sliding_speed
     if friction.kind == "smooth":
         least *= TANH_SATURATION
-    if friction.k_t < least:
+    if friction.k_t >= least:
+        return
+    if saturation > 0:
         raise ParameterError(
-            "contact.kt",
-            f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
-            f"got {friction.k_t:.3g}",
+            "contact.regularisation_speed",
+            f"friction must saturate at the sliding speed of {operating.sliding_speed:g} m/s: at "
+            f"most {saturation * friction.k_t / least:.3g} m/s is allowed, got {saturation:.3g}",
         )
+    raise ParameterError(
+        "contact.kt",
+        f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
+        f"got {friction.k_t:.3g}",
+    )
 
 
 def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:

@@ -52,11 +52,15 @@ def read_base(path: Path) -> BaseStudy:
 
 
 def set_key(tables: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key, ``transient.step``, in nested tables; tables on the way are made."""
-    *path, last = key.split(".")
-    for name in path:
-        inner = tables.setdefault(name, {})
-        if not isinstance(inner, dict):
-            raise KeyError(name)
-        tables = inner
-    tables[last] = value
+    """Set a dotted key, ``transient.step``, in nested tables; tables on the way are made.
+
+    A key that the file writes in quotes, dots and all, is the one that is set.
+    """
+    name, _, rest = key.partition(".")
+    if key in tables or not rest:
+        tables[key] = value
+        return
+    inner = tables.setdefault(name, {})
+    if not isinstance(inner, dict):
+        raise KeyError(name)
+    set_key(inner, rest, value)

@@ -6,11 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from squealstudy.models.operating import (
+    IN_TIME_ONLY,
+    REGULARISATION_SHARE,
+    REGULARISATION_SPEED,
+)
 from squealstudy.study.definition import Study
 from squealstudy.study.plan import has_mesh
+from squealstudy.study.regularisation import slowest_speed
+from squealstudy.study.sampling import design_points
 from squealstudy.study.source import parse_toml
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
+SLOPE = "slope of friction"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
 REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
@@ -21,6 +29,8 @@ LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
 BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
+# regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
+SATURATIONS = (1.0, 0.5, 0.25, 0.125)
 
 
 @dataclass(frozen=True)
@@ -83,10 +93,12 @@ def _reductions() -> Ladder:
 
 
 def _time_ladders(study: Study) -> tuple[Ladder, ...]:
-    """Of a minimal model the step alone; a continued run keeps the contact points it has."""
+    """Of a minimal model step and slope; a continued run keeps the contact points it has."""
     section = study.definition.transient
     steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
+    if not set(IN_TIME_ONLY) & set(study.shown_parameters):
+        ladders.append(_saturations(study))
     if has_mesh(study) and section.representation == "modal":
         ladders.append(_bases(study))
         if not section.continued:
@@ -124,6 +136,14 @@ def _bases(study: Study) -> Ladder:
         for factor, vectors in BASES
     ]
     return Ladder(BASIS, (*small, Rung("all modes", {})))
+
+
+def _saturations(study: Study) -> Ladder:
+    """Sliding speeds below which points stick, of all design points, softest friction first."""
+    own = REGULARISATION_SHARE * slowest_speed(study, design_points(study))
+    speeds = [factor * own for factor in SATURATIONS]
+    key = f"parameters.{REGULARISATION_SPEED.name}"
+    return Ladder(SLOPE, tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds))
 
 
 def _contact_points() -> Ladder:

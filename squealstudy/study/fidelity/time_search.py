@@ -11,6 +11,7 @@ from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import (
     BASIS,
     CONTACT,
+    SLOPE,
     STEP,
     TRIAL_STEP,
     Ladder,
@@ -20,6 +21,7 @@ from squealstudy.study.fidelity.ladders import (
 )
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.slope_pilot import FIRST_ORDER
 from squealstudy.study.plan import Plan
 
 SHARE = 0.4  # of the tolerance that one ladder may take
@@ -36,11 +38,14 @@ QUIET = {"transient.save_every": 0}  # pilots keep no histories
 def search_runs(scene: Scene) -> Choice:
     """The cheapest step, basis and contact points whose errors together meet the tolerance."""
     search = RunSearch(scene)
-    for name, attempt in ((BASIS, search.try_bases), (CONTACT, search.try_contact_points)):
+    for name, attempt in (
+        (BASIS, search.try_bases),
+        (CONTACT, search.try_contact_points),
+        (SLOPE, search.try_slopes),
+        (STEP, search.try_steps),
+    ):
         if name in search.ladders:
             attempt(search.ladders[name])
-    if STEP in search.ladders:
-        search.try_steps(search.ladders[STEP])
     section = scene.section
     cost, fixed = search.study_seconds()
     given = search.given_error()
@@ -67,8 +72,9 @@ class RunSearch:
         if STEP in self.ladders:
             rungs = self.ladders[STEP].rungs
             self.now |= rungs[min(TRIAL_STEP, len(rungs) - 1)].changes
-        if CONTACT in self.ladders:
-            self.now |= self.ladders[CONTACT].rungs[0].changes
+        for name in (CONTACT, SLOPE):
+            if name in self.ladders:
+                self.now |= self.ladders[name].rungs[0].changes
         candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)
         self.points = scene.pilots(self.now, candidates)
 
@@ -93,6 +99,13 @@ class RunSearch:
     def try_contact_points(self, ladder: Ladder) -> None:
         """More points against fewer: the error of a rung is the change to the next."""
         self._keep(CONTACT, self._refined(ladder, 1.0))
+
+    def try_slopes(self, ladder: Ladder) -> None:
+        """Stiffer friction until the change to twice the slope is within its share.
+
+        What sticks rings at a step that is too long for its slope: that is part of the change.
+        """
+        self._keep(SLOPE, self._refined(ladder, FIRST_ORDER))
 
     def try_steps(self, ladder: Ladder) -> None:
         """Halved steps until the change to the next, extrapolated, is within its share.

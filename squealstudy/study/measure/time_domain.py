@@ -60,10 +60,16 @@ def measure_runs(
         Runs of each point from perturbations of other sizes, so that bounds of levels hold what
         an irregular cycle owes to its start; seconds are those of one.
     """
+    return measure_tasks(plan, [plan.tasks[i] for i in measured], integrate, starts)
+
+
+def measure_tasks(
+    plan: Plan, chosen: Sequence[PointTask], integrate: Integrate = simulate, starts: int = 1
+) -> Measurement:
+    """The same of design points that need not be among the plan's."""
     section = plan.study.definition.transient
     forecast.warm(section)
     with threadpool_limits(1):
-        chosen = [plan.tasks[i] for i in measured]
         make_training_runs(
             plan, lambda stage, done, total: None, {task.prepared_key for task in chosen}
         )

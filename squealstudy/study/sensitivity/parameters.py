@@ -13,7 +13,7 @@ from squealstudy.analysis.sensitivity.law_change import LAW_PARAMETERS
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
 from squealstudy.errors import ParameterError, StudyFileError
-from squealstudy.models.operating import CONTACT_LAW, SLOPE
+from squealstudy.models.operating import CONTACT_LAW, IN_TIME_ONLY
 from squealstudy.study.definition import Study
 from squealstudy.study.parameters import (
     ModeParameter,
@@ -75,7 +75,7 @@ def _asked(name: str, study: Study, law_kind: str) -> Asked:
     parameter = parse_parameter(name.replace(EVERY, ONE), study.model)
     if every and not (isinstance(parameter, ModeParameter) and parameter.component):
         raise ParameterError(name, f"expected mode numbers of the assembly, got '{name}'")
-    if name == SLOPE.name:
+    if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
     if name in {p.name for p in CONTACT_LAW} and name not in LAW_PARAMETERS[law_kind]:
         known = ", ".join(LAW_PARAMETERS[law_kind])

@@ -16,8 +16,10 @@ from squealstudy.analysis.transient.system import (
     stick_number,
 )
 from squealstudy.analysis.transient.warmup import warm_kernels
+from squealstudy.models.operating import REGULARISATION_SPEED
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.plan import Plan
+from squealstudy.study.regularisation import regularised
 from squealstudy.study.transient.basis import truncated_choice
 from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
 from squealstudy.study.transient.ready import Ready, set_up
@@ -41,7 +43,7 @@ def warnings(plan: Plan) -> list[str]:
     if not is_prepared(plan.structures[0].key):
         return []
     above: dict[str, float] = {}
-    stiff: list[tuple[float, float]] = []
+    stiff: list[tuple[float, float, float]] = []
     closing: list[float] = []
     for task in _ends(plan):
         reference = reference_of(task)
@@ -52,7 +54,9 @@ def warnings(plan: Plan) -> list[str]:
                 text = f"{modes.frequency_above:.0f} Hz at {modes.growth_above:.0f} 1/s"
                 above[text] = modes.growth_above
             number = stick_number(reference.system, design, task.section.step)
-            stiff.append((number, design.friction.k_t))
+            own = ready.task.design
+            speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
+            stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
             closing.append(closing_number(design.contact, design.speed, task.section.step))
     found = (_above(plan, above), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
@@ -88,15 +92,19 @@ def _still(plan: Plan) -> list[str]:
     return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
 
 
-def _stiff(plan: Plan, stiff: list[tuple[float, float]]) -> list[str]:
-    number, slope = max(stiff, default=(0.0, 0.0))
+def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
+    """`stiff`: stick number, slope, and the regularisation speed it follows from, 0 without."""
+    number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
     if number <= STICK_LIMIT:
         return []
     step = plan.study.definition.transient.step * STICK_LIMIT / number
+    softer = f"contact.kt of {slope * STICK_LIMIT / number:.2g}"
+    if speed > 0:
+        softer = f"{REGULARISATION_SPEED.name} of {speed * number / STICK_LIMIT:.2g}"
     return [
         f"friction is too stiff for the step: h k_t |T|^2 / 2 is {number:.3g} with k_t = "
         f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}; a step of {step:.2g} s or a "
-        f"contact.kt of {slope * STICK_LIMIT / number:.2g} would do"
+        f"{softer} would do"
     ]
 
 

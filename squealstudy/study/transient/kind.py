@@ -12,6 +12,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ParameterError
+from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.names import GROWTH, MODES, POINTS
@@ -48,6 +49,12 @@ class Transient(Kind):
     def check(self, plan: Plan) -> None:
         """Sensors, perturbed modes and the continued state must fit every structure."""
         section = plan.study.definition.transient
+        if REGULARISATION_SPEED.name in plan.study.shown_parameters and not plan.regularisation:
+            raise plan.error(
+                REGULARISATION_SPEED.name,
+                f"every design point has a {SLOPE.name} of its own, which this would not change: "
+                "give one of the two",
+            )
         try:
             sampling(section, plan.band_hz)
         except ValueError as error:
@@ -118,9 +125,16 @@ class Transient(Kind):
         """Write points, modes and growth; what ending early has saved."""
         points = build_tables(plan, directory)
         section = plan.study.definition.transient
-        if section.stop == "end":
-            return points, {}
-        return points, {"simulated_time": simulated_time(points, section.duration)}
+        facts: dict[str, Any] = {}
+        if plan.regularisation is not None:
+            from squealstudy.study.measure.slope_pilot import slope_pilot  # of all kinds of study
+
+            facts["regularisation"] = plan.regularisation | {
+                "pilot": slope_pilot(plan, directory, points, report)
+            }
+        if section.stop != "end":
+            facts["simulated_time"] = simulated_time(points, section.duration)
+        return points, facts
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""

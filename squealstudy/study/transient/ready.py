@@ -15,6 +15,7 @@ from squealstudy.analysis.transient.point import (
 )
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ParameterError
+from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.batch import BatchTask
@@ -57,7 +58,8 @@ def set_up(
             task.component_modes,
             steady,
             state,
-            point.design.values.get("contact.kt", 0.0),
+            point.design.values[SLOPE.name],
+            point.design.values[REGULARISATION_SPEED.name],
             task.section.friction,
             task.band_hz,
             task.tolerance,

@@ -47,6 +47,7 @@ SUMMARY_FIELDS = (
     ("energy_balance", REAL),
     ("stick_share", REAL),
     ("stick_share_max", REAL),
+    ("stick_creep", REAL),
     ("open_share", REAL),
     ("open_share_max", REAL),
     ("iterations_mean", REAL),
