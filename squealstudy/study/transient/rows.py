@@ -75,6 +75,7 @@ GROWTH_FIELDS = (
     ("frequency_hz", REAL),
     ("growth_rate", REAL),
     ("damping_ratio", REAL),
+    ("unstable", FLAG),
     ("fitted_growth_rate", REAL),
     ("fitted_low", REAL),
     ("fitted_high", REAL),

@@ -30,7 +30,7 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     points = points_table(plan, rows, SUMMARY_FIELDS)
     write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
-    write_parquet(directory / GROWTH, _nested(rows, "growth", GROWTH_FIELDS))
+    write_parquet(directory / GROWTH, _growth(rows))
     frame: pd.DataFrame = points.to_pandas()
     return frame
 
@@ -68,6 +68,13 @@ def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
         for row in rows
     ]
     return _nested(spread, "modes", fields)
+
+
+def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
+    """Rows of all followed modes; `expressed` is missing where it cannot be told."""
+    table = _nested(rows, "growth", GROWTH_FIELDS)
+    frame = table.to_pandas().astype({"expressed": "boolean"})
+    return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
 
 
 def _nested(rows: Sequence[dict[str, Any]], name: str, fields: Fields) -> pa.Table:
