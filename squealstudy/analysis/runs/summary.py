@@ -23,6 +23,7 @@ from squealstudy.analysis.runs.modal_energies import (
     vibration_energy,
 )
 from squealstudy.analysis.runs.transfer import transfer
+from squealstudy.analysis.tables.energy_ranking import SUSTAINED
 from squealstudy.analysis.transient.mode_planes import DEGENERATE, coordinates
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.reference_modes import projection
@@ -32,7 +33,6 @@ HEARD = 0.01  # share of the energy from which on a sensed mode has columns in t
 LEAST_ROWS = 10  # of a history that says anything
 FAILED = "failed"
 EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
-SUSTAINED = ("limit_cycle", "irregular")  # classes of a vibration that has come to its level
 STABLE = "stable"
 
 
@@ -282,11 +282,15 @@ def _behaviour(run: ModalRun, frequency_hz: float) -> dict[str, Any]:
 def held_energies(run: ModalRun) -> np.ndarray:
     """Part (rows, m) of the sensed energy v^2 whose shape is in each followed complex mode, J.
 
-    Whatever its phases: the projection of the velocities on its real and imaginary part.
+    Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
+    of which the sensors see less than half holds nothing.
     """
-    shapes = run.point.modes.right[run.modes - 1]
-    held = np.zeros((len(run.time), shapes.shape[1]))
-    for k, x in enumerate(shapes.T):
+    whole = run.point.modes.right
+    seen = whole[run.modes - 1]
+    held = np.zeros((len(run.time), whole.shape[1]))
+    for k, x in enumerate(seen.T):
+        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
+            continue
         axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
         axes = axes[:, size > DEGENERATE * size[0]]
         held[:, k] = ((run.v @ axes) ** 2).sum(axis=1)

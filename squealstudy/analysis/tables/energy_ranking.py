@@ -10,7 +10,8 @@ from squealstudy.errors import ResultsError
 
 HEAD = ("point_id", "status", "message", "wall_s")  # then parameters, then the summary from CLASS
 CLASS = "class"
-LASTING = ("limit_cycle", "irregular", "growing")
+SUSTAINED = ("limit_cycle", "irregular")  # classes of a vibration that has come to its level
+LASTING = (*SUSTAINED, "growing")
 SHARES = ("energy_share", "energy_share_low", "energy_share_high", "energy_mean")
 COLUMNS = (
     {"mode": "int64", "frequency_hz": "f8", "energy_share": "f8", "energy_share_max": "f8"}
