@@ -34,15 +34,11 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
     m = len(overlap) // 2
     rest = states - states.mean(axis=0)
     product = rest.T @ rest / len(rest)
-    chosen: list[int] = []
+    order = np.argsort([-_projected(product, overlap, [k]) for k in range(m)], kind="stable")
     share, held = np.zeros(m), 0.0
-    while len(chosen) < m:
-        left = [k for k in range(m) if k not in chosen]
-        found = [_projected(product, overlap, [*chosen, k]) for k in left]
-        best = int(np.argmax(found))
-        chosen.append(left[best])
-        share[left[best]] = max(found[best] - held, 0.0)
-        held = max(found[best], held)
+    for place, k in enumerate(order):
+        found = _projected(product, overlap, list(order[: place + 1]))
+        share[k], held = max(found - held, 0.0), max(found, held)
     whole = max(energy, held)
     return share / whole if whole > 0 else np.full(m, np.nan)
 
