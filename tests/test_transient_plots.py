@@ -354,7 +354,9 @@ def test_neither_neutral_modes_nor_wide_bounds_blank_the_comparison(bound):
     upper, lower = figure.axes
     assert sorted(c.lines[0].get_xdata()[0] for c in upper.containers) == [0.0, 80.0]
     assert 1.25 < lower.get_ylim()[1] < 10.0
-    assert any("deviation 1.2 % (median), 1.25 % (largest); 1 nearly neutral" in t for t in drawn(figure))
+    assert any(
+        "deviation 1.2 % (median), 1.25 % (largest); 1 nearly neutral" in t for t in drawn(figure)
+    )
 
 
 def test_error_bars_are_the_bounds():

@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+from squealstudy.analysis.tables.validity import BETWEEN, rule_counts
 from squealstudy.cli import fidelity_screen, screen
 from squealstudy.cli.experiment import check_experiment_command
 from squealstudy.errors import SquealstudyError
@@ -28,6 +29,7 @@ from squealstudy.study.runner import (
 )
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import experiment_schema, study_schema
+from squealstudy.study.validity import parameter_reasons
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -71,6 +73,7 @@ def _facts(
         *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
         _structures(plan, cost),
         *_method(plan),
+        *_validity(plan),
     ]
     if cost.n_coordinates is not None:
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
@@ -108,6 +111,15 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     kept = f", to {method.tolerance:g}" if method.identity else ""
     bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
     return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+
+
+def _validity(plan: Plan) -> list[tuple[str, str]]:
+    """Design points whose parameters break an assumption; what only their results tell is open."""
+    reasons = [BETWEEN.join(found) for found in parameter_reasons(plan) if found]
+    if not reasons:
+        return []
+    text = f"{len(reasons)} of {len(plan.tasks)} points will be outside: "
+    return [("validity", text + screen.broken_rules(rule_counts(reasons)))]
 
 
 def _bound(plan: Plan) -> str:

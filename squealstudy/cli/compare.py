@@ -47,7 +47,11 @@ def compare_command(freq: Path, time: Path, csv: bool) -> None:
         table.to_csv(sys.stdout, index=False)
         return
     units = frequency.manifest["units"] | transient.manifest["units"]
-    show_comparison(table, list(table.columns[: list(table.columns).index(next(iter(COLUMNS)))]), units)
+    show_comparison(
+        table, list(table.columns[: list(table.columns).index(next(iter(COLUMNS)))]), units
+    )
+    for name, results in (("frequency", frequency), ("time", transient)):
+        screen.outside_validity(results.points, f"{name} study: ")
 
 
 def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
@@ -136,7 +140,9 @@ def summary(table: pd.DataFrame) -> str:
     if not len(predicted) and not len(alone):
         parts.append("neither study predicts an instability there")
     if len(predicted):
-        parts.append(f"{_count(len(predicted), 'predicted instability', 'predicted instabilities')}, {_lives(predicted)}")
+        parts.append(
+            f"{_count(len(predicted), 'predicted instability', 'predicted instabilities')}, {_lives(predicted)}"
+        )
     if len(alone):
         parts.append(f"{len(alone)} more in the time study alone, {_lives(alone)}")
     return "\n".join(["; ".join(parts) + ".", *_unforeseen(table)])
@@ -152,7 +158,10 @@ def _failures(counts: Mapping[Hashable, Any]) -> list[str]:
 
 def _lives(rows: pd.DataFrame) -> str:
     """How many instabilities are in the vibration that lasts."""
-    lives, unknown = rows["expressed"].fillna(False).astype(bool), int(rows["expressed"].isna().sum())
+    lives, unknown = (
+        rows["expressed"].fillna(False).astype(bool),
+        int(rows["expressed"].isna().sum()),
+    )
     text = f"{int(lives.sum())} express themselves"
     return text + (f", {unknown} cannot be told" if unknown else "")
 

@@ -18,5 +18,6 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
         return
     if results.kind == "transient":
         transient_screen.ranking(table)
-        return
-    screen.ranking(table, results.along, results.manifest["units"].get(results.along, ""))
+    else:
+        screen.ranking(table, results.along, results.manifest["units"].get(results.along, ""))
+    screen.outside_validity(results.points)

@@ -42,6 +42,7 @@ def run_command(
             report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
+    screen.outside_validity(results.points)
     screen.console.print()
     drawn = draw_pictures(results, directory) if pictures else []
     screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])

@@ -22,6 +22,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from squealstudy.analysis.tables.validity import validity_counts
+
 INTERRUPTED = 130
 NARROW, WIDE = 6, 30  # least column widths: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
@@ -82,6 +84,19 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
         console.print(f"onset: {name} from which on the mode is unstable", style="dim")
     if table["ambiguous"].any():
         console.print("~ tracking was ambiguous somewhere on this mode's lines", style="dim")
+
+
+def outside_validity(points: pd.DataFrame, head: str = "") -> None:
+    """Print how many design points break an assumption of the model or the method, and which."""
+    outside, solved, rules = validity_counts(points)
+    if outside:
+        text = f"{head}{outside} of {solved} solved design points are outside validity"
+        console.print(f"{text}: {broken_rules(rules)}")
+
+
+def broken_rules(rules: Sequence[tuple[str, int]]) -> str:
+    """What should hold, and how many design points break it."""
+    return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
 
 
 def _energy(row: dict[Hashable, Any]) -> str:

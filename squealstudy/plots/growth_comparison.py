@@ -153,7 +153,9 @@ def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
     deviation = table.loc[sizeable(table), "deviation"].abs()
     text = plural(len(table), "fitted growth rate")
     if len(deviation):
-        text += f", deviation {deviation.median():.2g} % (median), {deviation.max():.3g} % (largest)"
+        text += (
+            f", deviation {deviation.median():.2g} % (median), {deviation.max():.3g} % (largest)"
+        )
     if len(deviation) < len(table):
         text += f"; {len(table) - len(deviation)} nearly neutral, not in these"
     missing = int((growth["fitted_growth_rate"].isna() & growth["unstable"].astype(bool)).sum())

@@ -16,6 +16,7 @@ from squealstudy.errors import ResultsError
 NOT_PARAMETERS = {"point_id", "status", "message", "wall_s", "method", "n_modes", "n_unstable"}
 NOT_PARAMETERS |= {"n_overdamped", "working_point_residual", "open_share"}
 NOT_PARAMETERS |= {"reference_frequency_error", "reference_damping_error"}
+NOT_PARAMETERS |= {"valid", "invalid_reason"}
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 DIVERGENCE, UNTRACKED = -1, -2  # in place of a track number
 KINDS = {DIVERGENCE: "static divergence", UNTRACKED: "untracked"}

@@ -10,7 +10,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
 from squealstudy.models.disc_brake.faces import brake_faces
 from squealstudy.models.disc_brake.interfaces import BrakeInterfaces
-from squealstudy.models.disc_brake.parameters import OPTIONS, PARAMETERS
+from squealstudy.models.disc_brake.parameters import BRAKE_ASSUMPTIONS, OPTIONS, PARAMETERS
 from squealstudy.models.disc_brake.solids import COMPONENTS, MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
 from squealstudy.models.fem.sampling import surface_nodes
 from squealstudy.models.operating import law_from_values
@@ -56,4 +56,5 @@ DISC_BRAKE = ModelDefinition(
     PARAMETERS,
     COMPONENTS,
     build,
+    BRAKE_ASSUMPTIONS,
 )

@@ -60,6 +60,7 @@ SUMMARY_FIELDS = (
     ("n_coordinates", WHOLE),
     ("n_contact_points", WHOLE),
     ("perturbation", REAL),
+    ("invalid_reason", TEXT),
 )
 MODE_FIELDS = (
     ("mode", WHOLE),

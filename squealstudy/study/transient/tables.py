@@ -15,6 +15,7 @@ from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan
 from squealstudy.study.rows import REAL, TEXT, Fields, planned_rows, points_table
 from squealstudy.study.transient.rows import GROWTH_FIELDS, MODE_FIELDS, SCHEMA, SUMMARY_FIELDS
+from squealstudy.study.validity import validity_arrow
 
 
 def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
@@ -27,7 +28,7 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     """
     rows = planned_rows(plan, directory, SCHEMA)
     _remove_unplanned(directory, {row["point_id"] for row in rows})
-    points = points_table(plan, rows, SUMMARY_FIELDS)
+    points = validity_arrow(plan, points_table(plan, rows, SUMMARY_FIELDS))
     write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
     write_parquet(directory / GROWTH, _growth(rows))
