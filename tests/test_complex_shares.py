@@ -53,7 +53,9 @@ def test_motion_along_one_mode_is_all_its_own_energy():
 
 def test_a_static_shift_is_no_vibration():
     q, v = motion(1j * LAM[0].imag, LOCKED)
-    assert shares(q + [0.3, 2.0, -1.0], v, 1j * LAM[:1].imag, RIGHT[:, :1]) == pytest.approx([1.0])
+    assert shares(
+        q + np.array([0.3, 2.0, -1.0]), v, 1j * LAM[:1].imag, RIGHT[:, :1]
+    ) == pytest.approx([1.0])
     assert np.isnan(shares(0 * q, 0 * v, LAM, RIGHT)).all()
 
 
@@ -93,7 +95,7 @@ def recorded(q, v, n_unstable=2, lam=LAM, right=RIGHT):
     energy = mode_energies(q, v, OMEGA).sum(axis=1)
     names = ("normal_force", "stick", "slip", "open")
     history = {"time": TIME, "torque": v @ [1.0, 1.0, 1.0], "modal_energy": energy}
-    history |= {name: 0 * TIME for name in names}
+    history |= dict.fromkeys(names, 0 * TIME)
     modes = GrowingModes(lam, right, right, n_unstable, 0, 0.0, 0.0)
     rows, overlap = mode_planes(OMEGA**2, lam, right)
     growth = np.zeros_like(rows)
@@ -111,7 +113,7 @@ LAST = slice(3000, None)
 def test_a_run_knows_its_shares_from_its_sensors():
     one, other = motion(6300j, LOCKED), motion(6800j, MIXED, 0.3)
     q, v = (a + b for a, b in zip(one, other, strict=True))
-    run = recorded(q + [0.1, 0.0, 0.0], v)
+    run = recorded(q + np.array([0.1, 0.0, 0.0]), v)
     found = level_shares(run, LAST)
     np.testing.assert_allclose(found, shares(q[LAST], v[LAST], LAM, RIGHT), rtol=1e-2)
     assert found[0] > 0.8
@@ -150,7 +152,7 @@ def test_what_nothing_disturbed_does_not_tell():
 
 def lead(first, last, when=0.05):
     """Velocities of two real modes, one before and the other after."""
-    late = TIME > when
+    late = when < TIME
     level = np.where(TIME < 0.02, 1e-3 * np.exp((TIME - 0.02) / 0.004), 1.0)
     parts = [np.where(late, b, a) for a, b in zip(first, last, strict=True)]
     phases = [0.0, np.pi / 2, 0.0]

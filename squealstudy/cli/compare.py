@@ -140,9 +140,8 @@ def summary(table: pd.DataFrame) -> str:
     if not len(predicted) and not len(alone):
         parts.append("neither study predicts an instability there")
     if len(predicted):
-        parts.append(
-            f"{_count(len(predicted), 'predicted instability', 'predicted instabilities')}, {_lives(predicted)}"
-        )
+        number = _count(len(predicted), "predicted instability", "predicted instabilities")
+        parts.append(f"{number}, {_lives(predicted)}")
     if len(alone):
         parts.append(f"{len(alone)} more in the time study alone, {_lives(alone)}")
     return "\n".join(["; ".join(parts) + ".", *_unforeseen(table)])

@@ -73,7 +73,7 @@ def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     failed = int((points["status"] != "ok").sum())
     unstable = int(growth["unstable"].astype(bool).sum())
     counts = points.loc[points["status"] == "ok", "class"].value_counts()
-    rest = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in counts.items())
+    rest = ", ".join(f"{n} {str(kind).replace('_', ' ')}" for kind, n in counts.items())
     parts = [f"{plural(unstable, 'unstable mode')} predicted"]
     parts += [f"runs: {rest}"] if rest else []
     parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []

@@ -7,7 +7,7 @@ they say little of a brake. Reasons read ``rule: value``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -90,18 +90,19 @@ def open_reason(law_kind: str, share: float) -> str:
 
 
 def _broken(design: Design) -> list[str]:
-    texts = [a.broken(design.values) for a in design.model.assumptions]
+    given: Mapping[str, float] = design.values  # noqa: PD011 - no data frame
+    texts = [a.broken(given) for a in design.model.assumptions]
     for rule, most, parameters in (
         (MODE_RULE, LIGHT_DAMPING, design.assembly_parameters()),
         (COMPONENT_RULE, np.nextafter(CRITICAL, 0.0), design.mode_parameters()),
     ):
-        damped = [design.values[p.name] for p in parameters if p.quantity == "damping_ratio"]
+        damped = [given[p.name] for p in parameters if p.quantity == "damping_ratio"]
         if max(damped, default=0.0) > most:
             texts.append(f"{rule}: {max(damped):.4g}")
     return [text for text in texts if text]
 
 
-def _of_the_point(design: Design, row: Mapping[str, object]) -> list[str]:
+def _of_the_point(design: Design, row: Mapping[Hashable, object]) -> list[str]:
     """What the findings of a point break."""
     if isinstance(design.model, FamilyDefinition):
         return []
@@ -110,12 +111,12 @@ def _of_the_point(design: Design, row: Mapping[str, object]) -> list[str]:
         texts.append(open_reason(design.law_kind, _number(row, "open_share")))
     elif design.law_kind == "bilateral":
         texts.append(open_reason(design.law_kind, _number(row, "open_share_max")))
-    kick = _number(row, "perturbation") / design.values["sliding_speed"]
+    kick = _number(row, "perturbation") / design.operating_point().sliding_speed
     texts += [f"{KICK_RULE}: {kick:.4g}"] if kick > FAR_KICK else []
     return texts
 
 
-def _number(row: Mapping[str, object], name: str) -> float:
+def _number(row: Mapping[Hashable, object], name: str) -> float:
     value = row.get(name)
     return float(value) if isinstance(value, int | float) else np.nan
 
@@ -132,7 +133,8 @@ def _damped_modes(plan: Plan) -> list[list[str]]:
     highest: dict[str, float] = {}
     reasons: list[list[str]] = []
     for task in plan.tasks:
-        zeta, beta = (task.design.values[n] for n in ("damping_ratio", "stiffness_damping"))
+        state = task.design.state()
+        zeta, beta = state.damping_ratio, state.stiffness_damping
         key = task.prepared_key
         if zeta + np.pi * beta * high < CRITICAL or not is_prepared(key):
             reasons.append([])

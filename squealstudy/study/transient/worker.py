@@ -9,6 +9,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.summary import history_frame, summarise
+from squealstudy.analysis.tables.validity import BETWEEN
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, EXACT_LIMIT, energy_drift
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.storage_error import STORAGE_LIMIT, storage_number
@@ -26,7 +27,7 @@ from squealstudy.study.transient.modal_runs import Finished, modal_runs
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.transient.rows import SCHEMA, failed_row, row
 from squealstudy.study.transient.start import save_state
-from squealstudy.study.validity import BETWEEN, open_reason
+from squealstudy.study.validity import open_reason
 from squealstudy.study.working_points import NewGaps
 
 RINGS = 1.0  # stick number beyond which a stuck contact rings at the step
