@@ -311,6 +311,12 @@ def test_two_studies_of_one_kind_are_refused(studies):
         compare_command(studies[0], studies[0], csv=False)
 
 
+def test_a_growth_table_of_an_earlier_version_is_one_clear_error(studies):
+    GROWTH.drop(columns="unstable").to_parquet(studies[1] / "growth.parquet")
+    with pytest.raises(ResultsError, match="earlier version of squealstudy; run the study again"):
+        compare_command(*studies, csv=False)
+
+
 def test_two_models_are_refused(studies, tmp_path):
     manifest = json.loads((studies[1] / "manifest.json").read_text())
     (studies[1] / "manifest.json").write_text(json.dumps(manifest | {"model": "hoffmann"}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -219,6 +220,8 @@ def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
     rank_command(tmp_path / "r", "share", None, None, csv=False)
     said = " ".join(capsys.readouterr().out.split())
     assert "1 of 3 solved design points are outside validity: 1 break 'both contacts" in said
+    rank_command(tmp_path / "r", "share", None, "valid", csv=True)
+    assert pd.read_csv(io.StringIO(capsys.readouterr().out))["unstable_share"].tolist() == [0.5]
     rank_command(tmp_path / "r", "share", None, None, csv=True)
     assert "validity" not in capsys.readouterr().out
 

@@ -24,7 +24,6 @@ from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import SLOPE
-from squealstudy.study.names import GROWTH
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.results import Results
 
@@ -74,7 +73,7 @@ def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
         frequency.points,
         frequency.modes,
         transient.points,
-        pd.read_parquet(transient.directory / GROWTH),
+        transient.growth,
         ours,
         theirs,
         nominal,
