@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.analysis.tables.comparison import COLUMNS, _partners, compare
+from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
 from squealstudy.cli.compare import compare_command, compare_results, summary
 from squealstudy.errors import ResultsError
 from squealstudy.study.complex_modes.onsets import onsets_arrow
@@ -36,8 +37,12 @@ def freq_modes(points, rows=((7, 3255.0, 320.0), (9, 4940.0, 250.0), (3, 5240.0,
     return table.assign(unstable=table["growth_rate"] > 0, overdamped=False)
 
 
+RUN = ("n_unstable", "dominant_frequency_hz", "torque_rms")
+
+
 def time_points(friction=(0.4, 0.5), kinds=("limit_cycle", "growing"), **others):
-    return points_table({"friction": list(friction), **others}, kinds)
+    own = {name: others.pop(name) for name in RUN if name in others}
+    return points_table({"friction": list(friction), **others}, kinds, **own)
 
 
 GROWTH = growth_table(
@@ -68,7 +73,8 @@ def test_instabilities_of_both_studies_stand_side_by_side():
     assert (first["predicted_frequency_hz"], first["predicted_growth_rate"]) == (3250.0, 321.0)
     assert (first["low"], first["fitted_growth_rate"], first["high"]) == (315.0, 318.0, 321.0)
     assert first["deviation"] == pytest.approx(318.0 / 320.0 - 1)
-    assert table["expressed"].tolist()[:3] == [True, False, True]
+    assert table["kind"].tolist() == ["both", "both", "both", "frequency", "time"]
+    assert table["expressed"].tolist() == [True, False, pd.NA, pd.NA, pd.NA]  # p1 still grows
     assert table["class"].tolist() == ["limit_cycle"] * 2 + ["growing"] * 3
     assert (first["freq_point_id"], first["time_point_id"]) == ("f1", "p0")
     assert first["dominant_frequency_hz"] == 3175.0
@@ -85,12 +91,69 @@ def test_what_one_study_alone_predicts_has_nan_of_the_other():
     assert time_only["expressed"] is pd.NA
 
 
-def test_stable_overdamped_and_untracked_modes_are_no_predictions():
+def test_stable_modes_are_no_predictions_divergence_and_untracked_modes_are():
     freq = freq_points()
     modes = freq_modes(freq)
     modes.loc[modes["track"] == 9, "overdamped"] = True
     modes.loc[modes["track"] == 7, "track"] = -1
-    assert compared(modes=modes)["track"].tolist() == [0, 0, 0, 0]
+    table = compared(modes=modes)
+    assert table["track"].tolist() == [UNTRACKED, DIVERGENCE, 0, UNTRACKED, DIVERGENCE, 0]
+    assert table["kind"].tolist() == ["both", "frequency", "time", "both", "frequency", "time"]
+    text = summary(table)
+    assert "4 predicted instabilities, 1 express themselves, 3 cannot be told" in text
+
+
+VIBRATES = {"dominant_frequency_hz": 77.0, "torque_rms": 5.0, "n_unstable": 0}
+
+
+@pytest.mark.parametrize(
+    ("kind", "found"),
+    [(kind, True) for kind in ("limit_cycle", "irregular", "growing", "undecided")]
+    + [(kind, False) for kind in ("stable", "failed")],
+)
+def test_what_vibrates_though_no_mode_is_predicted_has_a_row(kind, found):
+    """A design that squeals only when kicked: complex modes say that it is stable."""
+    points = time_points((0.4,), (kind,), **VIBRATES)
+    freq = freq_points()
+    table = compared(points, GROWTH.iloc[:0], freq, freq_modes(freq, ((3, 5240.0, -4.0),)))
+    assert len(table) == found
+    assert table.attrs["points"] == 1
+    if found:
+        row = table.iloc[0]
+        assert (row["kind"], row["track"], row["class"]) == ("vibration", 0, kind)
+        assert (row["dominant_frequency_hz"], row["torque_rms"]) == (77.0, 5.0)
+        assert row["expressed"] is pd.NA
+        lasts = kind in ("limit_cycle", "irregular")
+        told = "vibrate in time" if lasts else "grow or are undecided in time"
+        assert f"1 design point: {told} with no mode predicted." in summary(table)
+
+
+def test_a_vibration_that_no_predicted_instability_carries_has_a_row_beside_them():
+    growth = GROWTH.assign(level_share=0.01, expressed=False)
+    points = time_points(kinds=("limit_cycle", "stable"), n_unstable=2)
+    table = compared(points, growth)
+    assert table["kind"].tolist() == ["both", "both", "vibration", "both", "frequency", "time"]
+    assert "1 design point: vibrate in time otherwise than predicted." in summary(table)
+    followed = time_points(kinds=("limit_cycle", "stable"), n_unstable=[3, 1])
+    assert compared(followed, growth)["kind"].tolist()[2] == "unfollowed"
+    above = time_points(kinds=("limit_cycle", "stable"), n_unstable=2).assign(n_unstable_above=1)
+    text = summary(compared(above, growth))
+    assert "unstable modes are not followed" in text
+    assert "otherwise than predicted" not in text
+
+
+@pytest.mark.parametrize("kind", ["growing", "undecided", "failed"])
+def test_a_run_that_has_not_come_to_its_level_does_not_tell_what_lives(kind):
+    table = compared(time_points((0.4,), (kind,)), GROWTH.assign(expressed=True))
+    assert table["expressed"].isna().all()
+
+
+def test_a_stable_mode_of_the_time_study_is_no_prediction():
+    """Undamped, its growth rate is 1e-12: round-off, not an instability."""
+    growth = GROWTH.assign(growth_rate=1e-12, unstable=False)
+    points = time_points(kinds=("limit_cycle", "stable"), n_unstable=0)
+    kinds = compared(points, growth)["kind"].tolist()
+    assert kinds == ["frequency", "frequency", "vibration", "frequency", "frequency"]
 
 
 def test_points_join_within_round_off_only():
@@ -140,14 +203,20 @@ def test_points_that_failed_in_the_frequency_study():
     freq = freq_points(status="working_point")
     with pytest.raises(ResultsError, match="failed in the frequency"):
         compared(freq=freq, modes=freq_modes(freq).iloc[:0])
+    some = freq_points()
+    some.loc[2, "status"] = "working_point"  # 0.5 at 4e5 Pa
+    table = compared(freq=some, modes=freq_modes(some.drop(index=2)))
+    assert set(table["time_point_id"]) == {"p0"}
+    assert "2 design points compared; 1 of them failed in the frequency study" in summary(table)
 
 
-def test_without_any_instability_the_table_is_empty_but_whole():
-    freq = freq_points()
-    table = compared(growth=GROWTH.iloc[:0], modes=freq_modes(freq, ((3, 5240.0, -4.0),)))
+def test_without_any_instability_or_motion_the_table_is_empty_but_whole():
+    freq, points = freq_points(), time_points(kinds=("stable", "failed"), n_unstable=0)
+    table = compared(points, GROWTH.iloc[:0], modes=freq_modes(freq, ((3, 5240.0, -4.0),)))
+    text = "2 design points compared; 1 of them failed in the time study; neither study predicts"
+    assert summary(table).startswith(text)
     assert len(table) == 0
     assert table["expressed"].dtype == "boolean"
-    assert summary(table).startswith("Neither study predicts")
 
 
 def test_neighbours_are_paired_once_closest_first():
@@ -219,9 +288,9 @@ def studies(tmp_path):
 def test_the_command_prints_a_table_and_a_summary(studies, capsys):
     compare_command(*studies, csv=False)
     text = " ".join(capsys.readouterr().out.split())
-    assert "4 predicted instabilities at 2 design points, 2 express themselves" in text
-    assert "1 cannot be told" in text
-    assert "1 more in the time study alone" in text
+    assert "2 design points compared; 4 predicted instabilities, 1 express themselves" in text
+    assert "2 cannot be told" in text
+    assert "1 more in the time study alone, 0 express themselves, 1 cannot be told" in text
     assert "315 to 321" in text
     assert "growing, 3175 Hz" in text
     assert CALIPER not in text
@@ -240,6 +309,12 @@ def test_the_order_of_the_directories_does_not_matter(studies, capsys):
 def test_two_studies_of_one_kind_are_refused(studies):
     with pytest.raises(ResultsError, match=r"freq is complex_modes, .*freq is complex_modes"):
         compare_command(studies[0], studies[0], csv=False)
+
+
+def test_a_growth_table_of_an_earlier_version_is_one_clear_error(studies):
+    GROWTH.drop(columns="unstable").to_parquet(studies[1] / "growth.parquet")
+    with pytest.raises(ResultsError, match="earlier version of squealstudy; run the study again"):
+        compare_command(*studies, csv=False)
 
 
 def test_two_models_are_refused(studies, tmp_path):

@@ -299,13 +299,14 @@ def test_a_band_beyond_the_samples_is_said_and_uneven_samples_are_resampled():
 
 def test_growth_comparison_has_both_panels():
     points = points_table({"friction": MU[:3]}, ["limit_cycle"] * 2 + ["stable"])
-    points.loc[2, ["n_unstable", "predicted_growth_rate"]] = [0, -20.0]
-    points.loc[2, ["growth_rate", "growth_rate_low", "growth_rate_high"]] = [-20.2, -20.6, -19.8]
-    table = growth_pairs(GROWTH, points)
+    calm = GROWTH.iloc[:1].assign(point_id="p2", growth_rate=-20.0, unstable=False, expressed=None)
+    calm = calm.assign(fitted_growth_rate=-20.2, fitted_low=-20.6, fitted_high=-19.8)
+    growth = pd.concat([GROWTH, calm], ignore_index=True)
+    table = growth_pairs(growth, points)
     assert table["predicted"].tolist() == [300.0, 249.0, 2.0, -20.0]
     assert table["deviation"].tolist() == pytest.approx([1.0, 100 * (230 / 249 - 1), 500.0, 1.0])
-    assert table["kind"].tolist()[-1] == "stable point"
-    figure = growth_comparison(GROWTH, points)
+    assert table["kind"].tolist()[-1] == "stable mode"
+    figure = growth_comparison(growth, points)
     upper, lower = figure.axes
     assert upper.get_ylabel() == "Fitted growth rate [1/s]"
     assert (lower.get_xlabel(), lower.get_ylabel()) == (
@@ -325,9 +326,37 @@ def test_growth_comparison_has_both_panels():
     assert any(t.startswith("4 fitted growth rates, deviation") for t in texts)
     assert any(t.endswith("1 predicted without a fit") for t in texts)
     names = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert set(names) == {"equal", "expressed in the limit cycle (1)", "not expressed (2)"} | {
-        "stable point (1)"
+    assert set(names) == {"equal", "expressed in the vibration (1)", "not expressed (2)"} | {
+        "stable mode (1)"
     }
+
+
+def test_every_fitted_rate_of_growth_is_counted_once():
+    """The least stable mode of a stable point is in the growth table: it was drawn twice."""
+    points = points_table({"friction": MU[:2]}, ["stable", "growing"], n_unstable=[0, 1])
+    growth = growth_table(
+        [("p0", 1, 3250.0, -20.0, -20.1, np.nan), ("p1", 1, 3250.0, 50.0, 50.5, np.nan)]
+    )
+    table = growth_pairs(growth, points)
+    assert table["kind"].tolist() == ["stable mode", "not told yet"]
+    texts = drawn(growth_comparison(growth, points))
+    assert any(t.startswith("2 fitted growth rates, deviation") for t in texts)
+    assert not any("without a fit" in t for t in texts)
+
+
+@pytest.mark.parametrize("bound", [3.0, 1e9, np.nan])
+def test_neither_neutral_modes_nor_wide_bounds_blank_the_comparison(bound):
+    """A prediction of 1e-13 1/s deviates by 1e12 %; bounds of 1e9 1/s made the scale."""
+    growth = growth_table([("p0", 1, 100.0, 80.0, 81.0, 0.5), ("p1", 1, 100.0, 0.0, -1e-3, 0.5)])
+    growth["fitted_low"] = growth["fitted_growth_rate"] - bound
+    growth["fitted_high"] = growth["fitted_growth_rate"] + bound
+    figure = growth_comparison(growth, points_table({"friction": MU[:2]}, ["limit_cycle"] * 2))
+    upper, lower = figure.axes
+    assert sorted(c.lines[0].get_xdata()[0] for c in upper.containers) == [0.0, 80.0]
+    assert 1.25 < lower.get_ylim()[1] < 10.0
+    assert any(
+        "deviation 1.2 % (median), 1.25 % (largest); 1 nearly neutral" in t for t in drawn(figure)
+    )
 
 
 def test_error_bars_are_the_bounds():
@@ -344,13 +373,13 @@ def test_growth_of_a_run_that_failed_later_is_marked():
 def test_growth_without_any_fit():
     points, _ = sweep(["failed"] * 6)
     none = growth_comparison(GROWTH.iloc[:0], points)
-    assert said(none) == "no growth rate was fitted; 6 of 6 points failed"
+    text = "no growth rate was fitted: 0 unstable modes predicted; 6 of 6 points failed"
+    assert said(none) == text
     unfitted = GROWTH.assign(fitted_growth_rate=np.nan)
-    assert said(growth_comparison(unfitted, one_point())) == "no growth rate was fitted"
-    assert (
-        said(growth_comparison(GROWTH.iloc[:0], one_point().iloc[:0]))
-        == "no growth rate was fitted"
-    )
+    text = f"no growth rate was fitted: {len(GROWTH)} unstable modes predicted; runs: 1 limit cycle"
+    assert said(growth_comparison(unfitted, one_point())) == text
+    empty = growth_comparison(GROWTH.iloc[:0], one_point().iloc[:0])
+    assert said(empty) == "no growth rate was fitted: no design points"
 
 
 # -- levels over a parameter

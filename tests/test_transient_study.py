@@ -159,6 +159,13 @@ def test_the_other_columns(finished):
     assert (modes.groupby("point_id")["energy_share"].sum() <= 1.0 + 1e-9).all()
     assert set(modes["mode"]) == {1}
     assert len(finished.growth) == len(points)
+    assert finished.growth["unstable"].tolist() == (points["n_unstable"] > 0).tolist()
+    shares = finished.growth["level_share"].dropna()
+    assert (shares <= 1.0).all()
+    assert (shares > 0.99).all()  # stick-slip of one mass
+    assert finished.growth["expressed"].dtype == "boolean"
+    assert points["valid"].tolist() == [True] * len(points)
+    assert points.columns[-2:].tolist() == ["valid", "invalid_reason"]
 
 
 def test_histories(finished):

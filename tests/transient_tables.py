@@ -61,7 +61,9 @@ def growth_table(rows):
     table["fitted_high"] = table["fitted_growth_rate"] + 3.0
     table["fit_start"], table["fit_stop"] = 0.005, 0.015
     table["damping_ratio"] = -0.01
-    table["expressed"] = table["level_share"] >= 0.05
+    table["unstable"] = table["growth_rate"] > 0
+    lasting = table["level_share"].notna()
+    table["expressed"] = (table["level_share"] >= 0.05).astype("boolean").where(lasting)
     return table
 
 

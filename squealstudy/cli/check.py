@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+from squealstudy.analysis.tables.validity import BETWEEN, rule_counts
 from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
@@ -26,6 +27,7 @@ from squealstudy.study.runner import (
 )
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import experiment_schema, study_schema
+from squealstudy.study.validity import parameter_reasons
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -74,6 +76,7 @@ def _facts(
         _structures(plan, cost),
         *_method(plan),
         *transient_screen.regularisation(plan.regularisation),
+        *_validity(plan),
     ]
     if cost.n_coordinates is not None:
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
@@ -111,6 +114,15 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     kept = f", to {method.tolerance:g}" if method.identity else ""
     bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
     return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+
+
+def _validity(plan: Plan) -> list[tuple[str, str]]:
+    """Design points whose parameters break an assumption; what only their results tell is open."""
+    reasons = [BETWEEN.join(found) for found in parameter_reasons(plan) if found]
+    if not reasons:
+        return []
+    text = f"{len(reasons)} of {len(plan.tasks)} points will be outside: "
+    return [("validity", text + screen.broken_rules(rule_counts(reasons)))]
 
 
 def _bound(plan: Plan) -> str:

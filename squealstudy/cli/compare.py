@@ -10,15 +10,25 @@ from typing import Any
 import pandas as pd
 from rich.table import Table
 
-from squealstudy.analysis.tables.comparison import compare
+from squealstudy.analysis.tables.comparison import (
+    BOTH,
+    COLUMNS,
+    UNFOLLOWED,
+    VIBRATION,
+    compare,
+)
+from squealstudy.analysis.tables.comparison import FREQUENCY as PREDICTED
+from squealstudy.analysis.tables.comparison import TIME as OWN
+from squealstudy.analysis.tables.energy_ranking import SUSTAINED
+from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
 from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
-from squealstudy.study.names import GROWTH
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.results import Results
 
 FREQUENCY, TIME = "complex_modes", "transient"
+LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
 
 
@@ -36,7 +46,11 @@ def compare_command(freq: Path, time: Path, csv: bool) -> None:
         table.to_csv(sys.stdout, index=False)
         return
     units = frequency.manifest["units"] | transient.manifest["units"]
-    show_comparison(table, list(table.columns[: list(table.columns).index("track")]), units)
+    show_comparison(
+        table, list(table.columns[: list(table.columns).index(next(iter(COLUMNS)))]), units
+    )
+    for name, results in (("frequency", frequency), ("time", transient)):
+        screen.outside_validity(results.points, f"{name} study: ")
 
 
 def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
@@ -61,7 +75,7 @@ def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:
         frequency.points,
         frequency.modes,
         transient.points,
-        pd.read_parquet(transient.directory / GROWTH),
+        transient.growth,
         ours,
         theirs,
         nominal,
@@ -112,32 +126,69 @@ def show_comparison(table: pd.DataFrame, parameters: list[str], units: dict[str,
         return
     screen.console.print(
         "growth: of the frequency study; forecast: of the time study's own complex mode; fitted: "
-        "in time; dev: fitted against growth; energy: share of the last window",
+        "in time; dev: fitted against growth; energy: share of the vibration that lasts, in the "
+        "mode's plane of motion; lives: 5 % or more of it, ? where the run does not tell",
         style="dim",
     )
 
 
 def summary(table: pd.DataFrame) -> str:
-    """How many instabilities were predicted, and how many express themselves."""
-    if not len(table):
-        return "Neither study predicts an instability at the design points that both have."
-    predicted = table[(table["track"] > 0).to_numpy()]
-    expressed = predicted["expressed"].fillna(False).to_numpy(bool)
-    alone, unknown = len(table) - len(predicted), int(predicted["expressed"].isna().sum())
-    points = table["time_point_id"].nunique()
-    text = f"{len(predicted)} predicted instabilities at {points} design points, "
-    text += f"{int(expressed.sum())} express themselves"
-    text += f"; {unknown} cannot be told" if unknown else ""
-    return text + (f"; {alone} more in the time study alone" if alone else "")
+    """What was compared, how much is predicted and expressed, and what vibrates unforeseen."""
+    points = table.attrs["points"]
+    parts = [f"{_count(points, 'design point')} compared", *_failures(table.attrs)]
+    predicted = table[table["kind"].isin([BOTH, PREDICTED]).to_numpy()]
+    alone = table[(table["kind"] == OWN).to_numpy()]
+    if not len(predicted) and not len(alone):
+        parts.append("neither study predicts an instability there")
+    if len(predicted):
+        number = _count(len(predicted), "predicted instability", "predicted instabilities")
+        parts.append(f"{number}, {_lives(predicted)}")
+    if len(alone):
+        parts.append(f"{len(alone)} more in the time study alone, {_lives(alone)}")
+    return "\n".join(["; ".join(parts) + ".", *_unforeseen(table)])
+
+
+def _failures(counts: Mapping[Hashable, Any]) -> list[str]:
+    return [
+        f"{counts[f'failed_{name}']} of them failed in the {name} study"
+        for name in ("frequency", "time")
+        if counts[f"failed_{name}"]
+    ]
+
+
+def _lives(rows: pd.DataFrame) -> str:
+    """How many instabilities are in the vibration that lasts."""
+    lives, unknown = (
+        rows["expressed"].fillna(False).astype(bool),
+        int(rows["expressed"].isna().sum()),
+    )
+    text = f"{int(lives.sum())} express themselves"
+    return text + (f", {unknown} cannot be told" if unknown else "")
+
+
+def _unforeseen(table: pd.DataFrame) -> list[str]:
+    """Sentences on motion that no predicted instability explains."""
+    rows = table[(table["kind"] == VIBRATION).to_numpy()]
+    lasts = rows["class"].isin(SUSTAINED).to_numpy(bool)
+    others = table[table["kind"].isin([BOTH, PREDICTED, OWN])]
+    foreseen = rows["time_point_id"].isin(others["time_point_id"]).to_numpy(bool)
+    waits = int((table["kind"] == UNFOLLOWED).sum())
+    told = (
+        (int((lasts & ~foreseen).sum()), "vibrate in time with no mode predicted"),
+        (int((lasts & foreseen).sum()), "vibrate in time otherwise than predicted"),
+        (int((~lasts).sum()), "grow or are undecided in time with no mode predicted"),
+        (waits, "vibrate while unstable modes are not followed (above the band, or too many)"),
+    )
+    return [f"{_count(number, 'design point')}: {text}." for number, text in told if number]
 
 
 def _cells(row: dict[Hashable, Any]) -> list[str]:
     known = row["frequency_hz"] == row["frequency_hz"]
     bounds = f"{row['low']:.4g} to {row['high']:.4g}" if row["low"] == row["low"] else "-"
-    lives = "-" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
-    dominant = _number(row["dominant_frequency_hz"], ".0f")
+    lives = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
+    moves = row["kind"] in (VIBRATION, UNFOLLOWED)
     return [
-        str(row["track"]) if row["track"] else "-",
+        LABELS.get(int(row["track"]), str(row["track"])) if row["track"] else "-",
         _number(row["frequency_hz"] if known else row["predicted_frequency_hz"], ".0f"),
         _number(row["growth_rate"]),
         _number(row["predicted_growth_rate"]),
@@ -145,9 +196,21 @@ def _cells(row: dict[Hashable, Any]) -> list[str]:
         bounds,
         _number(100 * row["deviation"], "+.1f"),
         _number(100 * row["level_share"], ".0f"),
-        lives,
-        str(row["class"]) + (f", {dominant} Hz" if dominant != "-" else ""),
+        "-" if moves else lives,
+        _motion(row),
     ]
+
+
+def _motion(row: dict[Hashable, Any]) -> str:
+    """Class, leading line and level of the run; of motion that nothing predicts, that it is."""
+    line = _number(row["dominant_frequency_hz"], ".0f")
+    text = str(row["class"]) + (f", {line} Hz" if line != "-" else "")
+    why = {VIBRATION: "not predicted", UNFOLLOWED: "not followed"}.get(str(row["kind"]))
+    return f"{text}, RMS {_number(row['torque_rms'])}: {why}" if why else text
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
 
 
 def _number(value: float, form: str = ".4g") -> str:

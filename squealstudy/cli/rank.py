@@ -18,6 +18,7 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
         return
     if results.kind == "transient":
         transient_screen.ranking(table)
-        return
-    unit = results.manifest["units"].get(results.along, "")
-    screen.ranking(table, results.along, unit, screen.Scope.of(results, where))
+    else:
+        unit = results.manifest["units"].get(results.along, "")
+        screen.ranking(table, results.along, unit, screen.Scope.of(results, where))
+    screen.outside_validity(results.points)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 from rich.table import Table
 
-from squealstudy.cli.screen import console
+from squealstudy.cli.screen import console, outside_validity
 from squealstudy.study.results import SOBOL_INDICES, Results
 
 LISTED = 12  # tracks where the user does not say
@@ -31,6 +31,7 @@ def robust_command(
         if not indices:
             console.print()
         show_indices(results.sobol_indices(kept, confidence), confidence)
+    outside_validity(results.points)
 
 
 def show_probabilities(table: pd.DataFrame, confidence: float, sampled: bool = False) -> None:

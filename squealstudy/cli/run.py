@@ -43,6 +43,7 @@ def run_command(
             report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
+    screen.outside_validity(results.points)
     screen.console.print()
     drawn = _draw(results, directory) if pictures else []
     screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 from squealstudy.analysis.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
 from squealstudy.analysis.tables.mode_ranking import UNTRACKED, frequency_text, group_kind
+from squealstudy.analysis.tables.validity import validity_counts
 from squealstudy.study.results import Results
 
 INTERRUPTED = 130
@@ -145,6 +146,19 @@ def _legend(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
         texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
     for text in texts:
         console.print(text, style="dim")
+
+
+def outside_validity(points: pd.DataFrame, head: str = "") -> None:
+    """Print how many design points break an assumption of the model or the method, and which."""
+    outside, solved, rules = validity_counts(points)
+    if outside:
+        text = f"{head}{outside} of {solved} solved design points are outside validity"
+        console.print(f"{text}: {broken_rules(rules)}")
+
+
+def broken_rules(rules: Sequence[tuple[str, int]]) -> str:
+    """What should hold, and how many design points break it."""
+    return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
 
 
 def _energy(row: dict[Hashable, Any]) -> str:

@@ -41,6 +41,7 @@ def sensitivity_command(
         rank_sensitivities(chosen, top).to_csv(sys.stdout, index=False)
         return
     show_ranking(results, mode, top)
+    screen.outside_validity(results.points)
 
 
 def _run(study: Study, jobs: int | None) -> Results:

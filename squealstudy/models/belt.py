@@ -27,6 +27,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
+    ASSUMPTIONS,
     DAMPING,
     DECAY_SPEED,
     FRICTION,
@@ -88,4 +89,5 @@ BELT = ModelDefinition(
     PARAMETERS,
     ("mass",),
     build,
+    ASSUMPTIONS,
 )

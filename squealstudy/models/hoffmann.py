@@ -20,6 +20,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
+    ASSUMPTIONS,
     DAMPING,
     FRICTION,
     FRICTION_LAW,
@@ -85,4 +86,5 @@ HOFFMANN = ModelDefinition(
     PARAMETERS,
     ("mass",),
     build,
+    ASSUMPTIONS,
 )

@@ -18,13 +18,16 @@ import numpy as np
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
+    ASSUMPTIONS,
     DAMPING,
     FRICTION,
     FRICTION_LAW,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
+    OperatingPoint,
+    law_from_values,
 )
-from squealstudy.models.parameter import ModelDefinition, structural
+from squealstudy.models.parameter import Assumption, ModelDefinition, structural
 
 PARAMETERS = (
     FRICTION,
@@ -40,6 +43,23 @@ PARAMETERS = (
             ("normal_force", 100.0, "N", "along both normals: presses both contacts for mu < 1"),
         )
     ),
+)
+
+
+def _friction(values: Mapping[str, float]) -> float:
+    """The coefficient at the sliding speed."""
+    return OperatingPoint(
+        values["friction"],
+        1.0,
+        values["sliding_speed"],
+        law_from_values("bilateral", values),
+        values["friction_law.static_ratio"],
+        values["friction_law.decay_speed"],
+    ).mu_steady
+
+
+BOTH_PRESS = Assumption(
+    "both contacts press only for friction below 1", _friction, float(np.nextafter(1.0, 0.0))
 )
 
 
@@ -71,4 +91,5 @@ HULTEN = ModelDefinition(
     PARAMETERS,
     ("mass",),
     build,
+    (*ASSUMPTIONS, BOTH_PRESS),
 )

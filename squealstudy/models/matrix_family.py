@@ -127,7 +127,7 @@ def family_definition(
 ) -> FamilyDefinition:
     """The model of these terms, with the value of each parameter where nothing is swept."""
     parameters = tuple(Parameter(n, v, "", "in the coefficients") for n, v in nominal.items())
-    return FamilyDefinition(NAME, DESCRIPTION, (), parameters, (), _no_assembly, sources)
+    return FamilyDefinition(NAME, DESCRIPTION, (), parameters, (), _no_assembly, sources=sources)
 
 
 def _no_assembly(

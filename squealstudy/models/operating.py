@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from squealstudy.models.law import ContactLaw
-from squealstudy.models.parameter import Parameter
+from squealstudy.models.parameter import Assumption, Parameter
 
 FRICTION = Parameter(
     "friction", 0.5, "", "friction coefficient mu, the dynamic one", minimum=0.0, maximum=5.0
@@ -24,7 +24,6 @@ STIFFNESS_DAMPING = Parameter(
     "s",
     "damping proportional to stiffness (Rayleigh's beta): beta omega / 2 on top of damping_ratio",
     minimum=0.0,
-    maximum=1.0,
 )
 STATIC_RATIO = Parameter(
     "friction_law.static_ratio",
@@ -73,6 +72,28 @@ CONTACT_LAW = (
     ),
     Parameter("contact.exponent", 1.5, "", "power law: exponent", minimum=1.0, maximum=10.0),
 )
+
+LARGEST_FRICTION = 2.0  # of dry contacts; brakes are below 1
+LIGHT_DAMPING = 0.2  # up to which modes that are damped apart from each other are an approximation
+
+
+def _static_friction(values: Mapping[str, float]) -> float:
+    return values["friction"] * values["friction_law.static_ratio"]
+
+
+def _damping_ratio(values: Mapping[str, float]) -> float:
+    return values["damping_ratio"]
+
+
+FRICTION_RANGE = Assumption(
+    f"static friction of dry contacts is at most {LARGEST_FRICTION:g}",
+    _static_friction,
+    LARGEST_FRICTION,
+)
+LIGHTLY_DAMPED = Assumption(
+    f"modal damping is light, a ratio of at most {LIGHT_DAMPING:g}", _damping_ratio, LIGHT_DAMPING
+)
+ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # of every model with contact
 
 
 @dataclass(frozen=True)

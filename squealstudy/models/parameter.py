@@ -26,6 +26,8 @@ class Parameter:
         Closed bounds; with `positive` the minimum itself is excluded.
     positive : bool
         The value must be greater than zero.
+    above, below : float
+        Open bounds.
     structural : bool
         True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
     """
@@ -38,6 +40,8 @@ class Parameter:
     maximum: float = math.inf
     positive: bool = False
     structural: bool = False
+    above: float = -math.inf
+    below: float = math.inf
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""
@@ -59,6 +63,14 @@ class Parameter:
             raise ParameterError(
                 self.name, f"expected at most {self.maximum:g}{self._unit()}, got {value:g}"
             )
+        for bound, word, kept in (
+            (self.above, "above", value > self.above),
+            (self.below, "below", value < self.below),
+        ):
+            if not kept:
+                raise ParameterError(
+                    self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
+                )
         return float(value)
 
     def _unit(self) -> str:
@@ -78,6 +90,30 @@ class Option:
 
 
 @dataclass(frozen=True)
+class Assumption:
+    """What a model takes for granted, as a bound on a dimensionless group of its parameters.
+
+    Attributes
+    ----------
+    rule : str
+        What holds up to the bound, in words: the reason of a design point beyond it.
+    group : callable
+        Values of all parameters -> the dimensionless group.
+    most : float
+        The largest value of the group for which the model holds.
+    """
+
+    rule: str
+    group: Callable[[Mapping[str, float]], float]
+    most: float
+
+    def broken(self, values: Mapping[str, float]) -> str:
+        """The rule and the group's value where it is beyond the bound, else an empty text."""
+        value = self.group(values)
+        return "" if value <= self.most else f"{self.rule}: {value:.4g}"
+
+
+@dataclass(frozen=True)
 class ModelDefinition:
     """A model of the catalogue: how it is named, varied and built.
 
@@ -87,6 +123,8 @@ class ModelDefinition:
         (options, parameter values, all of them) -> Assembly.
     components : tuple of str
         Names, known before the model is built.
+    assumptions : tuple of Assumption
+        What must hold of the parameters for a design point's results to be valid.
     """
 
     name: str
@@ -95,6 +133,7 @@ class ModelDefinition:
     parameters: tuple[Parameter, ...]
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
+    assumptions: tuple[Assumption, ...] = ()
 
     @property
     def energy_parts(self) -> tuple[str, ...]:

@@ -12,12 +12,16 @@ from matplotlib.ticker import MaxNLocator
 
 from squealstudy.plots.style import COLOURS, DARK, GREY, empty_figure, finish, new_figure, plural
 
-SMALL = 0.05  # of the fastest growth: below, a relative deviation does not set the scale
+SMALL = 0.05  # of the fastest growth: below, a relative deviation says nothing
+BOUNDS = 5.0  # largest deviations that the scale shows of wider bounds
+EXPRESSED, NOT_EXPRESSED = "expressed in the vibration", "not expressed"
+UNKNOWN, STABLE, FAILED = "not told yet", "stable mode", "point failed later"
 KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is drawn
-    "expressed in the limit cycle": {"color": COLOURS[0], "marker": "o"},
-    "not expressed": {"color": COLOURS[1], "marker": "s", "markerfacecolor": "white"},
-    "stable point": {"color": COLOURS[2], "marker": "^"},
-    "point failed later": {"color": DARK, "marker": "x"},
+    EXPRESSED: {"color": COLOURS[0], "marker": "o"},
+    NOT_EXPRESSED: {"color": COLOURS[1], "marker": "s", "markerfacecolor": "white"},
+    UNKNOWN: {"color": COLOURS[4], "marker": "D", "markerfacecolor": "white"},
+    STABLE: {"color": COLOURS[2], "marker": "^"},
+    FAILED: {"color": DARK, "marker": "x"},
 }
 
 
@@ -27,14 +31,12 @@ def growth_comparison(growth: pd.DataFrame, points: pd.DataFrame) -> Figure:
     Parameters
     ----------
     growth, points : DataFrame
-        Tables of a transient study. Of points without an unstable mode, the decay is shown that
-        the points table has.
+        Tables of a transient study. Of points without an unstable mode the decay of the least
+        stable one is shown.
     """
     table = growth_pairs(growth, points)
     if not len(table):
-        failed = int((points["status"] != "ok").sum()) if len(points) else 0
-        why = f"; {failed} of {plural(len(points), 'point')} failed" if failed else ""
-        return empty_figure(f"no growth rate was fitted{why}")
+        return empty_figure(_nothing(growth, points))
     figure = new_figure(7.6, 7.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for kind, style in KINDS.items():
@@ -50,33 +52,40 @@ def growth_comparison(growth: pd.DataFrame, points: pd.DataFrame) -> Figure:
 
 def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
     """Predicted and fitted rates [1/s] with bounds, and what kind of motion each is of."""
-    unstable = pd.DataFrame(
-        {
-            "predicted": growth["growth_rate"].astype(float),
-            "fitted": growth["fitted_growth_rate"].astype(float),
-            "low": growth["fitted_low"].astype(float),
-            "high": growth["fitted_high"].astype(float),
-            "kind": np.where(growth["expressed"].to_numpy(bool), *list(KINDS)[:2]),
-        }
-    )
+    told = growth["expressed"].astype("boolean")
+    kind = np.select([told.isna(), told.fillna(False)], [UNKNOWN, EXPRESSED], NOT_EXPRESSED)
     failed = growth["point_id"].isin(points.loc[points["status"] != "ok", "point_id"])
-    unstable["kind"] = unstable["kind"].mask(failed, list(KINDS)[3])
-    calm = points[((points["status"] == "ok") & (points["n_unstable"] == 0)).to_numpy(bool)]
-    stable = pd.DataFrame(
-        {
-            "predicted": calm["predicted_growth_rate"].astype(float),
-            "fitted": calm["growth_rate"].astype(float),
-            "low": calm["growth_rate_low"].astype(float),
-            "high": calm["growth_rate_high"].astype(float),
-            "kind": list(KINDS)[2],
-        }
-    )
-    table = pd.concat([t for t in (unstable, stable) if len(t)] or [unstable], ignore_index=True)
+    kind = np.select([failed, ~growth["unstable"].to_numpy(bool)], [FAILED, STABLE], kind)
+    names = {"predicted": "growth_rate", "fitted": "fitted_growth_rate"}
+    names |= {"low": "fitted_low", "high": "fitted_high"}
+    columns = {name: growth[column].astype(float) for name, column in names.items()}
+    table = pd.DataFrame(columns | {"kind": kind})
     table = table[(table["predicted"].notna() & table["fitted"].notna()).to_numpy()]
-    table["deviation"] = 100 * (table["fitted"] / table["predicted"] - 1)
-    for bound in ("low", "high"):
-        table[f"deviation_{bound}"] = 100 * (table[bound] / table["predicted"] - 1)
-    return table[np.isfinite(table["deviation"]).to_numpy()]
+    for name, column in {"": "fitted", "_low": "low", "_high": "high"}.items():
+        table[f"deviation{name}"] = 100 * (table[column] / table["predicted"] - 1)
+    return table.reset_index(drop=True)
+
+
+def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
+    """Why there is no fitted growth rate to show."""
+    if not len(points):
+        return "no growth rate was fitted: no design points"
+    failed = int((points["status"] != "ok").sum())
+    unstable = int(growth["unstable"].astype(bool).sum())
+    counts = points.loc[points["status"] == "ok", "class"].value_counts()
+    rest = ", ".join(f"{n} {str(kind).replace('_', ' ')}" for kind, n in counts.items())
+    parts = [f"{plural(unstable, 'unstable mode')} predicted"]
+    parts += [f"runs: {rest}"] if rest else []
+    parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []
+    return "no growth rate was fitted: " + "; ".join(parts)
+
+
+def sizeable(table: pd.DataFrame) -> np.ndarray:
+    """Rows (n,) whose predicted rate is large enough for a deviation in per cent to mean much."""
+    size = table["predicted"].abs().to_numpy()
+    largest = float(table[["predicted", "fitted"]].abs().to_numpy().max(initial=0.0))
+    large: np.ndarray = (size >= SMALL * largest) & (size > 0)
+    return large
 
 
 def _bars(
@@ -100,7 +109,7 @@ def _bars(
 def _diagonal(axes: Axes, table: pd.DataFrame) -> None:
     """The line of equal rates, through all that is shown."""
     values = table[["predicted", "fitted"]].to_numpy()
-    largest = float(np.abs(values).max())
+    largest = float(np.abs(values).max()) or 1.0
     bounds = np.clip(table[["low", "high"]].fillna(values[0, 0]), -1.5 * largest, 1.5 * largest)
     low, high = float(np.append(values, bounds).min()), float(np.append(values, bounds).max())
     margin = max(0.08 * (high - low), 0.05 * largest)
@@ -110,7 +119,7 @@ def _diagonal(axes: Axes, table: pd.DataFrame) -> None:
         axes.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
         axes.axvline(0.0, color="0.75", linewidth=0.8, zorder=0)
     predicted = table["predicted"].to_numpy()
-    room = 0.06 * (np.ptp(predicted) or abs(float(predicted[0])) or 1.0)
+    room = 0.06 * max(float(np.ptp(predicted)), largest)
     axes.set_xlim(float(predicted.min()) - room, float(predicted.max()) + room)
     axes.set_ylim(*ends)
     finish(axes, "", "Fitted growth rate [1/s]")
@@ -118,15 +127,17 @@ def _diagonal(axes: Axes, table: pd.DataFrame) -> None:
 
 def _deviations(axes: Axes, table: pd.DataFrame) -> None:
     """Relative deviation; of small growth, what lies beyond the scale is a caret at its edge."""
-    size = table["predicted"].abs()
-    sizeable = table[(size >= SMALL * size.max()).to_numpy()]
-    bounds = sizeable[["deviation", "deviation_low", "deviation_high"]].abs().to_numpy()
-    limit = max(1.15 * float(np.nanmax(bounds)), 0.5)
+    large = table[sizeable(table)]
+    largest = float(large["deviation"].abs().max()) if len(large) else 0.0
+    bounds = large[["deviation_low", "deviation_high"]].abs().to_numpy()
+    bounds = bounds[np.isfinite(bounds)]
+    limit = max(largest, min(float(bounds.max(initial=0.0)), BOUNDS * largest))
+    limit = max(1.15 * limit, 0.5)
     for kind, style in KINDS.items():
         own = table[(table["kind"] == kind).to_numpy() & (table["deviation"].abs() <= limit)]
         if len(own):
             _bars(axes, own, ("deviation", "deviation_low", "deviation_high"), style, "_")
-    beyond = table[(table["deviation"].abs() > limit).to_numpy()]
+    beyond = table[~(table["deviation"].abs() <= limit).to_numpy()]
     for row in beyond.to_dict("records"):
         above = row["deviation"] > 0
         marker: dict[str, Any] = {"marker": "^" if above else "v", "clip_on": False, "color": DARK}
@@ -139,8 +150,13 @@ def _deviations(axes: Axes, table: pd.DataFrame) -> None:
 
 def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
     """How many, how far off, and what has no fit."""
-    deviation = table["deviation"].abs()
-    text = f"{plural(len(table), 'fitted growth rate')}, deviation {deviation.median():.2g} % "
-    text += f"(median), {deviation.max():.3g} % (largest)"
-    missing = int(growth["fitted_growth_rate"].isna().sum())
+    deviation = table.loc[sizeable(table), "deviation"].abs()
+    text = plural(len(table), "fitted growth rate")
+    if len(deviation):
+        text += (
+            f", deviation {deviation.median():.2g} % (median), {deviation.max():.3g} % (largest)"
+        )
+    if len(deviation) < len(table):
+        text += f"; {len(table) - len(deviation)} nearly neutral, not in these"
+    missing = int((growth["fitted_growth_rate"].isna() & growth["unstable"].astype(bool)).sum())
     return text + (f"; {missing} predicted without a fit" if missing else "")

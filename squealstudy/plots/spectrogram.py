@@ -110,10 +110,11 @@ def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -> None:
     """Marks of the predicted instabilities at the right edge, with their growth."""
-    seen = growth[(growth["frequency_hz"] <= top).to_numpy()]
+    unstable = growth["unstable"].to_numpy(bool)
+    seen = growth[unstable & (growth["frequency_hz"] <= top).to_numpy()]
     labels = []
     for row in seen.to_dict("records"):
-        colour = COLOURS[0] if row["expressed"] else DARK
+        colour = DARK if pd.isna(row["expressed"]) or not row["expressed"] else COLOURS[0]
         text = f"{row['frequency_hz']:.0f} Hz, {row['growth_rate']:+.3g} 1/s"
         share = row["level_share"]
         text += f", {100 * share:.0f} %" if np.isfinite(share) else ""

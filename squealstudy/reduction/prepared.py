@@ -80,12 +80,27 @@ def prepare(
     reached = _reachable(space, others)
     clock.stage("working_point_s")
     model, basis = reduce_cmt(assembly, modes, point, settings, reached)
-    K = model.K_springs + model.N.T @ ((model.area * point.tangent)[:, None] * model.N)
-    K[np.diag_indices_from(K)] += model.k_el
+    K = contact_stiffness(model, point.tangent)
     _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
     sensors = assembly.correspondence @ basis.expand(phi)
     clock.stage("reduction_s")
     return PreparedModel(space, model, phi, sensors, point.gap, clock.stages)
+
+
+def contact_stiffness(model: ReducedModel, tangent: np.ndarray) -> np.ndarray:
+    """Symmetric stiffness (n, n) with contact tangents (nc,) [Pa/m] and without friction."""
+    K = model.K_springs + model.N.T @ ((model.area * tangent)[:, None] * model.N)
+    K[np.diag_indices_from(K)] += model.k_el
+    stiffness: np.ndarray = K
+    return stiffness
+
+
+def natural_frequencies(prepared: PreparedModel, nominal: OperatingPoint) -> np.ndarray:
+    """Frequencies (n,) of all real modes at the nominal working point, Hz, ascending."""
+    _, tangent = nominal.law.evaluate(prepared.nominal_gap)
+    w2 = la.eigvalsh(contact_stiffness(prepared.model, tangent))
+    found: np.ndarray = np.sqrt(np.maximum(w2, 0.0)) / (2 * np.pi)
+    return found
 
 
 def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[WorkingPoint]:

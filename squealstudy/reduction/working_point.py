@@ -152,8 +152,12 @@ def working_point_result(
     residual: float,
 ) -> WorkingPoint:
     """The contact state at solved gaps."""
-    open_area = area[p < 0.01 * (area @ p / area.sum())].sum()
-    return WorkingPoint(g, p, kappa, iterations, residual, float(open_area / area.sum()))
+    return WorkingPoint(g, p, kappa, iterations, residual, open_share(area, p))
+
+
+def open_share(area: np.ndarray, p: np.ndarray) -> float:
+    """Share of the contact area (nc,) whose pressure (nc,) is below 1 % of the mean."""
+    return float(area[p < 0.01 * (area @ p / area.sum())].sum() / area.sum())
 
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:

@@ -114,12 +114,20 @@ class Results:
 
     @cached_property
     def growth(self) -> pd.DataFrame:
-        """One row an unstable complex mode of a design point, fitted growth beside it.
+        """One row a followed complex mode of a design point, fitted growth beside the predicted.
 
-        Raises ResultsError where the study is not a transient one.
+        These are the unstable ones, or the least stable one where none is (column `unstable`).
+
+        Raises ResultsError where the study is not a transient one, or of an earlier version.
         """
         self._expect_transient("growth table")
-        return self._read(GROWTH)
+        table = self._read(GROWTH)
+        if "unstable" not in table:
+            raise ResultsError(
+                f"{self.directory}: the growth table is of an earlier version of squealstudy; run "
+                "the study again"
+            )
+        return table
 
     @cached_property
     def measurements(self) -> pd.DataFrame:

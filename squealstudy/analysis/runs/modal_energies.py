@@ -61,6 +61,19 @@ def vibration_energy(v: np.ndarray) -> np.ndarray:
     return energy
 
 
+def static_energy(q: np.ndarray, omega: np.ndarray) -> float:
+    """Energy of the mean position of modes over a window, J: a static shift, no vibration.
+
+    Parameters
+    ----------
+    q : ndarray (rows, ns)
+        Modal amplitudes over the window.
+    omega : ndarray (ns,)
+        rad/s.
+    """
+    return float(0.5 * ((omega * q.mean(axis=0)) ** 2).sum())
+
+
 def energy_outside(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Energy (rows,) outside the sensed modes, J.
 

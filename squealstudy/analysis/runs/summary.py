@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.runs.behaviour import NOISE, classify, settled
+from squealstudy.analysis.runs.complex_shares import complex_shares
 from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
 from squealstudy.analysis.runs.levels import last_window, torque_levels
 from squealstudy.analysis.runs.modal_energies import (
@@ -18,9 +19,12 @@ from squealstudy.analysis.runs.modal_energies import (
     first_window,
     modal_shares,
     mode_energies,
+    static_energy,
     vibration_energy,
 )
 from squealstudy.analysis.runs.transfer import transfer
+from squealstudy.analysis.tables.energy_ranking import SUSTAINED
+from squealstudy.analysis.transient.mode_planes import DEGENERATE, coordinates
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.reference_modes import projection
 from squealstudy.analysis.transient.settings import TransientResult
@@ -29,6 +33,7 @@ HEARD = 0.01  # share of the energy from which on a sensed mode has columns in t
 LEAST_ROWS = 10  # of a history that says anything
 FAILED = "failed"
 EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
+STABLE = "stable"
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,8 @@ class ModalRun:
         rad/s.
     q, v : ndarray (rows, ns)
         Their modal displacement and velocity.
-    growth_q, growth_v : ndarray (rows, 4 m)
-        Products of `TransientPoint.growth_rows`.
+    growth_q, growth_v : ndarray (rows, 8 m)
+        Products of `TransientPoint.sensor_rows`.
     continued : bool
         The run goes on from another; otherwise its first energy is that of the perturbation.
     """
@@ -76,6 +81,12 @@ class ModalRun:
         rows = slice(4 * k, 4 * k + 4)
         return projection(self.growth_q[:, rows], self.growth_v[:, rows])
 
+    def plane(self, k: int) -> np.ndarray:
+        """Coordinates (rows, 2) on the plane of the followed mode `k`, sqrt(J)."""
+        first = 4 * (len(self.point.modes.lam) + k)
+        rows = slice(first, first + 4)
+        return coordinates(self.growth_q[:, rows], self.growth_v[:, rows])
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -93,8 +104,11 @@ def summarise(run: ModalRun) -> Summary:
     """
     if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
         return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
-    growth = growth_rows(run)
     levels, window = run_levels(run)
+    behaviour = _behaviour(run, levels["dominant_frequency_hz"])
+    if run.result.outcome != "ok":
+        behaviour["class"] = FAILED
+    growth = growth_rows(run, behaviour["class"], window)
     energies = mode_energies(run.q, run.v, run.omega)
     shares = modal_shares(energies[window], run.energy[window])
     point = {
@@ -102,12 +116,10 @@ def summarise(run: ModalRun) -> Summary:
         **_forecast(run),
         **_growth(run, growth),
         **levels,
-        **_behaviour(run, energies, levels["dominant_frequency_hz"]),
+        **behaviour,
         **_contact(run, window),
         **_leader(run, shares),
     }
-    if run.result.outcome != "ok":
-        point["class"] = FAILED
     return Summary(point, _mode_rows(run, energies, shares), growth)
 
 
@@ -139,36 +151,62 @@ def _forecast(run: ModalRun) -> dict[str, Any]:
     }
 
 
-def growth_rows(run: ModalRun) -> list[dict[str, Any]]:
-    """Fitted beside predicted growth of each followed complex mode, and its part in the end."""
+def growth_rows(run: ModalRun, kind: str, window: slice) -> list[dict[str, Any]]:
+    """Fitted beside predicted growth of each followed complex mode, and its part in the end.
+
+    Parameters
+    ----------
+    run : ModalRun
+    kind : str
+        Its class.
+    window : slice
+        The rows whose levels are judged.
+    """
     rows: list[dict[str, Any]] = []
-    window = slice(round(0.6 * len(run.time)), None)
-    total = float(run.energy[window].mean())
-    moving = run.energy.max() > NOISE
+    moving = bool(run.energy.max() > NOISE)
+    sustained = kind in SUSTAINED and moving
+    shares = level_shares(run, window) if sustained else np.full(len(run.point.modes.lam), np.nan)
     until = np.inf
     for k, lam in enumerate(run.point.modes.lam):
-        xi = run.xi(k)
-        fit = fit_growth(run.time, xi, until=until) if moving else GrowthFit()
+        fit = fit_growth(run.time, run.xi(k), until=until) if moving else GrowthFit()
         if k == 0 and fit.status == "ok":
             until = fit.stop
-        carried = float((np.abs(xi[window]) ** 2).mean()) * float(run.point.mode_energy[k])
-        share = carried / total if total > 0 else 0.0
+        unstable = k < run.point.modes.n_unstable
         rows.append(
             {
                 "mode": k + 1,
                 "frequency_hz": float(abs(lam)) / (2 * np.pi),
                 "growth_rate": float(lam.real),
                 "damping_ratio": float(-lam.real / abs(lam)),
+                "unstable": unstable,
                 "fitted_growth_rate": fit.growth_rate,
                 "fitted_low": fit.low,
                 "fitted_high": fit.high,
                 "fit_start": fit.start,
                 "fit_stop": fit.stop,
-                "level_share": share,
-                "expressed": share >= EXPRESSED and moving and k < run.point.modes.n_unstable,
+                "level_share": float(shares[k]),
+                "expressed": _expressed(float(shares[k]), kind, moving) if unstable else None,
             }
         )
     return rows
+
+
+def _expressed(share: float, kind: str, moving: bool) -> bool | None:
+    """Whether a predicted instability is in the vibration that is left; None: it cannot be told.
+
+    It is where that is sustained and the mode has a twentieth of its energy, and is not where the
+    motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
+    """
+    if not moving or kind not in (*SUSTAINED, STABLE):
+        return None
+    return kind in SUSTAINED and share >= EXPRESSED
+
+
+def level_shares(run: ModalRun, window: slice) -> np.ndarray:
+    """Share (m,) of each followed complex mode in the energy of the vibration over a window."""
+    states = [run.plane(k)[window] for k in range(len(run.point.modes.lam))]
+    energy = float(run.energy[window].mean()) - static_energy(run.q[window], run.omega)
+    return complex_shares(np.hstack(states), run.point.plane_overlap, energy)
 
 
 def moving_energy(run: ModalRun) -> np.ndarray:
@@ -226,11 +264,11 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
+def _behaviour(run: ModalRun, frequency_hz: float) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     energy = moving_energy(run)
     calm, since = settled(run.time, energy, frequency_hz)
-    first, last, when = transfer(run.time, energies, run.modes)
+    first, last, when = transfer(run.time, run.v**2, run.modes, held_energies(run))
     return {
         "class": run_class(run, energy, frequency_hz),
         "settled": calm,
@@ -239,6 +277,24 @@ def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict
         "transfer_to": last,
         "transfer_time": when,
     }
+
+
+def held_energies(run: ModalRun) -> np.ndarray:
+    """Part (rows, m) of the sensed energy v^2 whose shape is in each followed complex mode, J.
+
+    Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
+    of which the sensors see less than half holds nothing.
+    """
+    whole = run.point.modes.right
+    seen = whole[run.modes - 1]
+    held = np.zeros((len(run.time), whole.shape[1]))
+    for k, x in enumerate(seen.T):
+        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
+            continue
+        axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
+        axes = axes[:, size > DEGENERATE * size[0]]
+        held[:, k] = ((run.v @ axes) ** 2).sum(axis=1)
+    return held
 
 
 def run_class(run: ModalRun, energy: np.ndarray, frequency_hz: float) -> str:

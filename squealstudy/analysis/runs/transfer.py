@@ -9,9 +9,15 @@ from squealstudy.analysis.runs.levels import LAST
 WINDOWS = 50  # of a record
 GROWN = 0.01  # of the final energy: what lies below, at the beginning, is the growth phase
 LEADS = 0.8  # of the largest energy: a mode that has as much still leads
+HOLDS = 0.7  # of the energy: one complex mode with as much at first and at the end leads throughout
 
 
-def transfer(time: np.ndarray, energies: np.ndarray, modes: np.ndarray) -> tuple[int, int, float]:
+def transfer(
+    time: np.ndarray,
+    energies: np.ndarray,
+    modes: np.ndarray,
+    held: np.ndarray | None = None,
+) -> tuple[int, int, float]:
     """The mode that led at first, the one that leads at the end, and when it took over for good.
 
     Energies are averaged over 50 windows. The first leader has the largest mean share of the
@@ -19,6 +25,9 @@ def transfer(time: np.ndarray, energies: np.ndarray, modes: np.ndarray) -> tuple
     window where there is none); the last one the largest energy over the last 40 %. The time is
     the start of the window from which the latter has 80 % of the largest energy or more, to the
     end or, where the lead still changes, in the last time that it took it.
+
+    A complex mode that has parts of several real ones lends the lead to one and another of them:
+    where the motion stays in the subspace of one, at first and at the end, nothing took over.
 
     Parameters
     ----------
@@ -28,6 +37,8 @@ def transfer(time: np.ndarray, energies: np.ndarray, modes: np.ndarray) -> tuple
         J.
     modes : ndarray (ns,)
         Mode numbers.
+    held : ndarray (rows, m) or None
+        Part of their sum that lies in the subspace of each of m complex modes, J.
 
     Returns
     -------
@@ -43,13 +54,20 @@ def transfer(time: np.ndarray, energies: np.ndarray, modes: np.ndarray) -> tuple
     rows = np.diff(np.append(edges, len(time)))
     level = np.add.reduceat(energies, edges, axis=0) / rows[:, None]
     total = level.sum(axis=1)
-    final = level[-max(1, round(LAST * count)) :].mean(axis=0)
+    end = slice(-max(1, round(LAST * count)), None)
+    final = level[end].mean(axis=0)
     grown = np.flatnonzero(total >= GROWN * final.sum())
     early = max(1, int(grown[0])) if len(grown) else count
-    shares = level[:early] / np.where(total[:early] > 0, total[:early], 1.0)[:, None]
-    first, last = int(np.argmax(shares.mean(axis=0))), int(np.argmax(final))
+    whole = np.where(total > 0, total, 1.0)[:, None]
+    first, last = int(np.argmax((level / whole)[:early].mean(axis=0))), int(np.argmax(final))
     if first == last:
         return 0, 0, np.nan
+    if held is not None:
+        within = np.add.reduceat(held, edges, axis=0) / rows[:, None]
+        at_first = (within / whole)[:early].mean(axis=0)
+        at_last = within[end].mean(axis=0) / (final.sum() or 1.0)
+        if (np.minimum(at_first, at_last) >= HOLDS).any():
+            return 0, 0, np.nan
     leads = level[:, last] >= LEADS * level.max(axis=1)
     holds = np.flatnonzero(leads)
     not_yet = np.flatnonzero(~leads[: holds[-1]])

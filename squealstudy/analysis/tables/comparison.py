@@ -7,19 +7,25 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from squealstudy.analysis.tables.energy_ranking import SUSTAINED
+from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, unstable_groups
 from squealstudy.errors import ResultsError
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
 SAME = 1e-6  # relative, between values of a parameter
-FAILED = "failed"  # class of a run that ended early: it tells of growth, not of what remains
+STABLE = "stable"
+OPEN = ("growing", "undecided")  # classes that do not tell yet what remains
 NAMED = 8  # values of a parameter that a message lists
+BOTH, FREQUENCY, TIME = "both", "frequency", "time"  # kinds of rows: who predicts an instability
+VIBRATION, UNFOLLOWED = "vibration", "unfollowed"
 COLUMNS = (
-    {"track": "int64", "frequency_hz": "f8", "growth_rate": "f8"}
+    {"kind": "str", "track": "int64", "frequency_hz": "f8", "growth_rate": "f8"}
     | {"predicted_frequency_hz": "f8", "predicted_growth_rate": "f8", "fitted_growth_rate": "f8"}
     | {"low": "f8", "high": "f8", "deviation": "f8", "level_share": "f8"}
-    | {"expressed": "boolean", "class": "str", "dominant_frequency_hz": "f8"}
+    | {"expressed": "boolean", "class": "str", "dominant_frequency_hz": "f8", "torque_rms": "f8"}
     | {"freq_point_id": "str", "time_point_id": "str"}
 )
+OF_THE_RUN = ("class", "dominant_frequency_hz", "torque_rms")
 
 
 def compare(
@@ -31,7 +37,7 @@ def compare(
     time_parameters: Sequence[str],
     nominal: Mapping[str, float],
 ) -> pd.DataFrame:
-    """One row a predicted instability at each design point that both studies have.
+    """Rows of each design point that both studies have: what is predicted, and what vibrates.
 
     Points join where all parameters in both lists are equal, and each parameter that only one
     study has is at the value at which the other study ran.
@@ -50,12 +56,27 @@ def compare(
     Returns
     -------
     DataFrame
-        The parameters of both studies, then COLUMNS: `frequency_hz` [Hz]
-        and `growth_rate` [1/s] of the frequency study's unstable track, `predicted_...` of the
-        nearest complex mode of the time study's own model within FREQUENCY_TOLERANCE, its fitted
-        growth with 95 % bounds, `deviation` = fitted / growth_rate - 1, `expressed` (missing where
-        the time study cannot tell). Instabilities that only the time study predicts have track 0
-        and NaN in place of the frequency study's values.
+        The parameters of both studies, then COLUMNS. `kind` says who has the row:
+
+        "both": the frequency study predicts an instability, and the complex modes of the time
+        study's own model have one within FREQUENCY_TOLERANCE. "frequency", "time": one of them
+        alone. "vibration": a run that vibrates (classes limit_cycle, irregular) though no
+        predicted instability has its energy, or one that grows or is undecided where none is
+        predicted; `track` is 0 there, and only the columns of the run are known. "unfollowed": the
+        same, where the time study's model has unstable modes that the run does not follow (above
+        the band, or too many), so that they may have the energy.
+
+        `track` is that of the frequency study: DIVERGENCE and UNTRACKED of `mode_ranking` for an
+        overdamped unstable root and a mode without a track, 0 where the frequency study has none.
+        `frequency_hz` [Hz] (|lambda|/2 pi) and `growth_rate` [1/s] are the frequency study's,
+        `predicted_...` those of the time study's own complex mode, beside its fitted growth with
+        95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is the share of the
+        sustained vibration's energy (`analysis.runs.complex_shares`), `expressed` whether it is a
+        twentieth or more: missing where the run does not tell. `class`, `dominant_frequency_hz`
+        [Hz] and `torque_rms` are those of the run.
+
+        `attrs` counts what is compared: ``points``, of them ``failed_frequency`` (left out) and
+        ``failed_time``.
 
     Raises
     ------
@@ -63,11 +84,8 @@ def compare(
         Where no design points join, or those that do failed in the frequency study.
     """
     joined = _join(freq_points, time_points, freq_parameters, time_parameters, nominal)
-    unstable = freq_modes[
-        freq_modes["unstable"].to_numpy(bool)
-        & ~freq_modes["overdamped"].to_numpy(bool)
-        & (freq_modes["track"] > 0).to_numpy()
-    ]
+    group = unstable_groups(freq_modes)
+    unstable = freq_modes.assign(track=group)[group != 0]
     solved = [(f, t) for f, t in joined if freq_points["status"].iloc[f] == "ok"]
     if not solved:
         raise ResultsError("every design point that both studies have failed in the frequency one")
@@ -78,14 +96,34 @@ def compare(
         design = {n: float((time if n in time_parameters else frequency)[n]) for n in names}
         predicted = unstable[(unstable["point_id"] == frequency["point_id"]).to_numpy()]
         own = growth[(growth["point_id"] == time["point_id"]).to_numpy()]
-        own = own[(own["growth_rate"] > 0).to_numpy()]
+        own = own[own["unstable"].to_numpy(bool)]
         ids = {"freq_point_id": frequency["point_id"], "time_point_id": time["point_id"]}
-        found = {"class": time["class"], "dominant_frequency_hz": time["dominant_frequency_hz"]}
-        rows += [design | ids | found | row for row in _instabilities(predicted, own)]
+        found = design | ids | {name: time[name] for name in OF_THE_RUN}
+        instabilities = list(_instabilities(predicted, own))
+        rows += [found | row for row in [*instabilities, *_vibration(time, own, instabilities)]]
     table = pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
     table["deviation"] = table["fitted_growth_rate"] / table["growth_rate"] - 1.0
-    table["expressed"] = table["expressed"].mask(table["class"] == FAILED)
+    told = table["class"].isin([*SUSTAINED, STABLE])
+    table["expressed"] = table["expressed"].where(told)
+    table.attrs = {
+        "points": len(joined),
+        "failed_frequency": len(joined) - len(solved),
+        "failed_time": sum(time_points["status"].iloc[t] != "ok" for _, t in solved),
+    }
     return table
+
+
+def _vibration(
+    run: pd.Series, own: pd.DataFrame, instabilities: Sequence[Mapping[str, object]]
+) -> list[dict[str, object]]:
+    """A row for a run whose motion no predicted instability explains, or none."""
+    explained = any(row.get("expressed") is True for row in instabilities)
+    unexplained = run["class"] in SUSTAINED and not explained
+    unforeseen = run["class"] in OPEN and not instabilities
+    if not (unexplained or unforeseen):
+        return []
+    known = int(run["n_unstable"]) + int(run.get("n_unstable_above", 0)) <= len(own)
+    return [{"kind": VIBRATION if known else UNFOLLOWED, "track": 0}]
 
 
 def _join(
@@ -146,15 +184,16 @@ def _nominal_text(
 def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Rows of one design point: the frequency study's by growth, then those of time alone."""
     predicted = predicted.sort_values("growth_rate", ascending=False)
-    partner = _partners(predicted["frequency_hz"].to_numpy(), own["frequency_hz"].to_numpy())
+    wanted = predicted["frequency_hz"].mask(predicted["track"] == DIVERGENCE).to_numpy(dtype=float)
+    partner = _partners(wanted, own["frequency_hz"].to_numpy(dtype=float))
     for row, match in zip(predicted.to_dict("records"), partner, strict=True):
         columns = {n: row[n] for n in ("track", "frequency_hz", "growth_rate")}
         if match < 0:
-            yield columns
+            yield {"kind": FREQUENCY} | columns
             continue
-        yield columns | _in_time(own.iloc[match])
+        yield {"kind": BOTH} | columns | _in_time(own.iloc[match])
     for k in np.setdiff1d(np.arange(len(own)), partner):
-        yield {"track": 0} | _in_time(own.iloc[k])
+        yield {"kind": TIME, "track": 0} | _in_time(own.iloc[k])
 
 
 def _in_time(row: pd.Series) -> dict[str, object]:
@@ -165,20 +204,20 @@ def _in_time(row: pd.Series) -> dict[str, object]:
         "low": row["fitted_low"],
         "high": row["fitted_high"],
         "level_share": row["level_share"],
-        "expressed": bool(row["expressed"]) if np.isfinite(row["level_share"]) else None,
+        "expressed": None if pd.isna(row["expressed"]) else bool(row["expressed"]),
     }
 
 
 def _partners(wanted: np.ndarray, available: np.ndarray) -> np.ndarray:
     """Index into `available` (m,) of the mode nearest to each of `wanted` (n,), -1 for none.
 
-    Closest pairs first, none used twice.
+    Closest pairs first, none used twice; none for NaN, as of a mode that does not oscillate.
     """
     partner = np.full(len(wanted), -1)
     distance = np.abs(available[None, :] / wanted[:, None] - 1.0)
     for place in np.argsort(distance, axis=None, kind="stable"):
         i, j = np.unravel_index(place, distance.shape)
-        if distance[i, j] > FREQUENCY_TOLERANCE:
+        if not distance[i, j] <= FREQUENCY_TOLERANCE:  # NaN comes last
             break
         if partner[i] < 0 and j not in partner:
             partner[i] = j

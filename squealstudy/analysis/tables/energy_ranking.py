@@ -9,7 +9,8 @@ from squealstudy.analysis.tables import mode_ranking
 from squealstudy.errors import ResultsError
 
 CLASS = "class"
-LASTING = ("limit_cycle", "irregular", "growing")
+SUSTAINED = ("limit_cycle", "irregular")  # classes of a vibration that has come to its level
+LASTING = (*SUSTAINED, "growing")
 SHARES = ("energy_share", "energy_share_low", "energy_share_high", "energy_mean")
 COLUMNS = (
     {"mode": "int64", "frequency_hz": "f8", "energy_share": "f8", "energy_share_max": "f8"}

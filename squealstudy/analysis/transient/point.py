@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.transient.growing_modes import GrowingModes, growing_modes
+from squealstudy.analysis.transient.mode_planes import mode_planes
 from squealstudy.analysis.transient.reference_modes import ReferenceModes, growth_sensors
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.errors import ParameterError
@@ -36,6 +37,10 @@ class TransientPoint:
         Mean mechanical energy of a motion along each mode at unit projection, J.
     static_torque : float
         N m.
+    plane_rows : ndarray (m, 4, n)
+        Sensor rows of the plane of each of those modes (`mode_planes.mode_planes`).
+    plane_overlap : ndarray (2 m, 2 m)
+        Scalar products of the axes of these planes.
     """
 
     design: TransientDesign
@@ -43,6 +48,14 @@ class TransientPoint:
     growth_rows: np.ndarray
     mode_energy: np.ndarray
     static_torque: float
+    plane_rows: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 0)))
+    plane_overlap: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def sensor_rows(self) -> np.ndarray:
+        """All rows (8 m, n) that watch the modes: those of growth, then those of the planes."""
+        n = self.growth_rows.shape[-1]
+        return np.concatenate([self.growth_rows, self.plane_rows]).reshape(-1, n)
 
 
 def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
@@ -124,12 +137,15 @@ def transient_point(
     C, K = tangent(system, design, point, state)
     modes = growing_modes(C, K, band_hz, tolerance)
     rows = [growth_sensors(C, lam, y) for lam, y in zip(modes.lam, modes.left.T, strict=True)]
+    planes, overlap = mode_planes(system.omega2, modes.lam, modes.right)
     return TransientPoint(
         design,
         modes,
         np.array(rows).reshape(len(modes.lam), 4, system.n),
         _energies(C, system.omega2, modes),
         float(-(system.radius @ drag)),
+        planes,
+        overlap,
     )
 
 

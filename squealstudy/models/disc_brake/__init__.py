@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.disc_brake.parameters import COMPONENTS, OPTIONS, PARAMETERS
+from squealstudy.models.disc_brake.parameters import (
+    BRAKE_ASSUMPTIONS,
+    COMPONENTS,
+    OPTIONS,
+    PARAMETERS,
+)
 from squealstudy.models.parameter import ModelDefinition
 
 
@@ -23,4 +28,5 @@ DISC_BRAKE = ModelDefinition(
     PARAMETERS,
     COMPONENTS,
     build,
+    BRAKE_ASSUMPTIONS,
 )

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
 from squealstudy.models.operating import (
+    ASSUMPTIONS,
     CONTACT_LAW,
     DAMPING,
     FRICTION,
@@ -11,13 +17,100 @@ from squealstudy.models.operating import (
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
 )
-from squealstudy.models.parameter import Option, structural
+from squealstudy.models.parameter import Assumption, Option, Parameter, structural
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 OPTIONS = (
     Option("mesh", ("medium", "coarse", "fine"), "element size: 1, 1.5 or 0.67 times the default"),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
     Option("contact_law", ("exponential", "unilateral", "power", "bilateral"), "contact law"),
+)
+
+HALF_TURN = 180.0  # deg
+LARGEST_STRAIN = 0.02  # of linear elasticity
+
+
+def _bounded(parameter: Parameter) -> Parameter:
+    """Poisson ratios of stable materials, angles short of a half turn on each side."""
+    if parameter.name == "pad.lining_poisson_ratio":  # isotropic in its plane alone
+        return replace(parameter, positive=False, above=-1.0, below=1.0)
+    if parameter.name == "pad.lining_poisson_ratio_z":  # with the moduli: fem.material says
+        return replace(parameter, positive=False)
+    if parameter.name.endswith("poisson_ratio"):
+        return replace(parameter, positive=False, above=-1.0, below=0.5)
+    return replace(parameter, below=HALF_TURN) if parameter.unit == "deg" else parameter
+
+
+def _lining_strain(values: Mapping[str, float]) -> float:
+    """Mean strain of the lining under the brake force."""
+    inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
+    area = np.deg2rad(values["pad.half_angle"]) * (outer**2 - inner**2)
+    force = values["pressure"] * values["piston.area"]
+    return float(abs(force / (area * values["pad.lining_young_modulus_z"])))
+
+
+SMALL_STRAINS = Assumption(
+    f"strains of the lining are small, at most {LARGEST_STRAIN:g}", _lining_strain, LARGEST_STRAIN
+)
+BRAKE_ASSUMPTIONS = (*ASSUMPTIONS, SMALL_STRAINS)
+
+STRUCTURE = structural(
+    (
+        ("disc.young_modulus", 120e9, "Pa", "disc"),
+        ("disc.poisson_ratio", 0.26, "", "disc"),
+        ("disc.density", 7200.0, "kg/m3", "disc"),
+        ("disc.thickness", 0.012, "m", "friction band"),
+        ("disc.outer_radius", 0.140, "m", "friction band"),
+        ("disc.bell_outer_radius", 0.072, "m", "bell"),
+        ("disc.bell_inner_radius", 0.066, "m", "bell and inner edge of the friction band"),
+        ("disc.bell_height", 0.028, "m", "bell, between band and top"),
+        ("disc.top_thickness", 0.006, "m", "top of the bell"),
+        ("disc.inner_radius", 0.034, "m", "bore of the top"),
+        ("hub.radius", 0.050, "m", "the top is held to the hub inside this radius"),
+        ("hub.stiffness", 1e12, "N/m3", "disc to hub, normal, per area"),
+        ("pad.inner_radius", 0.090, "m", "both pads"),
+        ("pad.outer_radius", 0.140, "m", "both pads"),
+        ("pad.half_angle", 30.0, "deg", "lining, each side of the middle"),
+        ("pad.ear_angle", 5.0, "deg", "ear of the back plate beyond the lining, each side"),
+        ("pad.lining_thickness", 0.010, "m", "both pads"),
+        ("pad.plate_thickness", 0.005, "m", "both pads"),
+        ("pad.lining_young_modulus", 6e9, "Pa", "lining, in its plane"),
+        ("pad.lining_young_modulus_z", 2e9, "Pa", "lining, through its thickness"),
+        ("pad.lining_shear_modulus_z", 1.5e9, "Pa", "lining, through its thickness"),
+        ("pad.lining_poisson_ratio", 0.15, "", "lining, in its plane"),
+        ("pad.lining_poisson_ratio_z", 0.2, "", "lining, through its thickness"),
+        ("pad.lining_density", 2500.0, "kg/m3", "lining"),
+        ("pad.plate_young_modulus", 210e9, "Pa", "back plate"),
+        ("pad.plate_poisson_ratio", 0.3, "", "back plate"),
+        ("pad.plate_density", 7800.0, "kg/m3", "back plate"),
+        ("caliper.young_modulus", 170e9, "Pa", "caliper"),
+        ("caliper.poisson_ratio", 0.28, "", "caliper"),
+        ("caliper.density", 7100.0, "kg/m3", "caliper"),
+        ("caliper.inner_radius", 0.090, "m", "body and fingers"),
+        ("caliper.bridge_inner_radius", 0.146, "m", "bridge"),
+        ("caliper.outer_radius", 0.164, "m", "bridge, body and fingers"),
+        ("caliper.bridge_half_angle", 25.0, "deg", "bridge"),
+        ("caliper.body_thickness", 0.040, "m", "body"),
+        ("caliper.body_half_angle", 20.0, "deg", "body"),
+        ("caliper.finger_thickness", 0.016, "m", "fingers"),
+        ("caliper.finger_inner_angle", 5.0, "deg", "fingers, side next to the middle"),
+        ("caliper.finger_outer_angle", 25.0, "deg", "fingers, outer side"),
+        ("piston.area", 25e-4, "m2", "hydraulic area"),
+        ("piston.half_angle", 10.0, "deg", "patch of the piston on the inner back plate"),
+        ("piston.stiffness", 2e11, "N/m3", "piston, normal, per area; in vibration only"),
+        ("fingers.stiffness", 5e11, "N/m3", "fingers to outer back plate, normal, per area"),
+        ("layers.tangential_ratio", 0.3, "", "tangential over normal stiffness of the layers"),
+        ("abutment.tangential_stiffness", 2e7, "N/m", "each pad ear to ground, around"),
+        ("abutment.radial_stiffness", 2e7, "N/m", "each pad ear to ground, radial"),
+        ("abutment.axial_stiffness", 1e5, "N/m", "each pad ear to ground, axial"),
+        ("guides.stiffness", 1e7, "N/m", "caliper guides to ground, both together, in plane"),
+        (
+            "guides.axial_stiffness",
+            1e5,
+            "N/m",
+            "caliper guides to ground, both together, axial",
+        ),
+    )
 )
 
 PARAMETERS = (
@@ -28,62 +121,5 @@ PARAMETERS = (
     STIFFNESS_DAMPING,
     *FRICTION_LAW,
     *CONTACT_LAW,
-    *structural(
-        (
-            ("disc.young_modulus", 120e9, "Pa", "disc"),
-            ("disc.poisson_ratio", 0.26, "", "disc"),
-            ("disc.density", 7200.0, "kg/m3", "disc"),
-            ("disc.thickness", 0.012, "m", "friction band"),
-            ("disc.outer_radius", 0.140, "m", "friction band"),
-            ("disc.bell_outer_radius", 0.072, "m", "bell"),
-            ("disc.bell_inner_radius", 0.066, "m", "bell and inner edge of the friction band"),
-            ("disc.bell_height", 0.028, "m", "bell, between band and top"),
-            ("disc.top_thickness", 0.006, "m", "top of the bell"),
-            ("disc.inner_radius", 0.034, "m", "bore of the top"),
-            ("hub.radius", 0.050, "m", "the top is held to the hub inside this radius"),
-            ("hub.stiffness", 1e12, "N/m3", "disc to hub, normal, per area"),
-            ("pad.inner_radius", 0.090, "m", "both pads"),
-            ("pad.outer_radius", 0.140, "m", "both pads"),
-            ("pad.half_angle", 30.0, "deg", "lining, each side of the middle"),
-            ("pad.ear_angle", 5.0, "deg", "ear of the back plate beyond the lining, each side"),
-            ("pad.lining_thickness", 0.010, "m", "both pads"),
-            ("pad.plate_thickness", 0.005, "m", "both pads"),
-            ("pad.lining_young_modulus", 6e9, "Pa", "lining, in its plane"),
-            ("pad.lining_young_modulus_z", 2e9, "Pa", "lining, through its thickness"),
-            ("pad.lining_shear_modulus_z", 1.5e9, "Pa", "lining, through its thickness"),
-            ("pad.lining_poisson_ratio", 0.15, "", "lining, in its plane"),
-            ("pad.lining_poisson_ratio_z", 0.2, "", "lining, through its thickness"),
-            ("pad.lining_density", 2500.0, "kg/m3", "lining"),
-            ("pad.plate_young_modulus", 210e9, "Pa", "back plate"),
-            ("pad.plate_poisson_ratio", 0.3, "", "back plate"),
-            ("pad.plate_density", 7800.0, "kg/m3", "back plate"),
-            ("caliper.young_modulus", 170e9, "Pa", "caliper"),
-            ("caliper.poisson_ratio", 0.28, "", "caliper"),
-            ("caliper.density", 7100.0, "kg/m3", "caliper"),
-            ("caliper.inner_radius", 0.090, "m", "body and fingers"),
-            ("caliper.bridge_inner_radius", 0.146, "m", "bridge"),
-            ("caliper.outer_radius", 0.164, "m", "bridge, body and fingers"),
-            ("caliper.bridge_half_angle", 25.0, "deg", "bridge"),
-            ("caliper.body_thickness", 0.040, "m", "body"),
-            ("caliper.body_half_angle", 20.0, "deg", "body"),
-            ("caliper.finger_thickness", 0.016, "m", "fingers"),
-            ("caliper.finger_inner_angle", 5.0, "deg", "fingers, side next to the middle"),
-            ("caliper.finger_outer_angle", 25.0, "deg", "fingers, outer side"),
-            ("piston.area", 25e-4, "m2", "hydraulic area"),
-            ("piston.half_angle", 10.0, "deg", "patch of the piston on the inner back plate"),
-            ("piston.stiffness", 2e11, "N/m3", "piston, normal, per area; in vibration only"),
-            ("fingers.stiffness", 5e11, "N/m3", "fingers to outer back plate, normal, per area"),
-            ("layers.tangential_ratio", 0.3, "", "tangential over normal stiffness of the layers"),
-            ("abutment.tangential_stiffness", 2e7, "N/m", "each pad ear to ground, around"),
-            ("abutment.radial_stiffness", 2e7, "N/m", "each pad ear to ground, radial"),
-            ("abutment.axial_stiffness", 1e5, "N/m", "each pad ear to ground, axial"),
-            ("guides.stiffness", 1e7, "N/m", "caliper guides to ground, both together, in plane"),
-            (
-                "guides.axial_stiffness",
-                1e5,
-                "N/m",
-                "caliper guides to ground, both together, axial",
-            ),
-        )
-    ),
+    *(_bounded(p) for p in STRUCTURE),
 )

@@ -20,6 +20,8 @@ from squealstudy.study.files import write_parquet
 from squealstudy.study.kind import Progress
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.plan import Plan
+from squealstudy.study.validity import FIELDS as VALIDITY
+from squealstudy.study.validity import with_validity
 
 UNTRACKED = -1  # in place of a track number
 
@@ -116,7 +118,7 @@ def _points_table(
     for kind in ("frequency", "damping"):
         values = [references.get(i, {}).get(f"{kind}_error", np.nan) for i in points["point_id"]]
         points[f"reference_{kind}_error"] = np.array(values, dtype=float)
-    return points
+    return with_validity(plan, points)
 
 
 def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
@@ -136,5 +138,6 @@ def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
                 "reference_damping_error",
             )
         ]
+        + list(VALIDITY)
     )
     return pa.Table.from_pandas(points, schema=schema, preserve_index=False)

@@ -17,6 +17,7 @@ from squealstudy.study.names import POINTS, SENSITIVITIES
 from squealstudy.study.plan import Plan
 from squealstudy.study.rows import FLAG, REAL, TEXT, WHOLE, planned_rows, points_table
 from squealstudy.study.sensitivity.rows import SCHEMA, WORKING_POINT_FIELDS
+from squealstudy.study.validity import validity_arrow
 
 PERCENT = 0.01
 NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them
@@ -52,7 +53,9 @@ def _points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
         count = len(row["modes"]) if row["status"] == "ok" else None
         filled.append({**row, "n_modes": count, "max_growth_rate": growth})
-    return points_table(plan, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    return validity_arrow(
+        plan, points_table(plan, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    )
 
 
 def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -134,7 +134,7 @@ def _run(
     m = len(signs)
     amplitudes = signs[:, None] * model.sensors[:m]
     modes = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
-    growth = one.point.growth_rows.reshape(-1, reference.system.n)[:, :m]
+    growth = one.point.sensor_rows[:, :m]
     q0, v0 = (model.phi[:, :m] @ (signs * x[:m]) for x in (one.q0, one.v0))
     if task.start is not None:
         q, v = task.start.read()

@@ -58,7 +58,7 @@ def modal_runs(
     n = reference.system.n
     modes = sensed_modes(task.section, reference.system.omega2[: reference.n_exact], task.band_hz)
     system = replace(reference.system, sensors=np.eye(n)[modes - 1])
-    designs = [replace(r.point.design, sensors=r.point.growth_rows.reshape(-1, n)) for r in ready]
+    designs = [replace(r.point.design, sensors=r.point.sensor_rows) for r in ready]
     omega = np.sqrt(np.maximum(reference.system.omega2[modes - 1], 0.0))
     m = len(modes)
 

@@ -61,6 +61,7 @@ SUMMARY_FIELDS = (
     ("n_coordinates", WHOLE),
     ("n_contact_points", WHOLE),
     ("perturbation", REAL),
+    ("invalid_reason", TEXT),
 )
 MODE_FIELDS = (
     ("mode", WHOLE),
@@ -76,6 +77,7 @@ GROWTH_FIELDS = (
     ("frequency_hz", REAL),
     ("growth_rate", REAL),
     ("damping_ratio", REAL),
+    ("unstable", FLAG),
     ("fitted_growth_rate", REAL),
     ("fitted_low", REAL),
     ("fitted_high", REAL),

@@ -15,6 +15,7 @@ from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan
 from squealstudy.study.rows import REAL, TEXT, Fields, planned_rows, points_table
 from squealstudy.study.transient.rows import GROWTH_FIELDS, MODE_FIELDS, SCHEMA, SUMMARY_FIELDS
+from squealstudy.study.validity import validity_arrow
 
 
 def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
@@ -27,10 +28,10 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     """
     rows = planned_rows(plan, directory, SCHEMA)
     _remove_unplanned(directory, {row["point_id"] for row in rows})
-    points = points_table(plan, rows, SUMMARY_FIELDS)
+    points = validity_arrow(plan, points_table(plan, rows, SUMMARY_FIELDS))
     write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
-    write_parquet(directory / GROWTH, _nested(rows, "growth", GROWTH_FIELDS))
+    write_parquet(directory / GROWTH, _growth(rows))
     frame: pd.DataFrame = points.to_pandas()
     return frame
 
@@ -68,6 +69,13 @@ def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
         for row in rows
     ]
     return _nested(spread, "modes", fields)
+
+
+def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
+    """Rows of all followed modes; `expressed` is missing where it cannot be told."""
+    table = _nested(rows, "growth", GROWTH_FIELDS)
+    frame = table.to_pandas().astype({"expressed": "boolean"})
+    return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
 
 
 def _nested(rows: Sequence[dict[str, Any]], name: str, fields: Fields) -> pa.Table:

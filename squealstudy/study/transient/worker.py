@@ -9,11 +9,13 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.summary import history_frame, summarise
+from squealstudy.analysis.tables.validity import BETWEEN
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, EXACT_LIMIT, energy_drift
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.storage_error import STORAGE_LIMIT, storage_number
 from squealstudy.analysis.transient.system import stick_number
 from squealstudy.errors import SquealstudyError
+from squealstudy.reduction.working_point import open_share
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.process import watch_parent
 from squealstudy.study.rows import FAILURES, reason, write_rows
@@ -25,6 +27,7 @@ from squealstudy.study.transient.modal_runs import Finished, modal_runs
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.transient.rows import SCHEMA, failed_row, row
 from squealstudy.study.transient.start import save_state
+from squealstudy.study.validity import open_reason
 from squealstudy.study.working_points import NewGaps
 
 RINGS = 1.0  # stick number beyond which a stuck contact rings at the step
@@ -89,12 +92,17 @@ def _row(
     }
     step = task.section.step
     limit = EXACT_LIMIT if task.section.integrator == "exponential" else DRIFT_LIMIT
-    doubts = (
-        _ringing(point, step),
-        _drifting(energy_drift(result), step, limit),
-        _rounded(task, reference, one, done),
-    )
-    message = result.message or "; ".join(text for text in doubts if text)
+    doubts = {
+        "the step resolves stuck friction": _ringing(point, step),
+        "a step keeps the energy balance": _drifting(energy_drift(result), step, limit),
+        "the storage resolves contact pressures": _rounded(task, reference, one, done),
+    }
+    message = result.message or BETWEEN.join(text for text in doubts.values() if text)
+    area, force = system.area, one.point.design.force
+    resting = 0.0 if force is None else open_share(area, force[:, 0] / area)
+    reasons = [open_reason(one.task.design.law_kind, resting)]
+    reasons += [f"{rule}: {text}" for rule, text in doubts.items() if text]
+    point["invalid_reason"] = BETWEEN.join(text for text in reasons if text)
     modes = [
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
     ]

@@ -1,0 +1,33 @@
+"""How many design points of a study break which assumption."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pandas as pd
+
+BETWEEN = "; "  # reasons of a point, each "rule: value"
+
+
+def validity_counts(points: pd.DataFrame) -> tuple[int, int, list[tuple[str, int]]]:
+    """Points outside validity, points with results, and how many break each rule.
+
+    Parameters
+    ----------
+    points : DataFrame
+        A points table; one without the column ``valid`` has no such points.
+    """
+    if "valid" not in points:
+        return 0, 0, []
+    valid = points["valid"].astype("boolean")
+    outside = points.loc[(~valid).fillna(False).to_numpy(bool), "invalid_reason"]
+    return len(outside), int(valid.notna().sum()), rule_counts(outside)
+
+
+def rule_counts(reasons: Iterable[str]) -> list[tuple[str, int]]:
+    """How many of the points with these reasons break each rule, the most frequent first."""
+    rules: dict[str, int] = {}
+    for text in reasons:
+        for rule in dict.fromkeys(part.partition(": ")[0] for part in str(text).split(BETWEEN)):
+            rules[rule] = rules.get(rule, 0) + 1
+    return sorted(rules.items(), key=lambda item: -item[1])

@@ -1,0 +1,242 @@
+"""Assumptions of models and methods: where they fail, and how loudly."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+import squealstudy
+from squealstudy.analysis.tables.validity import validity_counts
+from squealstudy.cli.check import check_command
+from squealstudy.cli.rank import rank_command
+from squealstudy.cli.robust import robust_command
+from squealstudy.errors import StudyFileError
+from squealstudy.models.catalogue import MODELS
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+from squealstudy.study.validity import open_reason, parameter_reasons, with_validity
+
+STUDY = """
+[study]
+name = "s"
+kind = "{kind}"
+[model]
+name = "{model}"
+{more}
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+"""
+FRICTION = """
+[[sweep]]
+parameter = "friction"
+values = [0.2, 0.9, 1.2]
+"""
+TIME = """
+[transient]
+duration = 0.1
+step = 2e-5
+perturbation = 1.0
+"""
+
+
+def text_of(model: str, more: str, kind: str = "complex_modes") -> str:
+    return STUDY.format(kind=kind, model=model, more=more)
+
+
+def plan_of(model: str, more: str, kind: str = "complex_modes") -> Plan:
+    return Plan(parse_study(text_of(model, more, kind), Path("study.toml")))
+
+
+def solved(tmp_path: Path, *args: str) -> pd.DataFrame:
+    run_study(plan_of(*args), tmp_path / "r", jobs=1)
+    return squealstudy.open_results(tmp_path / "r").points
+
+
+# -- inputs that no physics allows
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "value", "expected"),
+    [
+        ("hulten", "friction", -1.0, "at least 0"),
+        ("hulten", "friction", 50.0, "at most 5"),
+        ("hulten", "damping_ratio", 314.0, "at most 1"),
+        ("hulten", "stiffness_damping", -1e-6, "at least 0"),
+        ("belt", "stiffness", -1.0, "positive"),
+        ("disc_brake", "disc.poisson_ratio", 0.5, "below 0.5"),
+        ("disc_brake", "caliper.poisson_ratio", -1.0, "above -1"),
+        ("disc_brake", "pad.lining_poisson_ratio", 1.0, "below 1"),
+        ("disc_brake", "pad.half_angle", 200.0, "below 180"),
+    ],
+)
+@pytest.mark.parametrize("swept", [False, True])
+def test_what_no_physics_allows_is_an_error_at_its_key(model, name, value, expected, swept):
+    more = f'[parameters]\n"{name}" = {value}'
+    if swept:
+        more = f'[[sweep]]\nparameter = "{name}"\nvalues = [{value}]'
+    with pytest.raises(StudyFileError) as error:
+        plan_of(model, more)
+    message = str(error.value)
+    assert message.startswith("study.toml, line ")
+    assert name in message
+    assert expected in message
+
+
+def test_parameters_with_units_have_no_bound_but_zero():
+    """A bound of 1 s on Rayleigh's beta is another one in milliseconds."""
+    for model in MODELS.values():
+        for p in model.parameters:
+            if p.unit not in ("", "deg"):
+                assert np.isinf([p.maximum, p.below]).all(), p.name
+                assert p.minimum in (0.0, -np.inf), p.name
+    assert plan_of("hulten", "[parameters]\nstiffness_damping = 1e6").designs
+
+
+def test_materials_that_contract_or_swell_sideways_are_allowed():
+    assert plan_of("disc_brake", '[parameters]\n"disc.poisson_ratio" = -0.2').designs
+    assert plan_of("disc_brake", '[parameters]\n"pad.lining_poisson_ratio_z" = 0').designs
+
+
+# -- points outside
+
+
+def test_friction_above_one_is_outside_hultens_model(tmp_path):
+    points = solved(tmp_path, "hulten", FRICTION)
+    assert (points["status"] == "ok").all()
+    assert points["valid"].dtype == "boolean"
+    assert points["valid"].tolist() == [True, True, False]
+    assert points["invalid_reason"].tolist()[:2] == ["", ""]
+    reason = points["invalid_reason"].iloc[2]
+    assert reason.startswith("both contacts press only for friction below 1: 1.2; ")
+    assert "share of it below 1 % of the mean pressure: 0.36" in reason
+    table = pq.read_table(tmp_path / "r" / "points.parquet")
+    assert table.column_names[-2:] == ["valid", "invalid_reason"]
+
+
+def test_hultens_bound_is_that_of_the_friction_at_its_sliding_speed():
+    """1.0 itself unloads one contact; friction that has fallen with speed counts as it is."""
+    law = '[parameters]\nfriction = 0.6\n"friction_law.static_ratio" = 2.0\nsliding_speed = {}'
+    at_rest, fast = (parameter_reasons(plan_of("hulten", law.format(v))) for v in (1e-3, 5.0))
+    assert at_rest == [["both contacts press only for friction below 1: 1.199"]]
+    assert fast == [[]]
+    assert parameter_reasons(plan_of("hulten", "[parameters]\nfriction = 1.0"))[0]
+    assert parameter_reasons(plan_of("hoffmann", "[parameters]\nfriction = 1.2")) == [[]]
+    dry = parameter_reasons(plan_of("hoffmann", "[parameters]\nfriction = 2.5"))[0]
+    assert dry == ["static friction of dry contacts is at most 2: 2.5"]
+
+
+def test_overdamped_modes_are_no_quiet_design(tmp_path):
+    """beta = 1 s is a damping ratio of pi f = 314 at 100 Hz: nothing oscillates."""
+    points = solved(tmp_path, "hulten", "[parameters]\nstiffness_damping = 1.0")
+    assert points["n_modes"].fillna(0).tolist() == [0]
+    assert points["valid"].tolist() == [False]
+    reason = "modes of the band are damped below critical, damping ratio: 314.2"
+    assert points["invalid_reason"].tolist() == [reason]
+
+
+@pytest.mark.parametrize(("beta", "valid"), [(3.1e-3, True), (3.2e-3, False)])
+def test_critical_damping_is_where_the_highest_mode_of_the_band_has_it(tmp_path, beta, valid):
+    points = solved(tmp_path, "hulten", f"[parameters]\nstiffness_damping = {beta}")
+    assert points["valid"].tolist() == [valid]  # pi beta 100 Hz = 1 at 3.183e-3 s
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rule"),
+    [
+        ("damping_ratio", 0.25, "modal damping is light, a ratio of at most 0.2: 0.25"),
+        ("modes[3].damping_ratio", 0.3, "modal damping is light, a ratio of at most 0.2: 0.3"),
+        ("caliper.modes[8].damping_ratio", 1.0, "component modes are damped below critical: 1"),
+        ("caliper.modes[8].damping_ratio", 0.5, ""),
+        ("caliper.modes[8].frequency_scale", 1.5, ""),
+        ("pressure", 3e8, "strains of the lining are small, at most 0.02: 0.06228"),
+    ],
+)
+def test_dubious_parameters_of_the_brake(name, value, rule):
+    found = parameter_reasons(plan_of("disc_brake", f'[parameters]\n"{name}" = {value}'))
+    assert found == [[rule] if rule else []]
+
+
+def test_a_contact_mostly_open_and_points_that_failed():
+    plan = plan_of("disc_brake", FRICTION)
+    table = pd.DataFrame({"status": ["ok", "inaccurate", "working_point"]})
+    found = with_validity(plan, table.assign(open_share=[0.5, 0.51, np.nan]))
+    assert found["valid"].tolist() == [True, False, pd.NA]
+    reasons = ["", "the contact is closed over 50% of its area or more, open share: 0.51", ""]
+    assert found["invalid_reason"].tolist() == reasons
+    assert validity_counts(found)[:2] == (1, 2)
+    assert open_reason("bilateral", 0.0) == open_reason("exponential", 0.5) == ""
+    assert open_reason("bilateral", 0.01).endswith(": 0.01")
+    assert validity_counts(table) == (0, 0, [])  # of an earlier version
+
+
+def test_in_time_a_bilateral_contact_that_pulls_and_a_far_kick():
+    plan = plan_of("hoffmann", "[parameters]\nsliding_speed = 0.08" + FRICTION + TIME, "transient")
+    table = pd.DataFrame({"status": "ok", "class": "limit_cycle"}, index=range(3))
+    table = table.assign(open_share=0.1, open_share_max=[0.0, 1.0, 0.0])
+    table = table.assign(perturbation=[0.1, 0.1, 1.0], invalid_reason=["", "", "a step: long"])
+    found = with_validity(plan, table)
+    assert found["valid"].tolist() == [True, False, False]
+    _, pulls, kicked = found["invalid_reason"]
+    assert pulls.endswith("share of it below 1 % of the mean pressure: 1")
+    assert kicked.startswith("a step: long; the disturbance is at most 10 times the sliding speed")
+    assert kicked.endswith("far from steady sliding: 12.5")
+    assert found.columns[-2:].tolist() == ["valid", "invalid_reason"]
+
+
+def test_matrices_have_no_contact_to_judge(tmp_path):
+    import scipy.io
+    import scipy.sparse as sp
+
+    for name, size in (("m", 1.0), ("k", 1e6)):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.eye(3, format="csr") * size)
+    terms = "".join(
+        f'[[model.term]]\nmatrix = "{name.upper()}"\nfile = "{tmp_path / name}.mtx"\n'
+        for name in ("m", "k")
+    )
+    points = solved(tmp_path, "matrices", terms)
+    assert points["valid"].tolist() == [True]
+
+
+# -- screens
+
+
+def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
+    path = tmp_path / "study.toml"
+    path.write_text(text_of("hulten", FRICTION))
+    check_command(path, tmp_path / "r", 1, build=False)
+    said = " ".join(capsys.readouterr().out.split())
+    wanted = (
+        "1 of 3 points will be outside: 1 break 'both contacts press only for friction below 1'"
+    )
+    assert wanted in said
+    run_study(plan_of("hulten", FRICTION), tmp_path / "r", jobs=1)
+    rank_command(tmp_path / "r", "share", None, None, csv=False)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "1 of 3 solved design points are outside validity: 1 break 'both contacts" in said
+    rank_command(tmp_path / "r", "share", None, "valid", csv=True)
+    assert pd.read_csv(io.StringIO(capsys.readouterr().out))["unstable_share"].tolist() == [0.5]
+    rank_command(tmp_path / "r", "share", None, None, csv=True)
+    assert "validity" not in capsys.readouterr().out
+
+
+def test_robust_says_it_too(tmp_path, capsys):
+    more = '[design]\ntype = "sobol"\nsamples = 16\n[[sweep]]\nparameter = "friction"\n'
+    more += "start = 0.5\nstop = 1.5"
+    run_study(plan_of("hulten", more), tmp_path / "r", jobs=1)
+    robust_command(tmp_path / "r", None, 0.95, csv=False, indices=False)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "8 break 'both contacts press only for friction below 1'" in said
+    assert "of 16 solved design points are outside validity: " in said
+
+
+def test_models_are_valid_at_their_defaults():
+    for model in MODELS.values():
+        assert not any(a.broken(model.defaults()) for a in model.assumptions)
+    assert {name for name, model in MODELS.items() if model.assumptions} == set(MODELS)
