@@ -193,10 +193,17 @@ def test_a_single_mode_without_the_damping_of_all_is_seen(tmp_path):
 
 
 @pytest.mark.parametrize("method", ["two_step", "perturbation"])
-def test_rungs_for_comparison_refuse_modal_damping(tmp_path, method):
-    text = BRAKE.format(friction=4, pressure=2) + f'method = "{method}"\n'
-    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*modal"):
-        plan_of(text + DAMPED.format(name="damping_ratio"), tmp_path).tasks  # noqa: B018
+@pytest.mark.parametrize("single", ["", '"modes[2].damping_ratio" = 0.03\n'])
+def test_rungs_for_comparison_serve_modal_damping(tmp_path, method, single):
+    """As exactly as without it: two steps keep all real modes here, the step from 0.2 is small."""
+    narrow = HULTEN.replace("0.0\nstop = 0.6\nnum = 41", "0.19\nstop = 0.21\nnum = 3")
+    damped = DAMPED.format(name="damping_ratio") + "stiffness_damping = 2e-5\n" + single
+    found = run(narrow + f'method = "{method}"\n' + damped, tmp_path)
+    exact = run(narrow + 'method = "dense"\n' + damped, tmp_path, "exact")
+    assert set(found.points["method"]) == {method}
+    off = (found.modes["growth_rate"] - exact.modes["growth_rate"]).abs().max()
+    assert off < {"two_step": 1e-9, "perturbation": 5e-3}[method]
+    assert exact.modes["growth_rate"].max() < -0.5  # so that damping is seen
 
 
 @pytest.mark.parametrize("method", ["windows", "sweep_basis"])

@@ -64,17 +64,12 @@ def choose_method(
             f"a {study.definition.study.kind} study has no choice of method: leave the key out",
         )
     if section.method != AUTO:
-        if section.method in APPROXIMATE and single:
+        if section.method in OVER_A_BASIS and single:
             raise SourceText(study.path, study.text).error(
                 ("modes", "method"),
                 f"{section.method} has no damping of single modes of the assembly ({single} is not "
-                "zero): expected dense, or damping_ratio in its place",
-            )
-        if section.method in FOR_COMPARISON and _not_zero(study, swept, [DAMPING_RATIO]):
-            raise SourceText(study.path, study.text).error(
-                ("modes", "method"),
-                f"{section.method} has no modal damping of the assembly ({DAMPING_RATIO} is not "
-                "zero): expected dense, sweep_basis or windows",
+                f"{DAMPING_RATIO}): expected dense, two_step or perturbation, or {DAMPING_RATIO} "
+                "in its place",
             )
         if section.method == DENSE and exact == FULL:
             raise SourceText(study.path, study.text).error(
