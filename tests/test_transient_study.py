@@ -169,8 +169,14 @@ def test_histories(finished):
     assert history["time"].iloc[-1] == pytest.approx(0.5)
     shares = history[["stick", "slip", "open"]].sum(axis=1)
     np.testing.assert_allclose(shares, 1.0, atol=1e-6)
-    with pytest.raises(ResultsError, match="no history of this point"):
-        finished.history("nonsense")
+    for number in (0, np.int64(0), -len(finished.points)):
+        pd.testing.assert_frame_equal(finished.history(number), history)
+    count = len(finished.points)
+    for nothing in ("nonsense", count, -count - 1, 0.5):
+        with pytest.raises(
+            ResultsError, match=rf"no design point .*0 to {count - 1}, or a point_id"
+        ):
+            finished.history(nothing)
 
 
 def test_nothing_is_kept_where_nothing_is_asked_for(tmp_path, finished):

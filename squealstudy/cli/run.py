@@ -15,7 +15,7 @@ from squealstudy.study.fidelity.run import resolve, run_resolved
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
-from squealstudy.study.runner import RunReport, default_directory, run_study
+from squealstudy.study.runner import RunReport, default_directory, failure_counts, run_study
 from squealstudy.study.sampling import check_limit
 
 LISTED = 12  # modes in the ranking that a run prints
@@ -44,7 +44,7 @@ def run_command(
     show_findings(results)
     screen.console.print()
     drawn = draw_pictures(results, directory) if pictures else []
-    screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])
+    screen.facts([*_summary(report, results), *((("picture"), str(p)) for p in drawn)])
 
 
 def show_findings(results: Results) -> None:
@@ -61,14 +61,17 @@ def show_findings(results: Results) -> None:
     screen.ranking(results.rank(top=LISTED), results.along, unit)
 
 
-def _summary(report: RunReport) -> list[tuple[str, str]]:
+def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:
     manifest = report.manifest
-    failed = manifest["n_failed"]
+    failed, directory = "", report.directory
+    if manifest["n_failed"]:
+        why = failure_counts(results.points["status"])
+        failed = f", {manifest['n_failed']} failed ({why}; see message in points)"
     rows = [
         (
             "points",
             f"{manifest['n_points']}: {report.n_solved} solved now, {report.n_reused} found in "
-            f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
+            f"{directory}{failed}",
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
         *transient_screen.ended_early(manifest),

@@ -14,8 +14,8 @@ from squealstudy.plots.modal_energies import modal_energies
 from squealstudy.plots.over_time import design_text
 from squealstudy.plots.spectrogram import spectrogram
 from squealstudy.plots.torque_history import torque_history
-from squealstudy.study.names import HISTORIES
 from squealstudy.study.results import Results
+from squealstudy.study.transient.histories import kept_histories
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 MOST_HISTORIES = 16  # design points whose histories are drawn; `plots` draws any other
@@ -39,7 +39,7 @@ def transient_figures(results: Results, along: str | None) -> Iterator[tuple[str
 def _over_time(results: Results) -> Iterator[tuple[str, Figure]]:
     """Torque, energies and spectrogram of the first design points that kept a history."""
     units, top = results.manifest["units"], results.manifest["band_hz"][1]
-    kept = {path.stem for path in (results.directory / HISTORIES).glob("*.parquet")}
+    kept = kept_histories(results.directory)
     points, modes, growth = results.points, results.modes, results.growth
     shown = points[points["point_id"].isin(kept)].head(MOST_HISTORIES)
     numbers = np.flatnonzero(points["point_id"].isin(shown["point_id"])) + 1

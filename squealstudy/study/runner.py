@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow.parquet as pq
 from joblib import delayed
 
 from squealstudy.errors import ResultsError, SquealstudyError
@@ -24,6 +25,7 @@ from squealstudy.study.manifest import (
     new_manifest,
     point_facts,
 )
+from squealstudy.study.names import POINTS
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
@@ -122,6 +124,7 @@ def run_study(
             failures |= build_structures(plan, jobs, progress)
         found = check_ownership(directory, plan)
         if found and _is_complete(found, plan, kind, directory):
+            _expect_solved(directory)
             return RunReport(directory, found, 0, len(plan.tasks))
         remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
@@ -261,6 +264,21 @@ def _finish(
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     progress("tables", 1, 1)
-    if manifest["n_failed"] == len(points):
-        message = str(points["message"].iloc[0])
-        raise ResultsError(f"{directory}: every design point failed, the first with: {message}")
+    _expect_solved(directory)
+
+
+def _expect_solved(directory: Path) -> None:
+    """Raise ResultsError, with the reasons, where every design point of a finished run failed."""
+    points = pq.read_table(directory / POINTS, columns=["status", "message"]).to_pandas()
+    if (points["status"] == "ok").any():
+        return
+    raise ResultsError(
+        f"{directory}: every design point failed ({failure_counts(points['status'])}), the first "
+        f"with: {points['message'].iloc[0]}"
+    )
+
+
+def failure_counts(status: pd.Series) -> str:
+    """How often design points failed with which status, such as ``3 not_converged``."""
+    counts = status[status != "ok"].value_counts()
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

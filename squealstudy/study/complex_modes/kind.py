@@ -38,6 +38,7 @@ from squealstudy.study.method import APPROXIMATE, AUTO, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
 from squealstudy.study.plan import Plan, checked_points
+from squealstudy.study.rows import FAILURES
 from squealstudy.study.tasks import ChunkReport, PointTask
 
 KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
@@ -50,7 +51,12 @@ class ComplexModes:
     tables: tuple[str, ...] = (POINTS, MODES, ONSETS)
 
     def check(self, plan: Plan) -> None:
-        """Component modes are checked for every kind; there is no more to check."""
+        """Modes of the assembly must be held by every basis; component modes are, in any kind."""
+        if not plan.designs[0].assembly_parameters() or plan.method.name == FULL:
+            return
+        for structure in plan.structures:
+            if is_prepared(structure.key):
+                plan.check_assembly_modes(load_any(structure.key).model.n)
 
     def warnings(self, plan: Plan) -> list[str]:
         """Complex modes give none."""
@@ -168,6 +174,6 @@ class ComplexModes:
         with threadpool_limits(1):
             try:
                 solve_design(prepared, task.design, plan.band_hz)
-            except ConvergenceError:
+            except FAILURES:
                 return None
         return time.perf_counter() - started
