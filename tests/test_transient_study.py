@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.signal
 
@@ -116,7 +117,7 @@ def test_what_only_the_model_shows_is_told_before_anything_is_written(tmp_path, 
 def test_a_damped_assembly_mode_must_exist(tmp_path):
     text = BELT.format(duration=0.5, save_every=20, more="")
     text = text.replace("[modes]", '[parameters]\n"modes[9].damping_ratio" = 0.1\n[modes]')
-    with pytest.raises(StudyFileError, match="assembly modes 1 to 2"):
+    with pytest.raises(StudyFileError, match="the assembly has modes 1 to 2"):
         run_study(plan_of(text), tmp_path / "belt", jobs=1)
 
 
