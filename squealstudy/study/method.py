@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.study.source import SourceText
 
@@ -77,8 +77,15 @@ def choose_method(
                 "a family of matrices has no component-mode coordinates for dense: expected full, "
                 "sweep_basis or windows",
             )
-        return Method(section.method, section.tolerance, "as the study says")
+        return Method(section.method, section.tolerance, _who_says(study))
     return _cheapest(study, swept, structural, exact, single)
+
+
+def _who_says(study: Study) -> str:
+    """Who set the method: the file, [fidelity], or a study of methods that varies the file."""
+    if "modes.method" in given_keys(study):
+        return "as the study says"
+    return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
 def _cheapest(

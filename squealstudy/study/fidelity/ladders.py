@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.plan import has_mesh
-from squealstudy.study.source import parse_toml
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
@@ -50,17 +49,6 @@ def free_ladders(study: Study) -> dict[str, Ladder]:
         ladder.name: ladder
         for ladder in wanted
         if not any(key in given for rung in ladder.rungs for key in rung.changes)
-    }
-
-
-def given_keys(study: Study) -> set[str]:
-    """Dotted keys of the file, ``transient.step``, of tables in tables too."""
-    tables = parse_toml(study.path, study.text)
-    return {
-        f"{section}.{key}"
-        for section, table in tables.items()
-        if isinstance(table, dict)
-        for key in table
     }
 
 
