@@ -19,6 +19,7 @@ from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
 from squealstudy.study.complex_modes.window_worker import solve_box
 from squealstudy.study.definition import parse_study
+from squealstudy.study.estimate import Estimate, _timed, run_seconds
 from squealstudy.study.method import Method
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
@@ -158,6 +159,30 @@ def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pr
     plan = plan_of(text, tmp_path)
     assert plan.method.name == method
     assert "points" in plan.method.reason
+
+
+@pytest.mark.parametrize(
+    ("method", "least", "longest"),
+    [("auto", 15.0, 60.0), ("dense", 350.0, 900.0), ("two_step", 40.0, 135.0)],
+)
+def test_time_is_estimated_by_the_method_that_serves_the_points(tmp_path, method, least, longest):
+    """820 points of 1 s exactly, two workers."""
+    text = BRAKE.format(friction=41, pressure=20) + f'method = "{method}"\n'
+    cost = Estimate(0, None, 1.0, None, None, "")
+    low, high = run_seconds(plan_of(text, tmp_path), cost, 820, 2)
+    assert least < low < high < longest
+
+
+def test_the_first_timed_point_is_timed_without_imports(tmp_path):
+    class Slow(ComplexModes):
+        calls = 0
+
+        def time_point(self, plan, task):
+            self.calls += 1
+            return 0.5 if self.calls == 1 else 1e-3
+
+    plan = plan_of(HULTEN, tmp_path)
+    assert _timed(Slow(), plan, plan.tasks[:3]) == [1e-3, 1e-3, 1e-3]
 
 
 DAMPED = "\n[parameters]\n{name} = 0.005\n"

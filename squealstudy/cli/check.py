@@ -13,7 +13,7 @@ from squealstudy.cli.experiment import check_experiment_command
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
-from squealstudy.study.estimate import Estimate, estimate
+from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.fidelity.run import resolve
 from squealstudy.study.manifest import check_ownership
@@ -76,18 +76,16 @@ def _facts(
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
-    build_s = cost.n_missing_structures * (cost.structure_s or 0.0)
     workers = min(jobs, max(missing, 1))
-    build_s /= 1 if cost.n_missing_structures == 1 else workers
-    total = _duration(missing * cost.point_s / workers + build_s)
-    if grows(plan.study) and missing:
-        most = missing + most_points(plan.study) - len(plan.tasks)
-        total += f" to {_duration(most * cost.point_s / min(jobs, max(most, 1)) + build_s)}"
+    growing = grows(plan.study) and missing
+    most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
+    least, longest = run_seconds(plan, cost, missing, jobs, most)
     return [
         *rows,
         (
             "time",
-            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers{_bound(plan)}",
+            f"{_duration(least)} to {_duration(longest)} without pictures: an exact point takes "
+            f"{cost.point_s:.2g} s on one core, {workers} workers{_bound(plan)}",
         ),
         (
             "memory",
@@ -106,8 +104,7 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
         return []
     method = plan.method
     kept = f", to {method.tolerance:g}" if method.identity else ""
-    bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
-    return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+    return [("method", f"{method.name}{kept}: {method.reason}")]
 
 
 def _bound(plan: Plan) -> str:
@@ -115,7 +112,7 @@ def _bound(plan: Plan) -> str:
     definition = plan.study.definition
     if definition.study.kind != "transient" or definition.transient.stop == "end":
         return ""
-    return "; an upper bound, for runs end once their outcome is known"
+    return "; runs end once their outcome is known"
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:

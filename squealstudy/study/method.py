@@ -21,6 +21,11 @@ PAYS_FROM = {1: 80, 2: 400, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
 
+BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
+# seconds of a design point over those of an exact solve, about
+SERVED = {WINDOWS: 0.03, SWEEP_BASIS: 0.1, TWO_STEP: 0.2, PERTURBATION: 0.15}
+
+
 class Method(NamedTuple):
     """A rung, the tolerance it keeps, and why it was chosen."""
 

@@ -168,12 +168,17 @@ class ComplexModes:
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
-        """Seconds of one design point."""
+        """Seconds of one design point by the exact method."""
         prepared = load_any(task.prepared_key)
+        full = plan.method.name == FULL
+        rung = FullRung(plan.study.options, plan.settings) if full else None
         started = time.perf_counter()
         with threadpool_limits(1):
             try:
-                solve_design(prepared, task.design, plan.band_hz)
+                if rung is not None:
+                    rung.solve(task, plan.band_hz)
+                else:
+                    solve_design(prepared, task.design, plan.band_hz)
             except FAILURES:
                 return None
         return time.perf_counter() - started

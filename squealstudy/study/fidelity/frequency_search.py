@@ -14,13 +14,19 @@ from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, PAYS_FROM, WINDOWS
+from squealstudy.study.method import (
+    BASIS_SOLVES,
+    DENSE,
+    FULL,
+    OVER_A_BASIS,
+    PAYS_FROM,
+    SERVED,
+    WINDOWS,
+)
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
-BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
-SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
 
 
 def search_modes(scene: Scene) -> Choice:
