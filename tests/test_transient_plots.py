@@ -490,3 +490,17 @@ def test_pictures_leave_pyplot_alone_and_their_tables_unchanged():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_a_belt_has_a_friction_force_and_no_torque():
+    units = {**UNITS, "torque": "N"}
+    row, history = one_point().iloc[0], history_table()
+    figures = {
+        "history": torque_history(history, row, GROWTH, units=units),
+        "levels": level_sweep(*sweep(), "friction", units=units),
+        "spectrogram": spectrogram(history, GROWTH.iloc[:0], units=units),
+    }
+    for name, figure in figures.items():
+        texts = drawn(figure)
+        assert any("riction force" in text for text in texts), name
+        assert not any("N m" in text or "orque" in text for text in texts), name

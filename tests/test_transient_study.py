@@ -163,6 +163,7 @@ def test_the_other_columns(finished):
 
 
 def test_histories(finished):
+    assert finished.manifest["units"]["torque"] == "N"  # of a belt it is a friction force
     name = finished.points["point_id"].iloc[0]
     history = finished.history(name)
     np.testing.assert_allclose(history["time"], np.arange(len(history)) * 20 * 2e-5, atol=1e-12)

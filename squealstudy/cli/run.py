@@ -50,7 +50,8 @@ def run_command(
 def show_findings(results: Results) -> None:
     """The ranking of unstable modes, or what became of each design point in time."""
     if results.kind == "transient":
-        transient_screen.points(results.points, results.parameters)
+        unit = results.manifest["units"].get("torque", "N m")
+        transient_screen.points(results.points, results.parameters, unit)
         screen.console.print()
         transient_screen.ranking(results.rank(top=LISTED))
         return

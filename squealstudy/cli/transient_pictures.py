@@ -45,9 +45,9 @@ def _over_time(results: Results) -> Iterator[tuple[str, Figure]]:
     numbers = np.flatnonzero(points["point_id"].isin(shown["point_id"])) + 1
     for number, (_, row) in zip(numbers, shown.iterrows(), strict=True):
         history, title = results.history(row["point_id"]), design_text(points, row, units)
-        yield f"torque_history_{number}", torque_history(history, row, growth, title)
+        yield f"torque_history_{number}", torque_history(history, row, growth, title, units)
         yield f"modal_energies_{number}", modal_energies(history, modes, row, title)
-        yield f"spectrogram_{number}", spectrogram(history, growth, row, top, title)
+        yield f"spectrogram_{number}", spectrogram(history, growth, row, top, title, units)
 
 
 def nominal_others(results: Results, along: str, varied: list[str]) -> Mapping[str, float]:

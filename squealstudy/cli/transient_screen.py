@@ -14,14 +14,15 @@ MOST_COLUMNS = 2  # parameters with a column of their own
 LISTED = 24  # design points listed; all of them are in the tables
 
 
-def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
-    """Print what became of each design point."""
+def points(table: pd.DataFrame, parameters: Sequence[str], unit: str = "N m") -> None:
+    """Print what became of each design point; `unit` is N m of torques, N of friction forces."""
+    what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in varied if len(varied) <= MOST_COLUMNS else ["point"]:
         grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     grid.add_column("class", no_wrap=True)
-    for title in ("growth 1/s", "forecast", "torque Nm", "RMS", "Hz", "mode", "share %"):
+    for title in ("growth 1/s", "forecast", f"{what} {unit}", "RMS", "Hz", "mode", "share %"):
         grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     moved = bool(table["transfer_to"].any())
     if moved:
@@ -34,9 +35,10 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     if len(table) > LISTED:
         screen.console.print(f"{len(table) - LISTED} more in the points table", style="dim")
     screen.console.print(
-        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; torque and "
-        "RMS of its fluctuation, its leading line (a harmonic where that is loudest), mode and its "
-        "energy share: over the last window",
+        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; "
+        f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
+        "leading line (a harmonic where that is loudest), mode and its energy share: over the "
+        "last window",
         style="dim",
     )
     if len(varied) > MOST_COLUMNS:

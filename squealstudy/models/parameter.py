@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.assembly import Assembly
@@ -87,6 +87,9 @@ class ModelDefinition:
         (options, parameter values, all of them) -> Assembly.
     components : tuple of str
         Names, known before the model is built.
+    torque_unit : str
+        Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
+        straight belt (its interfaces have an arm of 1).
     """
 
     name: str
@@ -95,6 +98,7 @@ class ModelDefinition:
     parameters: tuple[Parameter, ...]
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
+    torque_unit: str = field(default="N", kw_only=True)
 
     @property
     def energy_parts(self) -> tuple[str, ...]:

@@ -56,4 +56,5 @@ DISC_BRAKE = ModelDefinition(
     PARAMETERS,
     COMPONENTS,
     build,
+    torque_unit="N m",
 )
