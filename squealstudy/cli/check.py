@@ -17,6 +17,7 @@ from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.fidelity.run import resolve
 from squealstudy.study.manifest import check_ownership
+from squealstudy.study.method import OVER_A_BASIS
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.results import EXPERIMENTS
 from squealstudy.study.rounds import grown, grows, most_points
@@ -28,6 +29,7 @@ from squealstudy.study.runner import (
 )
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import experiment_schema, study_schema
+from squealstudy.wording import plural
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -85,7 +87,7 @@ def _facts(
         (
             "time",
             f"{_duration(least)} to {_duration(longest)} without pictures: an exact point takes "
-            f"{cost.point_s:.2g} s on one core, {workers} workers{_bound(plan)}",
+            f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{_bound(plan)}",
         ),
         (
             "memory",
@@ -103,7 +105,7 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     if kind != "complex_modes":
         return []
     method = plan.method
-    kept = f", to {method.tolerance:g}" if method.identity else ""
+    kept = f", to {method.tolerance:g}" if method.name in OVER_A_BASIS else ""
     return [("method", f"{method.name}{kept}: {method.reason}")]
 
 
@@ -117,7 +119,7 @@ def _bound(plan: Plan) -> str:
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Number of points; of a design that grows also what it may come to."""
-    text = f"{len(plan.tasks)} points, {missing} of them not yet in {directory}"
+    text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
     if grows(plan.study) and missing:
         text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
     return text
@@ -127,8 +129,10 @@ def _range(plan: Plan, index: int) -> str:
     sweep = plan.study.sweeps[index]
     values = sweep.values
     scatter = "random" if sweep.distribution is None else sweep.distribution.text
-    count = f"{len(values)} values" if values else scatter
+    count = plural(len(values), "value") if values else scatter
     unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
+    if sweep.low == sweep.high:
+        return f"{sweep.low:g}{unit}, {count}"
     return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
 
 

@@ -17,6 +17,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, failure_counts, run_study
 from squealstudy.study.sampling import check_limit
+from squealstudy.wording import plural
 
 LISTED = 12  # modes in the ranking that a run prints
 
@@ -57,6 +58,10 @@ def show_findings(results: Results) -> None:
         return
     if results.kind == "sensitivity":
         sensitivity_screen.show_ranking(results, None, LISTED)
+        return
+    if not len(results.modes):
+        low, high = results.manifest["band_hz"]
+        screen.console.print(f"No mode lies between {low:g} and {high:g} Hz at any design point.")
         return
     unit = results.manifest["units"].get(results.along, "")
     screen.ranking(results.rank(top=LISTED), results.along, unit)
@@ -112,14 +117,21 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
         return f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
     if manifest["kind"] == "sensitivity":
         return sensitivity_screen.agreement(Results.open(directory).sensitivities)
-    checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
+    asked = manifest.get("reference", [])
+    checks = [c for c in asked if c.get("status") == "ok"]
+    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
+    if not asked:
+        failed = ", or those points failed" if manifest["n_failed"] else ""
+        return f"not checked against {other} ([modes] reference_points = 0{failed})"
     if not checks:
-        return "not checked against the full-order model ([modes] reference_points = 0)"
+        return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"
+    if not any(c["full_order_modes"] for c in checks):
+        return f"{other} has no mode in the band either, at {plural(len(checks), 'point')}"
     frequency = max(c["frequency_error"] for c in checks)
     damping = max(c["damping_error"] for c in checks)
     missed = sum(c["missed_modes"] for c in checks)
-    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of |damping| < 5 % against {other} at {len(checks)} point(s)"
+        f"modes of |damping| < 5 % against {other} at "
+        f"{plural(len(checks), 'point')}"
     )

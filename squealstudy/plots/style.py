@@ -15,6 +15,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from squealstudy.wording import plural as plural
+
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -169,8 +171,3 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
 def track_name(track: int, frequency_hz: float) -> str:
     """A track in a legend or label."""
     return f"T{track}  {frequency_hz:.0f} Hz" if track > 0 else f"{frequency_hz:.0f} Hz"
-
-
-def plural(n: int, word: str) -> str:
-    """A count with its word."""
-    return f"{n} {word}{'' if n == 1 else 's'}"

@@ -27,6 +27,7 @@ from squealstudy.study.names import (
 )
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
+from squealstudy.wording import plural
 
 SOBOL_INDICES = "sobol_indices"
 EXPERIMENTS = ("work_precision", "method_stability")  # studies of methods, not of brakes
@@ -61,7 +62,7 @@ class Results:
         if self.kind not in EXPERIMENTS and self.swept:
             text += f" over {', '.join(self.swept)}"
         count, failed = facts["n_points"], facts.get("n_failed", 0)
-        text += f": {count} {rows}{'' if count == 1 else 's'}"
+        text += f": {plural(count, rows)}"
         text += f", {failed} failed" if failed else ""
         return f"<Results {str(self.directory)!r}: {text}>"
 
@@ -75,6 +76,10 @@ class Results:
             Missing, not of squealstudy, or not finished.
         """
         directory = Path(path)
+        if directory.is_file():
+            raise ResultsError(
+                f"{directory}: expected a results directory such as results/NAME, got a file"
+            )
         if not directory.is_dir():
             raise ResultsError(f"{directory}: no such results directory")
         manifest = read_manifest(directory)
