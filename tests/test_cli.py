@@ -134,6 +134,41 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
     )
 
 
+@pytest.mark.parametrize("place", ["study.toml/below", "/proc/nowhere"])
+def test_a_place_that_cannot_be_written_is_one_message(study, monkeypatch, capsys, place):
+    assert command(monkeypatch, "run", "study.toml", "-j", "1", "-o", place) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert place in message
+    assert "internal error" not in message
+
+
+def test_damaged_results_are_made_again_or_refused(study, monkeypatch, capsys):
+    run = ("run", "study.toml", "-j", "1", "--no-pictures")
+    assert command(monkeypatch, *run) == 0
+    Path("results/lockin/points.parquet").write_text("x")
+    assert command(monkeypatch, *run) == 0
+    assert len(open_results("results/lockin").points) == 13
+    capsys.readouterr()
+    for content in ("[]", "{}"):
+        Path("results/lockin/manifest.json").write_text(content)
+        for verb in (run, ("rank", "results/lockin")):
+            assert command(monkeypatch, *verb) == 2
+            assert "manifest.json: not a manifest of squealstudy" in capsys.readouterr().err
+
+
+def test_screens_of_a_study_without_modes_in_its_band(study, monkeypatch, capsys):
+    study.write_text(STUDY.replace("[1.0, 1000.0]", "[300.0, 400.0]"))
+    assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+    screen = capsys.readouterr().out
+    assert "No mode lies between 300 and 400 Hz at any design point." in screen
+    assert "the full-order model has no mode in the band either, at 2 points" in screen
+    assert command(monkeypatch, "check", "study.toml", "-j", "1") == 0
+    assert "nothing is left to solve" in capsys.readouterr().out
+    assert command(monkeypatch, "rank", "study.toml") == 2
+    assert "expected a results directory such as results/NAME" in capsys.readouterr().err
+
+
 def test_missing_and_unreadable_files(study, monkeypatch, capsys, tmp_path):
     for name in ("nowhere.toml", "."):
         assert command(monkeypatch, "run", name) == 2

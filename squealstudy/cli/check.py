@@ -78,7 +78,9 @@ def _facts(
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
-    workers = min(jobs, max(missing, 1))
+    if not missing:
+        return [*rows, ("time", "nothing is left to solve")]
+    workers = min(jobs, missing)
     growing = grows(plan.study) and missing
     most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
     least, longest = run_seconds(plan, cost, missing, jobs, most)

@@ -101,7 +101,8 @@ def ranking(table: pd.DataFrame) -> None:
 
 def _findings(row: dict[Any, Any]) -> list[str]:
     if row["class"] == "failed":
-        return [f"failed: {row['status']}", *[""] * 8]
+        why = row["status"] if row["status"] != "ok" else "too short a run to judge"
+        return [f"failed: {why}", *[""] * 8]
     transfer = ""
     if row["transfer_to"]:
         transfer = (

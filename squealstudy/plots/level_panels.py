@@ -42,7 +42,8 @@ def draw_levels(
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     what, unit = friction_label(units)
     finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
-    axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
 
 
 def draw_means(

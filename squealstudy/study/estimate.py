@@ -65,15 +65,13 @@ def run_seconds(
     cost : Estimate
         Whose `point_s` is known.
     missing : int
-        Design points not solved yet.
+        Design points not solved yet, at least one.
     jobs : int
         Workers.
     most : int or None
         The same of a design that grows, at most.
     """
     assert cost.point_s is not None
-    if not missing:
-        return 0.0, OVERHEAD[1]
     own, bases = cost.point_s, 0.0
     complex_modes = plan.study.definition.study.kind == "complex_modes"
     served = SERVED.get(plan.method.name) if complex_modes else None

@@ -150,8 +150,17 @@ def _is_complete(found: dict[str, Any], plan: Plan, kind: Kind, directory: Path)
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and all((directory / name).is_file() for name in kind.tables)
+        and all(_readable(directory / name) for name in kind.tables)
     )
+
+
+def _readable(path: Path) -> bool:
+    """Whether a table is there and whole; what is not is made again from the chunk files."""
+    try:
+        pq.read_metadata(path)
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def build_structures(
