@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from squealstudy import open_results
 from squealstudy.cli.app import main
+from squealstudy.errors import ConvergenceError
+from squealstudy.study.complex_modes.solve import solve_design
 
 STUDY = """[study]
 name = "lockin"
@@ -80,6 +83,90 @@ def test_bad_study_is_one_message(
     assert expected in screen.err
     assert screen.out == ""
     assert [p.name for p in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_the_name_that_others_have_for_a_design_is_told_apart(study, monkeypatch, capsys):
+    study.write_text(STUDY + '[design]\ntype = "saltelli"\nsamples = 8\n')
+    assert command(monkeypatch, "check", "study.toml") == 2
+    message = capsys.readouterr().err
+    assert "line 20, key 'design.type'" in message
+    assert "named 'sobol_indices' here" in message
+
+
+@pytest.mark.parametrize("verb", ["run", "check"])
+@pytest.mark.parametrize("kind", ["complex_modes", "sensitivity"])
+def test_a_mode_that_the_assembly_lacks_is_one_message(study, monkeypatch, capsys, verb, kind):
+    text = STUDY.replace("friction = 0.5", '"modes[9].damping_ratio" = 0.01', 1)
+    study.write_text(text.replace("complex_modes", kind))
+    assert command(monkeypatch, verb, "study.toml", "-j", "1") == 2
+    message = capsys.readouterr().err
+    assert (
+        "line 9, key 'parameters.modes[9].damping_ratio': the assembly has modes 1 to 2" in message
+    )
+    assert not Path("results/lockin").exists()
+
+
+def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, capsys):
+    def fail(*_):
+        raise ConvergenceError("not_converged", "no luck")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail)
+    for _ in range(2):
+        assert command(monkeypatch, "run", "study.toml", "-j", "1") == 2
+        screen = capsys.readouterr()
+        assert "every design point failed (13 not_converged), the first with: no luck" in screen.err
+        assert "nothing to do" not in screen.out
+
+
+def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, capsys):
+    def fail_above(prepared, design, *more):
+        if design.values["friction"] > 0.4:
+            raise ConvergenceError("not_converged", "no luck")
+        return solve_design(prepared, design, *more)
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail_above)
+    for _ in range(2):
+        assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+        assert "4 failed (4 not_converged; see message in points)" in capsys.readouterr().out
+    results = open_results("results/lockin")
+    assert repr(results) == (
+        "<Results 'results/lockin': complex_modes of hulten over friction: 13 points, 4 failed>"
+    )
+
+
+@pytest.mark.parametrize("place", ["study.toml/below", "/proc/nowhere"])
+def test_a_place_that_cannot_be_written_is_one_message(study, monkeypatch, capsys, place):
+    assert command(monkeypatch, "run", "study.toml", "-j", "1", "-o", place) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert place in message
+    assert "internal error" not in message
+
+
+def test_damaged_results_are_made_again_or_refused(study, monkeypatch, capsys):
+    run = ("run", "study.toml", "-j", "1", "--no-pictures")
+    assert command(monkeypatch, *run) == 0
+    Path("results/lockin/points.parquet").write_text("x")
+    assert command(monkeypatch, *run) == 0
+    assert len(open_results("results/lockin").points) == 13
+    capsys.readouterr()
+    for content in ("[]", "{}"):
+        Path("results/lockin/manifest.json").write_text(content)
+        for verb in (run, ("rank", "results/lockin")):
+            assert command(monkeypatch, *verb) == 2
+            assert "manifest.json: not a manifest of squealstudy" in capsys.readouterr().err
+
+
+def test_screens_of_a_study_without_modes_in_its_band(study, monkeypatch, capsys):
+    study.write_text(STUDY.replace("[1.0, 1000.0]", "[300.0, 400.0]"))
+    assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+    screen = capsys.readouterr().out
+    assert "No mode lies between 300 and 400 Hz at any design point." in screen
+    assert "the full-order model has no mode in the band either, at 2 points" in screen
+    assert command(monkeypatch, "check", "study.toml", "-j", "1") == 0
+    assert "nothing is left to solve" in capsys.readouterr().out
+    assert command(monkeypatch, "rank", "study.toml") == 2
+    assert "expected a results directory such as results/NAME" in capsys.readouterr().err
 
 
 def test_missing_and_unreadable_files(study, monkeypatch, capsys, tmp_path):

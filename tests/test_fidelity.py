@@ -1,6 +1,8 @@
 """Fidelity: ladders, choices, pilots, audits."""
 
 import json
+import time
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -11,20 +13,23 @@ from typer.testing import CliRunner
 from squealstudy import open_results
 from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
+from squealstudy.cli.fidelity_screen import facts
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.cache import is_prepared, read_scalars
+from squealstudy.study.complex_modes.worker import ChunkTask
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity import run as fidelity_run
 from squealstudy.study.fidelity import scene as fidelity_scene
 from squealstudy.study.fidelity.audit import Audit, drawn_points
-from squealstudy.study.fidelity.choice import Tried, choose, pays
+from squealstudy.study.fidelity.choice import Choice, Combination, Tried, Untried, choose, pays
 from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.study.fidelity.kept import _path
-from squealstudy.study.fidelity.ladders import free_ladders, training_step
-from squealstudy.study.fidelity.run import resolve, run_resolved
+from squealstudy.study.fidelity.ladders import Rung, free_ladders, training_step
+from squealstudy.study.fidelity.run import _plain, resolve, run_resolved
 from squealstudy.study.fidelity.scene import Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.keys import source_hash
+from squealstudy.study.measure.frequency_domain import _solving_seconds
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures
 
@@ -134,10 +139,10 @@ def test_choice_is_never_dearer_than_another_that_is_as_good(ladders, tolerance,
             ).chosen
             if alone.error <= tolerance:
                 assert choice.chosen.cost <= alone.cost * (1 + 1e-9)
-    if choice.cheaper is not None:
+    if choice.cheaper != Untried():
         assert choice.cheaper.cost <= choice.chosen.cost
         assert choice.cheaper.error > choice.chosen.error
-    if choice.dearer is not None:
+    if choice.dearer != Untried():
         assert choice.dearer.error < choice.chosen.error
 
 
@@ -451,6 +456,33 @@ def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path):
     assert resolved.choice.chosen.error <= 1e-3
     report = run_resolved(resolved, tmp_path / "results", False, quiet, pytest.fail)
     assert report.manifest["fidelity"]["audit"]["passed"]
+    assert report.manifest["method"]["reason"] == "by [fidelity]"
+    assert report.manifest["fidelity"]["cheaper"]["reason"] == "there is none"
+    assert report.manifest["fidelity"]["dearer"]["settings"] == "dense"
+
+
+FACTS = {
+    "chosen": {"settings": "middle", "estimated_error": 0.01, "seconds": 4.0},
+    "reason": "meets the tolerance",
+    "tolerance": 0.02,
+}
+
+
+def test_rungs_that_were_not_tried_are_named_beside_the_choice():
+    one = Combination(("middle",), {}, 0.01, 4.0)
+    rungs = [Rung(name, {}) for name in ("long", "middle", "short")]
+    choice = Choice(one, Untried(), Untried(), "").with_untried(rungs, ["middle"])
+    assert (choice.cheaper, choice.dearer) == (Untried("long"), Untried("short"))
+    choice = Choice(one, Untried(), Untried(), "").with_untried(rungs, ["long", "middle", "short"])
+    assert (choice.cheaper, choice.dearer) == (Untried(), Untried())
+    choice = Choice(one, one, Untried(), "").with_untried(rungs, ["middle"])
+    assert choice.cheaper is one
+    assert facts({**FACTS, "cheaper": _plain(Untried("long")), "dearer": _plain(Untried())})[
+        1:
+    ] == [
+        ("  next cheaper", "long: not tried"),
+        ("  next dearer", "there is none"),
+    ]
 
 
 @pytest.mark.parametrize(("num", "more"), [(30, ""), (200, 'method = "dense"')])
@@ -603,3 +635,22 @@ def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatc
 
 def test_hashes_of_single_files_are_of_their_text():
     assert source_hash(("study/transient_section.py",)) != source_hash(())
+
+
+class SlowAtFirst:
+    """Burns processor time in its first call, as imports do."""
+
+    calls = 0
+
+    def solve(self, task):
+        self.calls += 1
+        started = time.process_time()
+        while self.calls == 1 and time.process_time() - started < 0.2:
+            pass
+
+
+def test_pilots_are_timed_without_what_the_first_call_of_a_process_owes():
+    kind = SlowAtFirst()
+    task = ChunkTask(Path(), (1.0, 2.0), (), True, 0)
+    assert _solving_seconds(kind, [task]) < 0.1
+    assert kind.calls == 2

@@ -20,7 +20,13 @@ from squealstudy.plots.plane import study_plane
 from squealstudy.plots.ranking_bars import mean_energies, ranking_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import cell_edges, stability_map
-from squealstudy.plots.style import damping_limits, is_geometric, quantity
+from squealstudy.plots.style import (
+    damping_limits,
+    is_geometric,
+    new_figure,
+    quantity,
+    set_ticks,
+)
 
 UNITS = {"friction": "", "pressure": "Pa", "sliding_speed": "m/s"}
 MU, P = np.linspace(0.0, 0.7, 8), np.array([2e5, 4e5, 8e5, 12e5, 20e5, 30e5])
@@ -670,3 +676,20 @@ def test_pictures_leave_pyplot_alone():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize("reach", [5.5, 15.0, 80.0])
+def test_a_logarithmic_axis_of_less_than_two_decades_has_labels_enough(reach):
+    values = pd.Series(2e5 * reach ** np.linspace(0, 1, 40))
+    shown = quantity("pressure", values, {"pressure": "Pa"})
+    figure = new_figure()
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    x = shown.scaled(values)
+    axes.plot(x, x)
+    set_ticks(axes.xaxis, shown, values)
+    FigureCanvasAgg(figure).draw()
+    low, high = axes.get_xlim()
+    labels = [t for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
+    assert shown.log
+    assert len([t for t in labels if t.get_text()]) >= 3

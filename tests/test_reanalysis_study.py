@@ -19,6 +19,7 @@ from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
 from squealstudy.study.complex_modes.window_worker import solve_box
 from squealstudy.study.definition import parse_study
+from squealstudy.study.estimate import Estimate, _timed, run_seconds
 from squealstudy.study.method import Method
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
@@ -160,6 +161,30 @@ def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pr
     assert "points" in plan.method.reason
 
 
+@pytest.mark.parametrize(
+    ("method", "least", "longest"),
+    [("auto", 15.0, 60.0), ("dense", 350.0, 900.0), ("two_step", 40.0, 135.0)],
+)
+def test_time_is_estimated_by_the_method_that_serves_the_points(tmp_path, method, least, longest):
+    """820 points of 1 s exactly, two workers."""
+    text = BRAKE.format(friction=41, pressure=20) + f'method = "{method}"\n'
+    cost = Estimate(0, None, 1.0, None, None, "")
+    low, high = run_seconds(plan_of(text, tmp_path), cost, 820, 2)
+    assert least < low < high < longest
+
+
+def test_the_first_timed_point_is_timed_without_imports(tmp_path):
+    class Slow(ComplexModes):
+        calls = 0
+
+        def time_point(self, plan, task):
+            self.calls += 1
+            return 0.5 if self.calls == 1 else 1e-3
+
+    plan = plan_of(HULTEN, tmp_path)
+    assert _timed(Slow(), plan, plan.tasks[:3]) == [1e-3, 1e-3, 1e-3]
+
+
 DAMPED = "\n[parameters]\n{name} = 0.005\n"
 
 
@@ -193,10 +218,17 @@ def test_a_single_mode_without_the_damping_of_all_is_seen(tmp_path):
 
 
 @pytest.mark.parametrize("method", ["two_step", "perturbation"])
-def test_rungs_for_comparison_refuse_modal_damping(tmp_path, method):
-    text = BRAKE.format(friction=4, pressure=2) + f'method = "{method}"\n'
-    with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*modal"):
-        plan_of(text + DAMPED.format(name="damping_ratio"), tmp_path).tasks  # noqa: B018
+@pytest.mark.parametrize("single", ["", '"modes[2].damping_ratio" = 0.03\n'])
+def test_rungs_for_comparison_serve_modal_damping(tmp_path, method, single):
+    """As exactly as without it: two steps keep all real modes here, the step from 0.2 is small."""
+    narrow = HULTEN.replace("0.0\nstop = 0.6\nnum = 41", "0.19\nstop = 0.21\nnum = 3")
+    damped = DAMPED.format(name="damping_ratio") + "stiffness_damping = 2e-5\n" + single
+    found = run(narrow + f'method = "{method}"\n' + damped, tmp_path)
+    exact = run(narrow + 'method = "dense"\n' + damped, tmp_path, "exact")
+    assert set(found.points["method"]) == {method}
+    off = (found.modes["growth_rate"] - exact.modes["growth_rate"]).abs().max()
+    assert off < {"two_step": 1e-9, "perturbation": 5e-3}[method]
+    assert exact.modes["growth_rate"].max() < -0.5  # so that damping is seen
 
 
 @pytest.mark.parametrize("method", ["windows", "sweep_basis"])

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
+from conftest import NOMINAL
 from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance, hulten, machine
 
 from squealstudy.analysis.brake_system import brake_system
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
+from squealstudy.analysis.reanalysis.eigen import all_pairs
 from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
 from squealstudy.analysis.reanalysis.two_step import (
     is_symmetric,
@@ -150,3 +158,61 @@ def test_anchor_holds_conjugates_once():
     problem = machine()
     anchor = make_anchor(problem, np.array([0.2]), REACH)
     assert len(anchor.pairs.lam) == 2 * problem.system.n
+
+
+DAMPED = {
+    "undamped": {},
+    "uniform": {"damping_ratio": 0.005, "stiffness_damping": 1.5e-7},
+    "single": {"damping_ratio": 0.005, "assembly_damping": {22: 0.06, 24: 0.0}},
+}
+
+
+def damped_problem(prepared, damping):
+    """Over friction and pressure, band up to 3.5 kHz."""
+
+    def state_at(theta):
+        point = replace(NOMINAL, friction=0.5 + 0.2 * theta[0], pressure=12e5 + 6e5 * theta[1])
+        return DesignState(point, **DAMPED[damping])
+
+    return BrakeProblem(prepared, 2, state_at, (500.0, 3500.0), exact_damping=True)
+
+
+def linearised_roots(problem, theta):
+    """Of the matrices that dense points solve."""
+    state = problem.state_at(theta)
+    prepared = problem.prepared
+    system = linearise(prepared.model, state_working_point(prepared, state), state)
+    lam = all_pairs(system.C, system.K).lam
+    low, high = problem.band
+    return lam[(lam.imag > 0) & (np.abs(lam) > low) & (np.abs(lam) < high)]
+
+
+def two_step_errors(prepared, damping):
+    """Relative errors of frequency and growth (m,) of the modes well inside the band."""
+    problem, theta = damped_problem(prepared, damping), np.array([0.4, 0.5])
+    exact, found = linearised_roots(problem, theta), two_step_roots(problem, theta, 2.0).lam
+    hz = np.abs(found) / (2 * np.pi)
+    found = found[(found.imag > 0) & (hz > 600) & (hz < 3400)]
+    near = exact[np.abs(found[:, None] - exact[None]).argmin(axis=1)]
+    return np.abs(found - near) / np.abs(near), np.abs(found.real - near.real) / np.abs(near)
+
+
+@pytest.mark.parametrize("damping", ["uniform", "single"])
+def test_two_step_errs_with_modal_damping_as_without(prepared, damping):
+    damped, undamped = (two_step_errors(prepared, name) for name in (damping, "undamped"))
+    assert damped[0].max() == pytest.approx(undamped[0].max(), rel=0.1)
+    assert np.median(damped[0]) == pytest.approx(np.median(undamped[0]), rel=0.1)
+    assert np.median(damped[1]) < 1e-3  # of a damping ratio of 5e-3
+
+
+@pytest.mark.parametrize("damping", ["uniform", "single"])
+def test_perturbation_is_of_second_order_in_modal_damping_too(prepared, damping):
+    problem, errors = damped_problem(prepared, damping), []
+    anchor = make_anchor(problem, np.zeros(2), REACH)
+    for step in (0.1, 0.05):
+        theta = step * np.array([0.4, 0.5])
+        found, exact = perturbed_roots(problem, anchor, theta, 2), linearised_roots(problem, theta)
+        off = np.abs(exact[:, None] - found.lam[None])
+        errors.append(off.min(axis=1).max())
+        assert (off.min(axis=1) <= 3 * found.error[off.argmin(axis=1)] + 1e-6).mean() > 0.9
+    assert np.log2(errors[0] / errors[1]) > 2.5

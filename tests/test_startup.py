@@ -1,4 +1,4 @@
-"""What a command imports: libraries that its study does not need stay out, as each costs a second."""
+"""What a command imports: libraries that its study does not need stay out."""
 
 from __future__ import annotations
 

@@ -400,7 +400,7 @@ def test_points_that_may_end_early_are_other_points():
 
 
 def test_screens(tmp_path, monkeypatch, capsys):
-    """`check` calls its estimate an upper bound; `run` says what was saved."""
+    """`check` says that runs may end early; `run` says what was saved."""
     text = BELT.replace("[0.5, 1.1, 1.3]", "[1.3]").replace("values = [0, 1e3]", "values = [0]")
     monkeypatch.chdir(tmp_path)
     for name, more in (("end", ""), ("settled", EARLY)):
@@ -413,7 +413,7 @@ def test_screens(tmp_path, monkeypatch, capsys):
                 main()
             assert not caught.value.code
             printed[command] = " ".join(capsys.readouterr().out.split())
-        assert ("an upper bound" in printed["check"]) == (name == "settled")
+        assert ("end once their outcome is known" in printed["check"]) == (name == "settled")
         assert ("0 runs had settled, 1 had decayed" in printed["run"]) == (name == "settled")
     saved = json.loads(Path("settled/manifest.json").read_text())["simulated_time"]["saved_s"]
     assert f"{saved:.3g} of 1 s not simulated" in printed["run"]

@@ -241,7 +241,7 @@ def test_check_counts_and_writes_nothing(study, tmp_path, monkeypatch, capsys):
     assert command(monkeypatch, "check", name, "--jobs", "1") == 0
     screen = capsys.readouterr()
     assert "3 points, 3 of them not yet in" in screen.out
-    assert "s a point on one core" in screen.out
+    assert "an exact point takes" in screen.out
     assert "warning" not in screen.err
     assert files_below(tmp_path) == {name}
 

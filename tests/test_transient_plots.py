@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from transient_tables import growth_table, history_table, modes_table, points_table
 
+from squealstudy.cli import transient_screen
 from squealstudy.errors import ResultsError
 from squealstudy.plots.growth_comparison import growth_comparison, growth_pairs
 from squealstudy.plots.level_sweep import design_names, level_sweep, sweep_line
@@ -519,3 +520,25 @@ def test_pictures_leave_pyplot_alone_and_their_tables_unchanged():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_a_belt_has_a_friction_force_and_no_torque():
+    units = {**UNITS, "torque": "N"}
+    row, history = one_point().iloc[0], history_table()
+    figures = {
+        "history": torque_history(history, row, GROWTH, units=units),
+        "levels": level_sweep(*sweep(), "friction", units=units),
+        "spectrogram": spectrogram(history, GROWTH.iloc[:0], units=units),
+    }
+    for name, figure in figures.items():
+        texts = drawn(figure)
+        assert any("riction force" in text for text in texts), name
+        assert not any("N m" in text or "orque" in text for text in texts), name
+
+
+def test_levels_of_runs_too_short_to_judge():
+    points, modes = sweep()
+    short = points.assign(**{"class": "failed", "status": "ok"})
+    assert "as the first" not in drawn(level_sweep(short, modes.iloc[:0], "friction"))
+    row = {**short.iloc[0].to_dict()}
+    assert transient_screen._findings(row)[0] == "failed: too short a run to judge"

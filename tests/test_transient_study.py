@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.signal
 
@@ -116,7 +117,7 @@ def test_what_only_the_model_shows_is_told_before_anything_is_written(tmp_path, 
 def test_a_damped_assembly_mode_must_exist(tmp_path):
     text = BELT.format(duration=0.5, save_every=20, more="")
     text = text.replace("[modes]", '[parameters]\n"modes[9].damping_ratio" = 0.1\n[modes]')
-    with pytest.raises(StudyFileError, match="assembly modes 1 to 2"):
+    with pytest.raises(StudyFileError, match="the assembly has modes 1 to 2"):
         run_study(plan_of(text), tmp_path / "belt", jobs=1)
 
 
@@ -169,6 +170,7 @@ def test_the_other_columns(finished):
 
 
 def test_histories(finished):
+    assert finished.manifest["units"]["torque"] == "N"  # of a belt it is a friction force
     name = finished.points["point_id"].iloc[0]
     history = finished.history(name)
     np.testing.assert_allclose(history["time"], np.arange(len(history)) * 20 * 2e-5, atol=1e-12)
@@ -176,8 +178,14 @@ def test_histories(finished):
     assert history["time"].iloc[-1] == pytest.approx(0.5)
     shares = history[["stick", "slip", "open"]].sum(axis=1)
     np.testing.assert_allclose(shares, 1.0, atol=1e-6)
-    with pytest.raises(ResultsError, match="no history of this point"):
-        finished.history("nonsense")
+    for number in (0, np.int64(0), -len(finished.points)):
+        pd.testing.assert_frame_equal(finished.history(number), history)
+    count = len(finished.points)
+    for nothing in ("nonsense", count, -count - 1, 0.5):
+        with pytest.raises(
+            ResultsError, match=rf"no design point .*0 to {count - 1}, or a point_id"
+        ):
+            finished.history(nothing)
 
 
 def test_nothing_is_kept_where_nothing_is_asked_for(tmp_path, finished):

@@ -74,11 +74,22 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> R
     for key, c in state.modal_dampers(omega).items():
         j = model.mode_coordinate(*key)
         C[j, j] += c
-    if state.damping_ratio or state.assembly_damping:
-        C += modal_damping(K_sym, state.assembly_damping_ratios(model.n))
+    C += assembly_damping(K_sym, state)
     if state.stiffness_damping:
         C += state.stiffness_damping * K_sym
     return ReducedSystem(C, K, k_el, K_sym)
+
+
+def assembly_damping(K_sym: np.ndarray, state: DesignState) -> np.ndarray | float:
+    """Modal damping (n, n) of a design point's assembly, rad/s; 0 where it has none.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the basis does not have.
+    """
+    zeta = state.assembly_damping_ratios(len(K_sym))
+    return modal_damping(K_sym, zeta) if zeta.any() else 0.0
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:

@@ -98,6 +98,12 @@ class ParametricSystem:
         """
         return ParametricSystem(V.shape[1], tuple(_projected(t, W, V) for t in self.terms))
 
+    def of_order(self, weights: Weights, order: int) -> tuple[ParametricSystem, Weights]:
+        """The terms of one power of lambda, with their weights."""
+        chosen = [i for i, t in enumerate(self.terms) if t.order == order]
+        part = ParametricSystem(self.n, tuple(self.terms[i] for i in chosen))
+        return part, tuple(weights[i] for i in chosen)
+
     def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns) -> np.ndarray:
         """Q(lam_j) x_j for every column (n, m)."""
         return self._sum(weights, [lam**order for order in range(3)], columns(X), left=False)

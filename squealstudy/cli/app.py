@@ -193,6 +193,15 @@ def main() -> None:
     except SquealstudyError as error:
         sys.stderr.write(f"squealstudy: {error}\n")
         raise SystemExit(USAGE_ERROR) from None
+    except BrokenPipeError:  # a reader such as `head` has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0) from None
+    except OSError as error:
+        if os.environ.get(DEBUG):
+            raise
+        place = f"{error.filename}: " if error.filename else ""
+        sys.stderr.write(f"squealstudy: {place}{error.strerror or error}\n")
+        raise SystemExit(USAGE_ERROR) from None
     except Exception as error:
         if os.environ.get(DEBUG):
             raise

@@ -13,10 +13,11 @@ from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
-from squealstudy.study.estimate import Estimate, estimate
+from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.kinds import EXPERIMENTS
 from squealstudy.study.manifest import check_ownership
+from squealstudy.study.method import OVER_A_BASIS
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
@@ -28,6 +29,7 @@ from squealstudy.study.runner import (
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import experiment_schema, study_schema
 from squealstudy.study.validity import parameter_reasons
+from squealstudy.wording import plural
 
 
 def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
@@ -82,18 +84,18 @@ def _facts(
         rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
-    build_s = cost.n_missing_structures * (cost.structure_s or 0.0)
-    workers = min(jobs, max(missing, 1))
-    build_s /= 1 if cost.n_missing_structures == 1 else workers
-    total = _duration(missing * cost.point_s / workers + build_s)
-    if grows(plan.study) and missing:
-        most = missing + most_points(plan.study) - len(plan.tasks)
-        total += f" to {_duration(most * cost.point_s / min(jobs, max(most, 1)) + build_s)}"
+    if not missing:
+        return [*rows, ("time", "nothing is left to solve")]
+    workers = min(jobs, missing)
+    growing = grows(plan.study) and missing
+    most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
+    least, longest = run_seconds(plan, cost, missing, jobs, most)
     return [
         *rows,
         (
             "time",
-            f"{total}: {cost.point_s:.2f} s a point on one core, {workers} workers{_bound(plan)}",
+            f"{_duration(least)} to {_duration(longest)} without pictures: an exact point takes "
+            f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{_bound(plan)}",
         ),
         (
             "memory",
@@ -111,9 +113,8 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     if kind != "complex_modes":
         return []
     method = plan.method
-    kept = f", to {method.tolerance:g}" if method.identity else ""
-    bound = "; the time below is that of exact points, an upper bound" if method.identity else ""
-    return [("method", f"{method.name}{kept}: {method.reason}{bound}")]
+    kept = f", to {method.tolerance:g}" if method.name in OVER_A_BASIS else ""
+    return [("method", f"{method.name}{kept}: {method.reason}")]
 
 
 def _validity(plan: Plan) -> list[tuple[str, str]]:
@@ -130,12 +131,12 @@ def _bound(plan: Plan) -> str:
     definition = plan.study.definition
     if definition.study.kind != "transient" or definition.transient.stop == "end":
         return ""
-    return "; an upper bound, for runs end once their outcome is known"
+    return "; runs end once their outcome is known"
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Number of points; of a design that grows also what it may come to."""
-    text = f"{len(plan.tasks)} points, {missing} of them not yet in {directory}"
+    text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
     if grows(plan.study) and missing:
         text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
     return text
@@ -145,8 +146,10 @@ def _range(plan: Plan, index: int) -> str:
     sweep = plan.study.sweeps[index]
     values = sweep.values
     scatter = "random" if sweep.distribution is None else sweep.distribution.text
-    count = f"{len(values)} values" if values else scatter
+    count = plural(len(values), "value") if values else scatter
     unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
+    if sweep.low == sweep.high:
+        return f"{sweep.low:g}{unit}, {count}"
     return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
 
 

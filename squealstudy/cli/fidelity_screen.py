@@ -11,8 +11,7 @@ def facts(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if found is None:
         return []
     rows = [("fidelity", f"{_setting(found['chosen'])}: {found['reason']}")]
-    near = [name for name in ("cheaper", "dearer") if found[name] is not None]
-    rows += [(f"  next {name}", _setting(found[name])) for name in near]
+    rows += [(f"  next {name}", _setting(found[name])) for name in ("cheaper", "dearer")]
     audit = found.get("audit")
     if audit is not None and audit["error"] is not None:
         verdict = "passed" if audit["passed"] else "MISSED"
@@ -29,5 +28,7 @@ def facts(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 
 def _setting(one: Mapping[str, Any]) -> str:
     seconds = one["seconds"]
+    if seconds is None:
+        return f"{one['settings']}: {one['reason']}" if one["settings"] else one["reason"]
     time = f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
     return f"{one['settings']}; estimated error {one['estimated_error']:.1e}, about {time}"

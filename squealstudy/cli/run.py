@@ -12,8 +12,9 @@ from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.manifest import check_ownership
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
-from squealstudy.study.runner import RunReport, default_directory, run_study
+from squealstudy.study.runner import RunReport, default_directory, failure_counts, run_study
 from squealstudy.study.sampling import check_limit
+from squealstudy.wording import plural
 
 LISTED = 12  # modes in the ranking that a run prints
 
@@ -46,7 +47,7 @@ def run_command(
     screen.outside_validity(results.points)
     screen.console.print()
     drawn = _draw(results, directory) if pictures else []
-    screen.facts([*_summary(report), *((("picture"), str(p)) for p in drawn)])
+    screen.facts([*_summary(report, results), *((("picture"), str(p)) for p in drawn)])
 
 
 def _draw(results: Results, directory: Path) -> list[Path]:
@@ -58,7 +59,8 @@ def _draw(results: Results, directory: Path) -> list[Path]:
 def show_findings(results: Results) -> None:
     """The ranking of unstable modes, or what became of each design point in time."""
     if results.kind == "transient":
-        transient_screen.points(results.points, results.parameters)
+        unit = results.manifest["units"].get("torque", "N m")
+        transient_screen.points(results.points, results.parameters, unit)
         screen.console.print()
         transient_screen.ranking(results.rank(top=LISTED))
         return
@@ -67,18 +69,25 @@ def show_findings(results: Results) -> None:
 
         sensitivity_screen.show_ranking(results, None, LISTED)
         return
+    if not len(results.modes):
+        low, high = results.manifest["band_hz"]
+        screen.console.print(f"No mode lies between {low:g} and {high:g} Hz at any design point.")
+        return
     unit = results.manifest["units"].get(results.along, "")
     screen.ranking(results.rank(top=LISTED), results.along, unit, screen.Scope.of(results))
 
 
-def _summary(report: RunReport) -> list[tuple[str, str]]:
+def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:
     manifest = report.manifest
-    failed = manifest["n_failed"]
+    failed, directory = "", report.directory
+    if manifest["n_failed"]:
+        why = failure_counts(results.points["status"])
+        failed = f", {manifest['n_failed']} failed ({why}; see message in points)"
     rows = [
         (
             "points",
             f"{manifest['n_points']}: {report.n_solved} solved now, {report.n_reused} found in "
-            f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
+            f"{directory}{failed}",
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
         *transient_screen.ended_early(manifest),
@@ -121,14 +130,21 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
         from squealstudy.cli import sensitivity_screen
 
         return sensitivity_screen.agreement(Results.open(directory).sensitivities)
-    checks = [c for c in manifest.get("reference", []) if c.get("status") == "ok"]
+    asked = manifest.get("reference", [])
+    checks = [c for c in asked if c.get("status") == "ok"]
+    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
+    if not asked:
+        failed = ", or those points failed" if manifest["n_failed"] else ""
+        return f"not checked against {other} ([modes] reference_points = 0{failed})"
     if not checks:
-        return "not checked against the full-order model ([modes] reference_points = 0)"
+        return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"
+    if not any(c["full_order_modes"] for c in checks):
+        return f"{other} has no mode in the band either, at {plural(len(checks), 'point')}"
     frequency = max(c["frequency_error"] for c in checks)
     damping = max(c["damping_error"] for c in checks)
     missed = sum(c["missed_modes"] for c in checks)
-    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of |damping| < 5 % against {other} at {len(checks)} point(s)"
+        f"modes of |damping| < 5 % against {other} at "
+        f"{plural(len(checks), 'point')}"
     )

@@ -14,8 +14,8 @@ from squealstudy.plots.modal_energies import modal_energies
 from squealstudy.plots.over_time import design_text
 from squealstudy.plots.spectrogram import spectrogram
 from squealstudy.plots.torque_history import torque_history
-from squealstudy.study.names import HISTORIES
 from squealstudy.study.results import Results
+from squealstudy.study.transient.histories import kept_histories
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 MOST_HISTORIES = 16  # design points whose histories are drawn; `plots` draws any other
@@ -39,15 +39,15 @@ def transient_figures(results: Results, along: str | None) -> Iterator[tuple[str
 def _over_time(results: Results) -> Iterator[tuple[str, Figure]]:
     """Torque, energies and spectrogram of the first design points that kept a history."""
     units, top = results.manifest["units"], results.manifest["band_hz"][1]
-    kept = {path.stem for path in (results.directory / HISTORIES).glob("*.parquet")}
+    kept = kept_histories(results.directory)
     points, modes, growth = results.points, results.modes, results.growth
     shown = points[points["point_id"].isin(kept)].head(MOST_HISTORIES)
     numbers = np.flatnonzero(points["point_id"].isin(shown["point_id"])) + 1
     for number, (_, row) in zip(numbers, shown.iterrows(), strict=True):
         history, title = results.history(row["point_id"]), design_text(points, row, units)
-        yield f"torque_history_{number}", torque_history(history, row, growth, title)
+        yield f"torque_history_{number}", torque_history(history, row, growth, title, units)
         yield f"modal_energies_{number}", modal_energies(history, modes, row, title)
-        yield f"spectrogram_{number}", spectrogram(history, growth, row, top, title)
+        yield f"spectrogram_{number}", spectrogram(history, growth, row, top, title, units)
 
 
 def nominal_others(results: Results, along: str, varied: list[str]) -> Mapping[str, float]:

@@ -17,14 +17,15 @@ LISTED = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 
 
-def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
-    """Print what became of each design point."""
+def points(table: pd.DataFrame, parameters: Sequence[str], unit: str = "N m") -> None:
+    """Print what became of each design point; `unit` is N m of torques, N of friction forces."""
+    what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in varied if len(varied) <= MOST_COLUMNS else ["point"]:
         grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     grid.add_column("class", no_wrap=True)
-    for title in ("growth 1/s", "forecast", "torque Nm", "RMS", "Hz", "mode", "share %"):
+    for title in ("growth 1/s", "forecast", f"{what} {unit}", "RMS", "Hz", "mode", "share %"):
         grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     moved = bool(table["transfer_to"].any())
     if moved:
@@ -37,9 +38,10 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     if len(table) > LISTED:
         screen.console.print(f"{len(table) - LISTED} more in the points table", style="dim")
     screen.console.print(
-        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; torque and "
-        "RMS of its fluctuation, its leading line (a harmonic where that is loudest), mode and its "
-        "energy share: over the last window",
+        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; "
+        f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
+        "leading line (a harmonic where that is loudest), mode and its energy share: over the "
+        "last window",
         style="dim",
     )
     if len(varied) > MOST_COLUMNS:
@@ -138,7 +140,8 @@ def ranking(table: pd.DataFrame) -> None:
 
 def _findings(row: dict[Any, Any]) -> list[str]:
     if row["class"] == "failed":
-        return [f"failed: {row['status']}", *[""] * 8]
+        why = row["status"] if row["status"] != "ok" else "too short a run to judge"
+        return [f"failed: {why}", *[""] * 8]
     transfer = ""
     if row["transfer_to"]:
         transfer = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.assembly import Assembly
@@ -125,6 +125,9 @@ class ModelDefinition:
         Names, known before the model is built.
     assumptions : tuple of Assumption
         What must hold of the parameters for a design point's results to be valid.
+    torque_unit : str
+        Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
+        straight belt (its interfaces have an arm of 1).
     """
 
     name: str
@@ -134,6 +137,7 @@ class ModelDefinition:
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
+    torque_unit: str = field(default="N", kw_only=True)
 
     @property
     def energy_parts(self) -> tuple[str, ...]:

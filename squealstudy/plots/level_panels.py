@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from squealstudy.analysis.tables.energy_ranking import LASTING
+from squealstudy.plots.over_time import friction_label
 from squealstudy.plots.style import COLOURS, DARK, GREY, finish
 
 CLASSES: dict[str, dict[str, Any]] = {
@@ -19,8 +21,13 @@ CLASSES: dict[str, dict[str, Any]] = {
 }
 
 
-def draw_levels(axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool) -> None:
-    """Torque RMS with bounds, marked by class; joined by a line where `x` is a scale."""
+def draw_levels(
+    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str] | None
+) -> None:
+    """RMS of torque or friction force with bounds, marked by class.
+
+    Joined by a line where `x` is a scale.
+    """
     rms = _where_ok(line, "torque_rms")
     if joined:
         axes.plot(x, rms, color=GREY, linewidth=0.9, zorder=1)
@@ -33,18 +40,23 @@ def draw_levels(axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool) -> 
             bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
             axes.errorbar(x[own], rms[own], reach, **bar, **style)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    finish(axes, "", "Torque RMS [N m]")
-    axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
+    what, unit = friction_label(units)
+    finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
 
 
-def draw_means(axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool) -> None:
-    """Mean torque beside that of steady sliding."""
+def draw_means(
+    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str] | None
+) -> None:
+    """Mean torque or friction force beside that of steady sliding."""
     static, mean = (_where_ok(line, f"torque_{n}") for n in ("static", "mean"))
     joint = {"linestyle": "-.", "linewidth": 1.0} if joined else {"linestyle": "", "marker": "_"}
     own: dict[str, Any] = {"marker": "o", "markersize": 4, "color": COLOURS[1], "label": "mean"}
     axes.plot(x, static, color=DARK, markersize=15, label="static", **joint)
     axes.plot(x, mean, linewidth=1.2, linestyle="-" if joined else "", **own)
-    finish(axes, "", "Torque [N m]")
+    what, unit = friction_label(units)
+    finish(axes, "", f"{what.capitalize()} [{unit}]")
     axes.legend(fontsize=8.5, frameon=False, loc="best")
 
 

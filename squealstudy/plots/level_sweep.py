@@ -46,6 +46,7 @@ def level_sweep(
     fixed : mapping of parameter -> value or None
         The line to show; of what is left open, the line with most vibrating points is taken.
     units : mapping of parameter -> unit, or None
+        ``torque`` too: N m, or N of a friction force.
 
     Raises
     ------
@@ -67,8 +68,8 @@ def level_sweep(
     log = shown is not None and shown.log
     if log:
         axes[0].set_xscale("log")
-    draw_levels(axes[0], x, line, shown is not None)
-    draw_means(axes[1], x, line, shown is not None)
+    draw_levels(axes[0], x, line, shown is not None, units)
+    draw_means(axes[1], x, line, shown is not None, units)
     draw_frequencies(axes[2], x, line)
     share_bars(axes[3], x, line, modes, log)
     _failed(axes[:3], x[failed])

@@ -30,6 +30,12 @@ class EndLabel:
     colour: str = "black"
 
 
+def friction_label(units: Mapping[str, str] | None) -> tuple[str, str]:
+    """What the columns ``torque_*`` are, and their unit: a braking torque, or a friction force."""
+    unit = (units or {}).get("torque", "N m")
+    return ("torque" if unit == "N m" else "friction force"), unit
+
+
 def end_labels(
     figure: Figure, axes: Axes, labels: Sequence[EndLabel], fontsize: float = 8.5, gap: float = 6.0
 ) -> None:

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.plots.over_time import MS, EndLabel, column, end_labels, number, own_rows
+from squealstudy.plots.over_time import (
+    MS,
+    EndLabel,
+    column,
+    end_labels,
+    friction_label,
+    number,
+    own_rows,
+)
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
 WINDOW = 8e-3  # s: 125 Hz apart, lines are told apart from about twice that on (Hann)
@@ -25,6 +35,7 @@ def spectrogram(
     row: pd.Series | None = None,
     band_top: float | None = None,
     title: str = "",
+    units: Mapping[str, str] | None = None,
 ) -> Figure:
     """Short-time amplitude of the torque in dB of its maximum.
 
@@ -40,13 +51,16 @@ def spectrogram(
         Highest frequency shown [Hz], at most half the sampling rate.
     title : str
         What the design point is.
+    units : mapping or None
+        ``torque``: N m, or N of a friction force.
     """
+    what, _ = friction_label(units)
     if len(history) < FEWEST_SAMPLES:
         return empty_figure("no history of this design point to take spectra of")
     time, torque = _even(column(history, "time"), column(history, "torque"))
     centres, frequency, level = short_time_levels(time, torque)
     if not np.isfinite(level).any():
-        return empty_figure("the torque does not vary")
+        return empty_figure(f"the {what} does not vary")
     figure = new_figure(10.0, 5.6)
     axes = figure.add_subplot()
     nyquist = float(frequency[-1])
@@ -62,7 +76,9 @@ def spectrogram(
         shading="gouraud",
         rasterized=True,
     )
-    figure.colorbar(drawn, ax=axes, label="Torque [dB of its maximum]", location="left", pad=0.02)
+    figure.colorbar(
+        drawn, ax=axes, label=f"{what.capitalize()} [dB of its maximum]", location="left", pad=0.02
+    )
     finish(axes, "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)

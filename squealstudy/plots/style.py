@@ -13,7 +13,9 @@ from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+from squealstudy.wording import plural as plural
 
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
@@ -21,6 +23,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
 GREY = "#9A9A9A"
 DARK = "#505050"
+TWO_DECADES = 100.0  # below that powers of ten alone are too few labels
 PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
 PREFIXED = ("Pa", "N")  # units that take a prefix
 GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
@@ -103,6 +106,8 @@ def set_ticks(axis: Axis, shown: Quantity, values: pd.Series) -> None:
         axis.set_major_locator(FixedLocator(ticks))
         axis.set_minor_locator(NullLocator())
     if shown.log:
+        if ticks is None and values.min() > 0 and values.max() < TWO_DECADES * values.min():
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
 
@@ -166,8 +171,3 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
 def track_name(track: int, frequency_hz: float) -> str:
     """A track in a legend or label."""
     return f"T{track}  {frequency_hz:.0f} Hz" if track > 0 else f"{frequency_hz:.0f} Hz"
-
-
-def plural(n: int, word: str) -> str:
-    """A count with its word."""
-    return f"{n} {word}{'' if n == 1 else 's'}"

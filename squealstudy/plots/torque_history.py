@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.plots.over_time import MS, column, number, outline, own_rows
+from squealstudy.plots.over_time import MS, column, friction_label, number, outline, own_rows
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
 PERIODS = 10  # of the dominant frequency that the zoom shows
@@ -33,8 +34,11 @@ def torque_history(
     row: pd.Series,
     growth: pd.DataFrame | None = None,
     title: str = "",
+    units: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Torque, contact states and normal force of one run, its last periods beside them.
+    """Torque (or friction force), contact states and normal force of one run.
+
+    Its last periods stand beside them.
 
     Parameters
     ----------
@@ -46,6 +50,8 @@ def torque_history(
         The growth table: the window of the fit.
     title : str
         What the design point is.
+    units : mapping or None
+        ``torque``: N m, or N of a friction force.
     """
     if len(history) < 2:
         return empty_figure(f"no history of this design point{_status(row, '; ')}")
@@ -56,7 +62,7 @@ def torque_history(
     found = phases(history, row, growth)
     for place, part in enumerate((history, _last_periods(history, row))):
         named = place == 0  # in the legend
-        _torque(axes[0, place], part, row, named)
+        _torque(axes[0, place], part, row, named, units)
         _states(axes[1, place], part, named)
         _force(axes[2, place], part)
         axes[2, place].set_xlim(*_limits(part))
@@ -65,7 +71,7 @@ def torque_history(
     for axis in axes[:, 1]:
         axis.tick_params(labelleft=False)
         axis.set_ylabel("")
-    _zoom_title(axes[0, 1], row)
+    _zoom_title(axes[0, 1], row, friction_label(units)[1])
     figure.suptitle("\n".join(t for t in (title, _growth_text(row)) if t), fontsize=9.5)
     figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return figure
@@ -108,16 +114,25 @@ def _last_periods(history: pd.DataFrame, row: pd.Series) -> pd.DataFrame:
     return history[time >= time[-1] - length]
 
 
-def _torque(axes: Axes, history: pd.DataFrame, row: pd.Series, named: bool) -> None:
+def _torque(
+    axes: Axes,
+    history: pd.DataFrame,
+    row: pd.Series,
+    named: bool,
+    units: Mapping[str, str] | None,
+) -> None:
+    what, unit = friction_label(units)
     time, torque = column(history, "time"), column(history, "torque")
     axes.plot(*outline(MS * time, torque), color=COLOURS[1], linewidth=0.8)
-    lines = (("torque_mean", "mean torque", "--", "black"), ("torque_static", "static", "-.", DARK))
+    mean = ("torque_mean", f"mean {what}", "--", "black")
+    lines = (mean, ("torque_static", "static", "-.", DARK))
     for name, text, style, colour in lines:
         if np.isfinite(value := number(row, name)):
-            label = f"{text} {value:.4g} N m" if named else None
+            label = f"{text} {value:.4g} {unit}" if named else None
             axes.axhline(value, linestyle=style, color=colour, linewidth=1.1, label=label)
     axes.ticklabel_format(axis="y", useOffset=False)
-    finish(axes, "", "Braking torque [N m]")
+    name = "Braking torque" if what == "torque" else "Friction force"
+    finish(axes, "", f"{name} [{unit}]")
 
 
 def _states(axes: Axes, history: pd.DataFrame, named: bool) -> None:
@@ -150,11 +165,11 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
         axes.axvspan(MS * phase.start, MS * phase.stop, **style)
 
 
-def _zoom_title(axes: Axes, row: pd.Series) -> None:
+def _zoom_title(axes: Axes, row: pd.Series, unit: str) -> None:
     f = number(row, "dominant_frequency_hz")
     text = f"last {PERIODS} periods of {f:.0f} Hz" if f > 0 else "the end"
     rms = number(row, "torque_rms")
-    text += f"; RMS {rms:.3g} N m" if np.isfinite(rms) else ""
+    text += f"; RMS {rms:.3g} {unit}" if np.isfinite(rms) else ""
     axes.set_title(text, fontsize=9, loc="left")
 
 

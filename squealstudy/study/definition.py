@@ -72,6 +72,17 @@ def load_study(path: str | Path) -> Study:
     return parse_study(read_text(Path(path)), Path(path))
 
 
+def given_keys(study: Study) -> set[str]:
+    """Dotted keys of the file, ``transient.step``, of tables in tables too."""
+    tables = parse_toml(study.path, study.text)
+    return {
+        f"{section}.{key}"
+        for section, table in tables.items()
+        if isinstance(table, dict)
+        for key in table
+    }
+
+
 def parse_study(text: str, path: Path) -> Study:
     """The study of a TOML text; `path` is for messages. Raises as `load_study`."""
     return resolve_study(SourceText(path, text), parse_toml(path, text))

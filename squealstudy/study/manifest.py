@@ -42,7 +42,7 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "band_hz": list(plan.band_hz),
         "parameters": list(study.shown_parameters),
         "sweeps": [s.parameter.name for s in study.sweeps],
-        "units": {p: parameter_unit(plan, p) for p in study.shown_parameters},
+        "units": {p: parameter_unit(plan, p) for p in study.shown_parameters} | torque_unit(plan),
         "nominal": {p: plan.nominal_values[p] for p in study.shown_parameters},
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
@@ -72,6 +72,13 @@ def parameter_unit(plan: Plan, name: str) -> str:
     """Unit of a shown parameter; empty for a pure number."""
     plain = {p.name: p.unit for p in plan.study.model.parameters}
     return plain.get(name, "")
+
+
+def torque_unit(plan: Plan) -> dict[str, str]:
+    """Unit of the columns ``torque_*`` of a transient study; nothing of others."""
+    if plan.study.definition.study.kind != "transient":
+        return {}
+    return {"torque": plan.study.model.torque_unit}
 
 
 def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:

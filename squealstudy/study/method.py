@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.study.source import SourceText
 
@@ -19,6 +19,11 @@ APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
 # of parameters that vary: a rough count of exact solves for a basis and of nodes for patches
 PAYS_FROM = {1: 80, 2: 400, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
+
+
+BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
+# seconds of a design point over those of an exact solve, about
+SERVED = {WINDOWS: 0.03, SWEEP_BASIS: 0.1, TWO_STEP: 0.2, PERTURBATION: 0.15}
 
 
 class Method(NamedTuple):
@@ -64,17 +69,12 @@ def choose_method(
             f"a {study.definition.study.kind} study has no choice of method: leave the key out",
         )
     if section.method != AUTO:
-        if section.method in APPROXIMATE and single:
+        if section.method in OVER_A_BASIS and single:
             raise SourceText(study.path, study.text).error(
                 ("modes", "method"),
                 f"{section.method} has no damping of single modes of the assembly ({single} is not "
-                "zero): expected dense, or damping_ratio in its place",
-            )
-        if section.method in FOR_COMPARISON and _not_zero(study, swept, [DAMPING_RATIO]):
-            raise SourceText(study.path, study.text).error(
-                ("modes", "method"),
-                f"{section.method} has no modal damping of the assembly ({DAMPING_RATIO} is not "
-                "zero): expected dense, sweep_basis or windows",
+                f"{DAMPING_RATIO}): expected dense, two_step or perturbation, or {DAMPING_RATIO} "
+                "in its place",
             )
         if section.method == DENSE and exact == FULL:
             raise SourceText(study.path, study.text).error(
@@ -82,8 +82,15 @@ def choose_method(
                 "a family of matrices has no component-mode coordinates for dense: expected full, "
                 "sweep_basis or windows",
             )
-        return Method(section.method, section.tolerance, "as the study says")
+        return Method(section.method, section.tolerance, _who_says(study))
     return _cheapest(study, swept, structural, exact, single)
+
+
+def _who_says(study: Study) -> str:
+    """Who set the method: the file, [fidelity], or a study of methods that varies the file."""
+    if "modes.method" in given_keys(study):
+        return "as the study says"
+    return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
 def _cheapest(

@@ -342,6 +342,16 @@ class Plan:
                     f"got mode {highest}{more if meshed else ''}",
                 )
 
+    def check_assembly_modes(self, count: int) -> None:
+        """Raise StudyFileError where a real mode of the assembly in use is beyond the `count`."""
+        for parameter in self.designs[0].assembly_parameters():
+            if max(parameter.modes) > count:
+                raise self.error(
+                    parameter.name,
+                    f"the assembly has modes 1 to {count} in this basis, got mode "
+                    f"{max(parameter.modes)}",
+                )
+
     def error(self, parameter: str, message: str) -> StudyFileError:
         """A StudyFileError at the place where the study names a parameter."""
         keys: KeyPath = ("parameters", parameter)

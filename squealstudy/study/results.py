@@ -28,6 +28,7 @@ from squealstudy.study.names import (
 )
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
+from squealstudy.wording import plural
 
 SOBOL_INDICES = "sobol_indices"
 TABLES = {
@@ -53,6 +54,18 @@ class Results:
     directory: Path
     manifest: dict[str, Any]
 
+    def __repr__(self) -> str:
+        """Directory, kind, model, what varies and how many points there are, on one line."""
+        facts = self.manifest
+        text = f"{self.kind} of {facts.get('model', 'methods')}"
+        rows = "run" if self.kind in EXPERIMENTS else "point"
+        if self.kind not in EXPERIMENTS and self.swept:
+            text += f" over {', '.join(self.swept)}"
+        count, failed = facts["n_points"], facts.get("n_failed", 0)
+        text += f": {plural(count, rows)}"
+        text += f", {failed} failed" if failed else ""
+        return f"<Results {str(self.directory)!r}: {text}>"
+
     @classmethod
     def open(cls, path: str | Path) -> Results:
         """Open a results directory.
@@ -63,6 +76,10 @@ class Results:
             Missing, not of squealstudy, or not finished.
         """
         directory = Path(path)
+        if directory.is_file():
+            raise ResultsError(
+                f"{directory}: expected a results directory such as results/NAME, got a file"
+            )
         if not directory.is_dir():
             raise ResultsError(f"{directory}: no such results directory")
         manifest = read_manifest(directory)
@@ -147,13 +164,31 @@ class Results:
         self._expect_kind("work_precision", "table of errors")
         return self._read(ERRORS)
 
-    def history(self, point_id: str) -> pd.DataFrame:
-        """Torque, contact shares and modal energies of one design point over time.
+    def history(self, point: str | int) -> pd.DataFrame:
+        """Torque (of minimal models force), contact shares and modal energies over time.
 
-        Raises ResultsError where none was kept, or the study is not a transient one.
+        Parameters
+        ----------
+        point : str or int
+            ``point_id`` of a design point, or its row of `points`, counted from 0 (from the end
+            where negative).
+
+        Raises
+        ------
+        ResultsError
+            Where there is no such point, none was kept, or the study is not a transient one.
         """
         self._expect_transient("histories")
-        return read_history(self.directory, point_id)
+        ids = list(self.points["point_id"])
+        if isinstance(point, int | np.integer) and -len(ids) <= point < len(ids):
+            point = ids[point]
+        if point not in ids:
+            raise ResultsError(
+                f"{self.directory}: no design point {point!r}; expected a row of points, 0 to "
+                f"{len(ids) - 1}, or a point_id such as '{ids[0]}'"
+            )
+        status = str(self.points["status"].iloc[ids.index(point)])
+        return read_history(self.directory, str(point), status)
 
     @property
     def kind(self) -> str:

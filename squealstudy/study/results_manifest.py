@@ -21,6 +21,8 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ResultsError(f"{path}: not a readable manifest ({error})") from error
+    if not isinstance(content, dict) or not {"name", "kind", "model"} <= set(content):
+        raise ResultsError(f"{path}: not a manifest of squealstudy")
     return content
 
 

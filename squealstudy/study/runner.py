@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
@@ -23,6 +24,7 @@ from squealstudy.study.manifest import (
     new_manifest,
     point_facts,
 )
+from squealstudy.study.names import POINTS
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
@@ -30,6 +32,9 @@ from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.rounds import grown
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.structures import build_structure, build_task, mode_counts, patience
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,7 @@ def run_study(
             failures |= build_structures(plan, jobs, progress)
         found = check_ownership(directory, plan)
         if found and _is_complete(found, plan, kind, directory):
+            _expect_solved(directory)
             return RunReport(directory, found, 0, len(plan.tasks))
         remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
@@ -146,8 +152,17 @@ def _is_complete(found: dict[str, Any], plan: Plan, kind: Kind, directory: Path)
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and all((directory / name).is_file() for name in kind.tables)
+        and all(_readable(directory / name) for name in kind.tables)
     )
+
+
+def _readable(path: Path) -> bool:
+    """Whether a table is there and whole; what is not is made again from the chunk files."""
+    try:
+        pq.read_metadata(path)
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def build_structures(
@@ -263,6 +278,21 @@ def _finish(
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     progress("tables", 1, 1)
-    if manifest["n_failed"] == len(points):
-        message = str(points["message"].iloc[0])
-        raise ResultsError(f"{directory}: every design point failed, the first with: {message}")
+    _expect_solved(directory)
+
+
+def _expect_solved(directory: Path) -> None:
+    """Raise ResultsError, with the reasons, where every design point of a finished run failed."""
+    points = pq.read_table(directory / POINTS, columns=["status", "message"]).to_pandas()
+    if (points["status"] == "ok").any():
+        return
+    raise ResultsError(
+        f"{directory}: every design point failed ({failure_counts(points['status'])}), the first "
+        f"with: {points['message'].iloc[0]}"
+    )
+
+
+def failure_counts(status: pd.Series) -> str:
+    """How often design points failed with which status, such as ``3 not_converged``."""
+    counts = status[status != "ok"].value_counts()
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, Strict, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.matrix_section import TermSection
@@ -106,10 +106,20 @@ class SweepSection(Section):
     )
 
 
+DesignType = Literal["grid", "zip", "sobol", "latin_hypercube", "sobol_indices", "boundary"]
+
+
+def _design_type(name: object) -> object:
+    """The name that SALib and older descriptions use is told apart from a typing error."""
+    if name == "saltelli":
+        raise ValueError("the sample of Saltelli et al. is named 'sobol_indices' here")
+    return name
+
+
 class DesignSection(Section):
     """How the sweeps are put together to design points."""
 
-    type: Literal["grid", "zip", "sobol", "latin_hypercube", "sobol_indices", "boundary"] = Field(
+    type: Annotated[DesignType, BeforeValidator(_design_type)] = Field(
         default="grid",
         description="all combinations, values side by side, points that fill the ranges, the "
         "sample of Sobol indices, or a grid that is refined where stability changes",

@@ -11,8 +11,8 @@ import scipy.linalg as la
 
 from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
 from squealstudy.analysis.design_state import DesignState, ModeKey
-from squealstudy.analysis.linearise import component_frequencies, modal_damping
-from squealstudy.analysis.parametric import ParametricSystem, Weights
+from squealstudy.analysis.linearise import assembly_damping, component_frequencies
+from squealstudy.analysis.parametric import DAMPING, ParametricSystem, Term, Weights
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.modal_damping_field import (
@@ -47,6 +47,10 @@ class BrakeProblem:
     state_at : callable
         Design state at theta in [-1, 1]^d.
     band_hz : (low, high)
+    exact_damping : bool
+        Modal damping of the assembly, of single modes too, is formed at each design point, as one
+        dense term (n, n). Otherwise it is interpolated over the box, which sums of small
+        projections need, and a design point has one ratio for all modes.
     """
 
     exact = "dense"  # the rung of `pairs`
@@ -57,27 +61,32 @@ class BrakeProblem:
         dimension: int,
         state_at: Callable[[np.ndarray], DesignState],
         band_hz: tuple[float, float],
+        exact_damping: bool = False,
     ) -> None:
         self.prepared, self.state_at = prepared, state_at
+        self.exact_damping = exact_damping
         self.dimension = dimension
         self.band = (2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1])
 
     @cached_property
     def system(self) -> ParametricSystem:
         """Terms of the component-mode model."""
-        damping = self.modal_damping
-        return brake_system(self.prepared.model, () if damping is None else tuple(damping.matrices))
+        model, damping = self.prepared.model, self.modal_damping
+        if self.exact_damping:
+            terms = (*brake_system(model).terms, Term(DAMPING, dense=True))
+            return ParametricSystem(model.n, terms)
+        return brake_system(model, () if damping is None else tuple(damping.matrices))
 
     @cached_property
     def modal_damping(self) -> ModalDampingField | None:
-        """One damping ratio of all real modes, where a design point of the box has one.
+        """Interpolated damping of all real modes, where a design point of the box has any.
 
         Raises
         ------
         ConvergenceError
             Where a node of its interpolation has no working point.
         """
-        if not self._has_modal_damping():
+        if self.exact_damping or not self._has_modal_damping():
             return None
         degree = FIELD_DEGREE.get(self.dimension, 2)
         grid = interpolation(degree if self.dimension else 0, self.dimension)
@@ -193,7 +202,10 @@ class BrakeProblem:
             else:
                 state = self.state_at(row)
                 weights = brake_weights(self.prepared.model, point, state)
-                more = tuple(2.0 * state.damping_ratio * w for w in roots)
+                more: Weights = tuple(2.0 * state.damping_ratio * w for w in roots)
+                if self.exact_damping:
+                    K = symmetric_stiffness(self.prepared.model, weights)
+                    more = (assembly_damping(K, state),)
                 found.append(Sample(weights + more, point))
         return found
 
@@ -218,8 +230,8 @@ class BrakeProblem:
         model = self.prepared.model
         modal = 0 if self.modal_damping is None else len(self.modal_damping.matrices)
         _, C, K = self.system.matrices(weights[: len(weights) - modal] + (0.0,) * modal)
-        zeta = np.full(model.n, self.state_at(theta).damping_ratio)
-        return C + modal_damping(symmetric_stiffness(model, weights), zeta), K
+        K_sym = symmetric_stiffness(model, weights)
+        return C + assembly_damping(K_sym, self.state_at(theta)), K
 
     @cached_property
     def _factor(self) -> np.ndarray:

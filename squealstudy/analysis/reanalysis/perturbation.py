@@ -131,6 +131,4 @@ class _Change(NamedTuple):
 
 
 def _of_order(system: ParametricSystem, change: Weights, order: int) -> _Change:
-    chosen = [i for i, t in enumerate(system.terms) if t.order == order]
-    part = ParametricSystem(system.n, tuple(system.terms[i] for i in chosen))
-    return _Change(part, tuple(change[i] for i in chosen))
+    return _Change(*system.of_order(change, order))

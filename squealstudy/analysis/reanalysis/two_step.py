@@ -12,6 +12,8 @@ import scipy.sparse as sp
 
 from squealstudy.analysis.parametric import (
     DAMPING,
+    MASS,
+    STIFFNESS,
     ParametricSystem,
     Term,
     Weights,
@@ -91,5 +93,8 @@ def _projected(
     system: ParametricSystem, weights: Weights, phi: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Small M^-1 C, M^-1 K, M."""
-    M, C, K = system.projected(phi, phi).matrices(weights)
+    M, C, K = (
+        phi.T @ part.apply(own, np.ones(phi.shape[1]), phi).real
+        for part, own in (system.of_order(weights, order) for order in (MASS, DAMPING, STIFFNESS))
+    )
     return np.linalg.solve(M, C), np.linalg.solve(M, K), M

@@ -29,4 +29,5 @@ DISC_BRAKE = ModelDefinition(
     COMPONENTS,
     build,
     BRAKE_ASSUMPTIONS,
+    torque_unit="N m",
 )

@@ -54,8 +54,8 @@ class BasisTask:
         return self.path.with_suffix(".reason")
 
 
-def problem_of(task: BasisTask) -> Problem:
-    """The ladder's problem over the box of a task."""
+def problem_of(task: BasisTask, exact_damping: bool = False) -> Problem:
+    """The ladder's problem over the box of a task; `exact_damping` as of BrakeProblem."""
     prepared, chart = prepared_any(task.key), task.chart
     if isinstance(prepared, PreparedFamily):
 
@@ -69,7 +69,7 @@ def problem_of(task: BasisTask) -> Problem:
     def state_at(theta: np.ndarray) -> DesignState:
         return chart.design_at(theta).state()
 
-    return BrakeProblem(prepared, chart.dimension, state_at, task.band_hz)
+    return BrakeProblem(prepared, chart.dimension, state_at, task.band_hz, exact_damping)
 
 
 def reader_of(task: BasisTask, V: np.ndarray | None) -> Reader:
@@ -129,7 +129,7 @@ def served(task: BasisTask, with_basis: bool) -> Served:
         basis = load_basis(task.path) if with_basis else None
         full = reader_of(task, None)
         reduced = full if basis is None else reader_of(task, basis.V)
-        _kept[path] = Served(problem_of(task), basis, reduced, full)
+        _kept[path] = Served(problem_of(task, not with_basis), basis, reduced, full)
     return _kept[path]
 
 

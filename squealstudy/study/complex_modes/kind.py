@@ -25,6 +25,7 @@ from squealstudy.study.method import APPROXIMATE, AUTO, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
 from squealstudy.study.plan import Plan, checked_points
+from squealstudy.study.rows import FAILURES
 from squealstudy.study.structures import patience
 from squealstudy.study.tasks import ChunkReport, PointTask
 
@@ -44,7 +45,12 @@ class ComplexModes:
     tables: tuple[str, ...] = (POINTS, MODES, ONSETS)
 
     def check(self, plan: Plan) -> None:
-        """Component modes are checked for every kind; there is no more to check."""
+        """Modes of the assembly must be held by every basis; component modes are, in any kind."""
+        if not plan.designs[0].assembly_parameters() or plan.method.name == FULL:
+            return
+        for structure in plan.structures:
+            if is_prepared(structure.key):
+                plan.check_assembly_modes(load_any(structure.key).model.n)
 
     def warnings(self, plan: Plan) -> list[str]:
         """Complex modes give none."""
@@ -181,12 +187,17 @@ class ComplexModes:
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
-        """Seconds of one design point."""
+        """Seconds of one design point by the exact method."""
         prepared = load_any(task.prepared_key)
+        full = plan.method.name == FULL
+        rung = FullRung(plan.study.options, plan.settings) if full else None
         started = time.perf_counter()
         with threadpool_limits(1):
             try:
-                solve_design(prepared, task.design, plan.band_hz)
-            except ConvergenceError:
+                if rung is not None:
+                    rung.solve(task, plan.band_hz)
+                else:
+                    solve_design(prepared, task.design, plan.band_hz)
+            except FAILURES:
                 return None
         return time.perf_counter() - started

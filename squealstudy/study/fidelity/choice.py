@@ -7,6 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from squealstudy.study.fidelity.ladders import Rung
+
 WORTH = 2.0  # times its own cost that a try must promise to save
 SMALLER = 0.5  # of the cost of the points, that one rung down may save
 
@@ -43,7 +45,23 @@ class Combination:
     @property
     def text(self) -> str:
         """In words."""
-        return ", ".join(self.labels) or "as the file says"
+        return ", ".join(self.labels) or "no setting is free to choose"
+
+
+@dataclass(frozen=True)
+class Untried:
+    """A neighbour of the chosen setting whose error and cost are not known.
+
+    Attributes
+    ----------
+    text : str
+        Of the setting; empty where there is no other setting.
+    """
+
+    text: str = ""
+
+
+Neighbour = Combination | Untried
 
 
 @dataclass(frozen=True)
@@ -53,19 +71,31 @@ class Choice:
     Attributes
     ----------
     chosen : Combination
-    cheaper, dearer : Combination or None
+    cheaper, dearer : Combination or Untried
     reason : str
         Of the choice: the tolerance is met, or what stands against it.
     """
 
     chosen: Combination
-    cheaper: Combination | None
-    dearer: Combination | None
+    cheaper: Neighbour
+    dearer: Neighbour
     reason: str
 
     def with_changes(self, always: Mapping[str, Any]) -> Choice:
         """The same with settings that all combinations have."""
         return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
+
+    def with_untried(self, ladder: Sequence[Rung], tried: Collection[str]) -> Choice:
+        """The same with the rungs beyond those tried of a ladder, where no neighbour is known."""
+        labels = [rung.label for rung in ladder]
+        at = [labels.index(label) for label in tried]
+        below, above = min(at) - 1, max(at) + 1
+        cheaper, dearer = self.cheaper, self.dearer
+        if cheaper == Untried() and below >= 0:
+            cheaper = Untried(labels[below])
+        if dearer == Untried() and above < len(labels):
+            dearer = Untried(labels[above])
+        return replace(self, cheaper=cheaper, dearer=dearer)
 
     def with_failures(self, failed: Collection[int]) -> Choice:
         """The same, saying how many design points could be no pilots."""
@@ -113,8 +143,8 @@ def choose(
         chosen = min(front, key=lambda c: c.cost)
         reason = f"the budget of {budget:g} s buys not even the cheapest setting"
     at = front.index(chosen)
-    cheaper = front[at - 1] if at > 0 else None
-    dearer = front[at + 1] if at + 1 < len(front) else None
+    cheaper = front[at - 1] if at > 0 else Untried()
+    dearer = front[at + 1] if at + 1 < len(front) else Untried()
     return Choice(chosen, cheaper, dearer, reason)
 
 

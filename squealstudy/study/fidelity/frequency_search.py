@@ -9,18 +9,24 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
-from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders, given_keys
+from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
 from squealstudy.study.fidelity.scene import SPARE, Scene
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import DENSE, FULL, OVER_A_BASIS, PAYS_FROM, WINDOWS
+from squealstudy.study.method import (
+    BASIS_SOLVES,
+    DENSE,
+    FULL,
+    OVER_A_BASIS,
+    PAYS_FROM,
+    SERVED,
+    WINDOWS,
+)
 from squealstudy.study.plan import has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
-BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
-SERVED = {WINDOWS: 0.03, "sweep_basis": 0.1}  # of an exact solve, about
 
 
 def search_modes(scene: Scene) -> Choice:
@@ -31,7 +37,7 @@ def search_modes(scene: Scene) -> Choice:
     search = ModeSearch(scene)
     ladder = free_ladders(scene.study).get(REDUCTION)
     if ladder is None:
-        label = "reduction as the file says" if has_mesh(scene.study) else ""
+        label = "reduction as the file says" if has_mesh(scene.study) else search.method
         tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder.rungs)
@@ -39,6 +45,10 @@ def search_modes(scene: Scene) -> Choice:
     first = next(iter(tried.values()))[0]
     section = scene.section
     chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
+    rungs = ladder.rungs if ladder is not None else search.small_rungs
+    if rungs:
+        labels = [t.label for found in tried.values() for t in found]
+        chosen = chosen.with_untried(rungs, labels)
     return chosen.with_changes(search.common).with_failures(scene.failed)
 
 
@@ -80,13 +90,21 @@ class ModeSearch:
         error = 0.0 if own == self.exact else self._error(made)
         return Tried(rung.label, rung.changes, error, self.study_seconds(made))
 
+    @property
+    def small_rungs(self) -> tuple[Rung, ...]:
+        """Methods of a minimal model, cheapest first, where the file leaves the choice."""
+        free = "modes.method" not in given_keys(self.scene.study)
+        if not free or self.method != DENSE or self.exact != DENSE:
+            return ()
+        return Rung(WINDOWS, {"modes.method": WINDOWS}), Rung(DENSE, {})
+
     def small_windows(self) -> list[Tried]:
         """Windows over a sweep of a minimal model, where there are points enough to try them.
 
         Trying them is solving the study: of a few degrees of freedom that takes a moment.
         """
         scene = self.scene
-        if self.method != DENSE or self.exact != DENSE or "modes.method" in given_keys(scene.study):
+        if not self.small_rungs:
             return []
         sweeps = scene.study.sweeps
         least = PAYS_FROM.get(len(sweeps), np.inf) * SMALL_MODEL_SHARE

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from squealstudy.paths import cache_directory
-from squealstudy.study.fidelity.choice import Choice, Combination
+from squealstudy.study.fidelity.choice import Choice, Combination, Neighbour, Untried
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.files import write_json
 from squealstudy.study.keys import NUMERIC_PACKAGES, content_hash, source_hash
@@ -34,10 +34,13 @@ def _path(scene: Scene) -> Path:
 
 
 def _read(found: dict[str, Any]) -> Choice:
-    def combination(part: dict[str, Any] | None) -> Combination | None:
-        return None if part is None else Combination(**(part | {"labels": tuple(part["labels"])}))
+    cheaper, dearer = (_neighbour(found[name]) for name in ("cheaper", "dearer"))
+    return Choice(_combination(found["chosen"]), cheaper, dearer, found["reason"])
 
-    chosen = combination(found["chosen"])
-    assert chosen is not None
-    cheaper, dearer = combination(found["cheaper"]), combination(found["dearer"])
-    return Choice(chosen, cheaper, dearer, found["reason"])
+
+def _neighbour(part: dict[str, Any]) -> Neighbour:
+    return _combination(part) if "labels" in part else Untried(**part)
+
+
+def _combination(part: dict[str, Any]) -> Combination:
+    return Combination(**(part | {"labels": tuple(part["labels"])}))

@@ -11,11 +11,10 @@ from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
 )
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.plan import has_mesh
 from squealstudy.study.regularisation import slowest_speed
 from squealstudy.study.sampling import design_points
-from squealstudy.study.source import parse_toml
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
@@ -60,17 +59,6 @@ def free_ladders(study: Study) -> dict[str, Ladder]:
         ladder.name: ladder
         for ladder in wanted
         if not any(key in given for rung in ladder.rungs for key in rung.changes)
-    }
-
-
-def given_keys(study: Study) -> set[str]:
-    """Dotted keys of the file, ``transient.step``, of tables in tables too."""
-    tables = parse_toml(study.path, study.text)
-    return {
-        f"{section}.{key}"
-        for section, table in tables.items()
-        if isinstance(table, dict)
-        for key in table
     }
 
 

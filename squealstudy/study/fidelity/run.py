@@ -9,7 +9,7 @@ from typing import Any
 
 from squealstudy.study.definition import Study
 from squealstudy.study.fidelity.audit import Audit, audit, drawn_points
-from squealstudy.study.fidelity.choice import Choice, Combination
+from squealstudy.study.fidelity.choice import Choice, Neighbour, Untried
 from squealstudy.study.fidelity.frequency_search import search_modes
 from squealstudy.study.fidelity.kept import kept_choice
 from squealstudy.study.fidelity.scene import Scene
@@ -53,9 +53,11 @@ class Resolved:
         }
 
 
-def _plain(one: Combination | None) -> dict[str, Any] | None:
-    if one is None:
-        return None
+def _plain(one: Neighbour) -> dict[str, Any]:
+    if isinstance(one, Untried):
+        reason = "not tried" if one.text else "there is none"
+        unknown = {"estimated_error": None, "seconds": None}
+        return {"settings": one.text or None, **unknown, "reason": reason}
     return {
         "settings": one.text,
         "changes": dict(one.changes),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.study.definition import given_keys
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import (
     BASIS,
@@ -16,7 +17,6 @@ from squealstudy.study.fidelity.ladders import (
     TRIAL_STEP,
     Ladder,
     free_ladders,
-    given_keys,
     training_step,
 )
 from squealstudy.study.fidelity.scene import SPARE, Scene
@@ -50,6 +50,8 @@ def search_runs(scene: Scene) -> Choice:
     cost, fixed = search.study_seconds()
     given = search.given_error()
     chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
+    for name, found in search.tried.items():
+        chosen = chosen.with_untried(search.ladders[name].rungs, [t.label for t in found])
     return chosen.with_changes(search.always).with_failures(scene.failed)
 
 

@@ -27,6 +27,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
 
+BRIEF = 1.0  # s: the first call of a process may owe that much to imports
 # rungs whose design points share work within a box: all points of the study are solved and timed
 TOGETHER = (WINDOWS, PERTURBATION)
 
@@ -58,10 +59,7 @@ def measure_modes(
         tasks = kind.tasks(plan, Path(scratch), solved, 1)
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
-            started = time.process_time()
-            for task in tasks:
-                kind.solve(_forgetful(task))
-            seconds = (time.process_time() - started) / len(solved)
+            seconds = _solving_seconds(kind, tasks) / len(solved)
         rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
         findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
         following_s = []
@@ -109,6 +107,17 @@ def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:
         else:
             load_any(task.points[0].prepared_key)
     return time.process_time() - started
+
+
+def _solving_seconds(kind: ComplexModes, tasks: Sequence[ChunkTask | WindowTask]) -> float:
+    """Processor seconds of solving tasks; what is brief once more, now that all is imported."""
+    spent: list[float] = []
+    while not spent or (len(spent) == 1 and spent[0] < BRIEF):
+        started = time.process_time()
+        for task in tasks:
+            kind.solve(_forgetful(task))
+        spent.append(time.process_time() - started)
+    return min(spent)
 
 
 def _forgetful(task: ChunkTask | WindowTask) -> ChunkTask | WindowTask:

@@ -12,12 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.sensitivity.structural import check_structural
-from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
 from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.names import POINTS, SENSITIVITIES
 from squealstudy.study.parallel import split_chunks
 from squealstudy.study.plan import Plan, Structure
+from squealstudy.study.rows import FAILURES
 from squealstudy.study.sensitivity import rows
 from squealstudy.study.sensitivity.forecast import point_seconds
 from squealstudy.study.sensitivity.parameters import (
@@ -56,6 +57,7 @@ class Sensitivities(Kind):
         try:
             for structure in plan.structures:
                 if is_prepared(structure.key):
+                    plan.check_assembly_modes(load_prepared(structure.key).model.n)
                     _check_state(structure, asked)
             names = structural_names(asked)
             if names:
@@ -97,7 +99,7 @@ class Sensitivities(Kind):
         with threadpool_limits(1):
             try:
                 return point_seconds(task, request(plan))
-            except ConvergenceError:
+            except FAILURES:
                 return None
 
 

@@ -20,8 +20,13 @@ def write_history(directory: Path, point_id: str, frame: pd.DataFrame) -> None:
     write_parquet(directory / HISTORIES / f"{point_id}.parquet", table)
 
 
-def read_history(directory: Path, point_id: str) -> pd.DataFrame:
-    """The history of a design point.
+def kept_histories(directory: Path) -> set[str]:
+    """Ids of the design points whose histories were kept."""
+    return {path.stem for path in (directory / HISTORIES).glob("*.parquet")}
+
+
+def read_history(directory: Path, point_id: str, status: str = "ok") -> pd.DataFrame:
+    """The history of a design point; `status` is that of its row.
 
     Raises
     ------
@@ -30,8 +35,12 @@ def read_history(directory: Path, point_id: str) -> pd.DataFrame:
     """
     path = directory / HISTORIES / f"{point_id}.parquet"
     if not path.is_file():
+        if status != "ok":
+            raise ResultsError(f"{path}: no history, for the point failed: {status}")
+        if kept := len(kept_histories(directory)):
+            raise ResultsError(f"{path}: no history of this point, but of {kept} others")
         raise ResultsError(
-            f"{path}: no history of this point; [transient] save_every above 0 keeps them"
+            f"{path}: the study kept no histories; [transient] save_every above 0 keeps them"
         )
     frame: pd.DataFrame = pq.read_table(path).to_pandas()
     return frame

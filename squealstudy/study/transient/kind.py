@@ -77,10 +77,7 @@ class Transient(Kind):
                 sensed_modes(section, omega2, plan.band_hz)
             except ValueError as error:
                 raise plan.error_at(("transient", "sensors"), str(error)) from None
-            damped = [m for p in plan.designs[0].assembly_parameters() for m in p.modes]
-            if max(damped, default=1) > reference.n_exact:
-                name = plan.designs[0].assembly_parameters()[0].name
-                raise plan.error(name, f"this basis has assembly modes 1 to {reference.n_exact}")
+            plan.check_assembly_modes(reference.n_exact)
             if max(section.perturb_modes, default=1) > reference.n_exact:
                 raise plan.error_at(
                     ("transient", "perturb_modes"),
