@@ -21,7 +21,7 @@ from squealstudy.analysis.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.analysis.tables.comparison import TIME as OWN
 from squealstudy.analysis.tables.energy_ranking import SUSTAINED
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.cli import screen
+from squealstudy.cli import mode_screen, screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
@@ -50,7 +50,7 @@ def compare_command(freq: Path, time: Path, csv: bool) -> None:
         table, list(table.columns[: list(table.columns).index(next(iter(COLUMNS)))]), units
     )
     for name, results in (("frequency", frequency), ("time", transient)):
-        screen.outside_validity(results.points, f"{name} study: ")
+        mode_screen.outside_validity(results.points, f"{name} study: ")
 
 
 def compare_results(frequency: Results, transient: Results) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from squealstudy.cli import screen, transient_screen
+from squealstudy.cli import mode_screen, transient_screen
 from squealstudy.study.results import Results
 
 
@@ -20,5 +20,5 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
         transient_screen.ranking(table)
     else:
         unit = results.manifest["units"].get(results.along, "")
-        screen.ranking(table, results.along, unit, screen.Scope.of(results, where))
-    screen.outside_validity(results.points)
+        mode_screen.ranking(table, results.along, unit, mode_screen.Scope.of(results, where))
+    mode_screen.outside_validity(results.points)

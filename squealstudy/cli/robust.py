@@ -8,7 +8,8 @@ from pathlib import Path
 import pandas as pd
 from rich.table import Table
 
-from squealstudy.cli.screen import console, outside_validity
+from squealstudy.cli.mode_screen import outside_validity
+from squealstudy.cli.screen import console
 from squealstudy.study.results import SOBOL_INDICES, Results
 
 LISTED = 12  # tracks where the user does not say

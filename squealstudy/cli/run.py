@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from squealstudy.cli import fidelity_screen, screen, transient_screen
+from squealstudy.cli import fidelity_screen, mode_screen, screen, transient_screen
 from squealstudy.models.matrix_family import NAME as MATRICES
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.manifest import check_ownership
@@ -44,7 +44,7 @@ def run_command(
             report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)
     show_findings(results)
-    screen.outside_validity(results.points)
+    mode_screen.outside_validity(results.points)
     screen.console.print()
     drawn = _draw(results, directory) if pictures else []
     screen.facts([*_summary(report, results), *((("picture"), str(p)) for p in drawn)])
@@ -74,7 +74,9 @@ def show_findings(results: Results) -> None:
         screen.console.print(f"No mode lies between {low:g} and {high:g} Hz at any design point.")
         return
     unit = results.manifest["units"].get(results.along, "")
-    screen.ranking(results.rank(top=LISTED), results.along, unit, screen.Scope.of(results))
+    mode_screen.ranking(
+        results.rank(top=LISTED), results.along, unit, mode_screen.Scope.of(results)
+    )
 
 
 def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:

@@ -1,12 +1,11 @@
-"""What commands print: rich tables of the ranking and of facts, a progress bar with ETA."""
+"""What all commands print: facts, warnings, a progress bar with ETA."""
 
 from __future__ import annotations
 
 import contextlib
 import shutil
 import sys
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
 
 from rich.console import Console
 from rich.progress import (
@@ -21,21 +20,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
-if TYPE_CHECKING:
-    import pandas as pd
-from squealstudy.analysis.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
-from squealstudy.analysis.tables.mode_ranking import UNTRACKED, frequency_text, group_kind
-from squealstudy.analysis.tables.validity import validity_counts
-from squealstudy.study.results import Results
-
 INTERRUPTED = 130
-ONSETS = {
-    CROSSING: "~ before an onset: interpolated between two design points, not refined",
-    FIRST_SEEN: "<= before an onset: unstable at the first point where the mode was found",
-    BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
-    BELOW_RANGE: "below range: unstable at the first value of a line",
-}
-NARROW, WIDE = 6, 30  # least column widths: figures are never cut
+NARROW = 6  # least width of a column: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 console = Console(
     width=max(shutil.get_terminal_size().columns, LEAST_WIDTH), markup=False, highlight=False
@@ -58,133 +44,9 @@ def facts(rows: Sequence[tuple[str, str]]) -> None:
     console.print(table)
 
 
-class Scope(NamedTuple):
-    """What a ranking is over.
-
-    Attributes
-    ----------
-    counted, failed : int
-        Design points that count, of a boundary design nodes of its map; design points that failed.
-    mapped, queried : bool
-        They are nodes of a map; a query chose them.
-    """
-
-    counted: int
-    failed: int
-    mapped: bool
-    queried: bool
-
-    @classmethod
-    def of(cls, results: Results, where: str | None = None) -> Scope:
-        """That of the ranking of results by a query."""
-        failed = int((results.points["status"] != "ok").sum())
-        mapped = results.boundary is not None
-        return cls(results.counted_points(where), failed, mapped, where is not None)
-
-    @property
-    def text(self) -> str:
-        """What counts, in words."""
-        text = f"the {self.counted} " + ("nodes of the map" if self.mapped else "solved points")
-        return f"{text} within the query" if self.queried else text
-
-    @property
-    def left_out(self) -> str:
-        """What does not, in words; empty where no point failed."""
-        return f"{self.failed} design point(s) failed and count neither way" if self.failed else ""
-
-
-def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
-    """Print the ranking of unstable modes."""
-    if not len(table):
-        found = "mode within the query" if scope.queried else "mode"
-        none = "No solved design point is within the query." if scope.queried else "None is solved."
-        text = f"No {found} is unstable at any of {scope.text}."
-        console.print(text if scope.counted else none)
-        if scope.left_out:
-            console.print(scope.left_out, style="dim")
-        return
-    titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *(["onset"] if along else [])]
-    grid = Table(box=None, pad_edge=False, header_style="bold")
-    for title in titles:
-        grid.add_column(title, justify="right", no_wrap=True, min_width=NARROW)
-    energies = bool(table["main_component"].any())  # a family of matrices has none
-    if energies:
-        grid.add_column("energy in", no_wrap=True, min_width=WIDE)
-    grid.add_column("worst at", overflow="fold")
-    for row in table.to_dict("records"):
-        grid.add_row(
-            _label(row),
-            frequency_text(row),
-            f"{100 * row['unstable_share']:.1f} %",
-            f"{row['max_growth_rate']:.1f}",
-            f"{100 * row['min_damping_ratio']:.3f}",
-            *([_threshold(row)] if along else []),
-            *([_energy(row)] if energies else []),
-            ", ".join(value for _, value in _settings(row)),
-        )
-    console.print(grid)
-    _legend(table, along, unit, scope)
-
-
-def _legend(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
-    """What the columns of the ranking mean."""
-    texts = [f"unstable: share of {scope.text} at which the mode was found unstable"]
-    texts += [scope.left_out] if scope.left_out else []
-    texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
-    names = ", ".join(name for name, _ in _settings(table.iloc[0].to_dict()))
-    texts += [f"worst at: {names}"] if names else []
-    if along:
-        name = f"{along} [{unit}]" if unit else along
-        texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
-        texts += [text for kind, text in ONSETS.items() if (table["threshold_kind"] == kind).any()]
-    if (table["kind"] == group_kind(UNTRACKED)).any():
-        texts.append(
-            "untracked: all modes in this range of frequency, maybe different ones; growth and "
-            "damping of the fastest"
-        )
-    if table["ambiguous"].any():
-        texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
-    for text in texts:
-        console.print(text, style="dim")
-
-
-def outside_validity(points: pd.DataFrame, head: str = "") -> None:
-    """Print how many design points break an assumption of the model or the method, and which."""
-    outside, solved, rules = validity_counts(points)
-    if outside:
-        text = f"{head}{outside} of {solved} solved design points are outside validity"
-        console.print(f"{text}: {broken_rules(rules)}")
-
-
 def broken_rules(rules: Sequence[tuple[str, int]]) -> str:
     """What should hold, and how many design points break it."""
     return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
-
-
-def _energy(row: dict[Hashable, Any]) -> str:
-    shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
-    return ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares if name)
-
-
-def _settings(row: dict[Hashable, Any]) -> list[tuple[str, str]]:
-    """Names and values of the worst point, from its text in the ranking."""
-    parts = [part.rpartition("=") for part in str(row["at"]).split(", ") if "=" in part]
-    return [(name, value) for name, _, value in parts]
-
-
-def _label(row: dict[Hashable, Any]) -> str:
-    name = str(row["track"]) if row["kind"] == "mode" else str(row["kind"])
-    return f"~{name}" if row["ambiguous"] else name
-
-
-def _threshold(row: dict[Hashable, Any]) -> str:
-    value, kind = row["threshold"], row["threshold_kind"]
-    if kind == BELOW_RANGE:
-        return BELOW_RANGE
-    if not isinstance(value, float) or value != value:
-        return "-"
-    bound = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}.get(kind, "")
-    return f"{bound}{round(value, 9):.4g}"
 
 
 @contextlib.contextmanager

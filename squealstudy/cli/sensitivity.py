@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
-from squealstudy.cli import screen
+from squealstudy.cli import mode_screen, screen
 from squealstudy.cli.sensitivity_screen import show_ranking
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.study.definition import Study, load_study
@@ -41,7 +41,7 @@ def sensitivity_command(
         rank_sensitivities(chosen, top).to_csv(sys.stdout, index=False)
         return
     show_ranking(results, mode, top)
-    screen.outside_validity(results.points)
+    mode_screen.outside_validity(results.points)
 
 
 def _run(study: Study, jobs: int | None) -> Results:
