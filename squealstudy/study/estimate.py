@@ -10,15 +10,18 @@ from squealstudy.study.complex_modes.window_tasks import basis_tasks
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Kind
 from squealstudy.study.kinds import kind_named
-from squealstudy.study.method import BASIS_SOLVES, OVER_A_BASIS, SERVED
-from squealstudy.study.plan import Plan
+from squealstudy.study.method import BASIS_SOLVES, FULL, OVER_A_BASIS, SERVED
+from squealstudy.study.plan import Plan, checked_points, has_mesh
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.tasks import PointTask
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
 BRIEF = 1.0  # s: the first call of a process may owe that much to imports
 OVERHEAD = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
-FACTORS = {"exact": (0.9, 2.0), "estimated": (0.5, 1.5)}  # of the least and the longest time
+# of the least and the longest time: exact complex modes; reanalysis; other kinds of study
+EXACT, REANALYSIS, OTHER = (0.9, 1.1), (0.5, 1.5), (0.8, 1.6)
+BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
+FULL_ORDER = 20.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
 
 @dataclass(frozen=True)
@@ -54,10 +57,10 @@ def run_seconds(
 ) -> tuple[float, float]:
     """Least and longest time of what is left of a study, without its pictures.
 
-    Points of exact methods take what the timed ones did, up to twice that with those in between
-    that tracking and onsets solve; those of reanalysis the share of an exact point that they take
-    on the brake, after a basis for each structure that has none in the cache. Runs that end once
-    their outcome is known may be over soon.
+    Points of exact methods take what the timed ones did, and as many again or more may be solved
+    between them by tracking and onsets; those of reanalysis the share of an exact point that they
+    take on the brake, after a basis for each structure that has none in the cache. Points checked
+    at full order come on top. Runs that end once their outcome is known may be over soon.
 
     Parameters
     ----------
@@ -82,11 +85,28 @@ def run_seconds(
         bases = new * BASIS_SOLVES * cost.point_s
     build = cost.n_missing_structures * (cost.structure_s or 0.0)
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
-    low, high = FACTORS["exact" if served is None else "estimated"]
+    low, high = OTHER if not complex_modes else EXACT if served is None else REANALYSIS
     if plan.study.definition.transient.stop != "end" and not complex_modes:
         low = 0.0
+    if complex_modes and served is None and _refines(plan):
+        high += BETWEEN
+    build += _check_seconds(plan, cost.point_s) / jobs if complex_modes else 0.0
     points = [n * own / min(jobs, n) + bases for n in (missing, most or missing)]
     return build + low * points[0] + OVERHEAD[0], build + high * points[1] + OVERHEAD[1]
+
+
+def _refines(plan: Plan) -> bool:
+    """Whether points are solved between those of the study."""
+    modes = plan.study.definition.modes
+    return (
+        bool(plan.study.sweeps) and modes.track and (modes.refine_tracking or modes.refine_onsets)
+    )
+
+
+def _check_seconds(plan: Plan, point_s: float) -> float:
+    """Seconds of the points that are checked at full order."""
+    meshed = has_mesh(plan.study) and plan.method.name != FULL
+    return len(checked_points(plan)) * point_s * (FULL_ORDER if meshed else 1.0)
 
 
 def _timed(kind: Kind, plan: Plan, tasks: Sequence[PointTask]) -> list[float]:
