@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.complex_modes.window_tasks import basis_tasks
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Kind
 from squealstudy.study.kinds import kind_named
@@ -81,6 +80,8 @@ def run_seconds(
     if served is not None:
         own *= served
     if complex_modes and plan.method.name in OVER_A_BASIS:
+        from squealstudy.study.complex_modes.window_tasks import basis_tasks
+
         new = sum(not task.path.is_file() for task in basis_tasks(plan))
         bases = new * BASIS_SOLVES * cost.point_s
     build = cost.n_missing_structures * (cost.structure_s or 0.0)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from squealstudy.errors import ResultsError, SquealstudyError
@@ -19,7 +18,6 @@ from squealstudy.study.tasks import ChunkReport
 
 Fields = Sequence[tuple[str, pa.DataType]]
 TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
-NULLABLE = {WHOLE: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
 HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
 
 # what makes a design point a failed row: the named errors, and those of the numerical libraries
@@ -85,11 +83,14 @@ def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) 
 
     Counts and flags are nullable (Int64, boolean): missing where the point has none.
     """
+    import pandas as pd
+
     parameters = plan.study.shown_parameters
     filled = [
         {**row, **{p: float(values[p]) for p in parameters}}
         for row, values in zip(rows, plan.shown_values, strict=True)
     ]
     schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
-    frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=NULLABLE.get)
+    nullable = {WHOLE: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
+    frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=nullable.get)
     return pa.Table.from_pandas(frame, schema=schema, preserve_index=False)  # names its dtypes
