@@ -8,9 +8,9 @@ they say little of a brake. Reasons read ``rule: value``.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from squealstudy.analysis.tables.validity import BETWEEN
@@ -22,6 +22,9 @@ from squealstudy.study.design import Design
 from squealstudy.study.plan import Plan
 from squealstudy.study.rows import FLAG, TEXT
 from squealstudy.study.working_points import prepared_model
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FIELDS = (("valid", FLAG), ("invalid_reason", TEXT))  # last columns of a points table
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
@@ -57,6 +60,8 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     points : DataFrame
         A row for each of its design points, in order.
     """
+    import pandas as pd
+
     solved = points["status"].isin(SOLVED).to_numpy(bool)
     found = points.get("invalid_reason", pd.Series("", index=points.index))
     reasons = []
