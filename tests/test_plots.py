@@ -506,6 +506,21 @@ def test_map_of_growth():
     drawn(figure)
 
 
+@pytest.mark.parametrize("measure", ["count", "growth"])
+def test_static_divergence_is_unstable_on_the_map(measure):
+    points, modes = grid()
+    modes = modes[modes["track"] == 3]
+    real = modes.assign(overdamped=True, track=-1, growth_rate=50.0, damping_ratio=-1.0)
+    beyond = points["point_id"][points["friction"] > 0.45]
+    real = real[real["point_id"].isin(beyond)].assign(unstable=True)
+    modes = pd.concat([modes, real], ignore_index=True)
+    axes = stability_map(points, modes, "friction", "pressure", measure=measure).axes[0]
+    assert np.allclose(boundary(axes)[:, 0], 0.45)  # a real root is not interpolated
+    values = mesh(axes).get_array().reshape(len(P), len(MU))
+    assert np.allclose(values[:, 5:], 1.0 if measure == "count" else 50.0)
+    assert (values[:, :5] <= 0).all()
+
+
 def test_where_all_is_unstable_there_is_no_boundary():
     points, modes = grid()
     modes.loc[modes["track"] == 3, ["damping_ratio", "unstable", "growth_rate"]] = [-0.1, True, 9e3]
@@ -552,10 +567,10 @@ def test_the_plane_of_most_unstable_modes_is_shown():
     modes.loc[worse & (modes["track"] == 3), "unstable"] = True
     figure = stability_map(points, modes, "friction", "pressure")
     title = figure.axes[0].get_title(loc="left")
-    assert title == "speed = 2, of 2 slices that with most unstable modes"
+    assert title == "speed = 2, of 2 slices the one with most unstable modes"
     alike = modes.assign(unstable=modes["track"] == 1)
     title = stability_map(points, alike, "friction", "pressure").axes[0].get_title(loc="left")
-    assert title == "speed = 1, of 2 slices that with most unstable modes, one of 2 alike"
+    assert title == "speed = 1, of 2 slices one of the 2 with most unstable modes"
     calm = stability_map(points, modes.assign(unstable=False), "friction", "pressure")
     assert "one of 2 slices, none with an unstable mode" in calm.axes[0].get_title(loc="left")
     plane = study_plane(points, modes, ("friction", "pressure"), {"speed": 1.0}, None, "count")

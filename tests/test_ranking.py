@@ -8,8 +8,11 @@ from squealstudy.analysis.tables.mode_ranking import (
     COLUMNS,
     frequency_text,
     parameter_columns,
+    point_codes,
     rank_modes,
+    selection,
 )
+from squealstudy.cli import screen
 from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"
@@ -304,6 +307,41 @@ def test_unknown_orders_and_parameters():
         rank_modes(points, modes, by="threshold")
     with pytest.raises(ResultsError, match="not in the points table"):
         rank_modes(points.iloc[1:], modes)
+
+
+# -- what the screen says
+
+
+def screen_of(capsys, points, modes, where=None, failed=0, along="friction"):
+    table = rank_modes(points, modes, along, where=where)
+    counted = int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+    screen.ranking(table, along, "", screen.Scope(counted, failed, False, where is not None))
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_an_empty_ranking_says_over_what_it_is(capsys):
+    points, modes = linear_study(STABLE, MU, P)
+    text = screen_of(capsys, points, modes)
+    assert text == "No mode is unstable at any of the 24 solved points."
+    points, modes = linear_study(STUDY, MU, P)
+    text = screen_of(capsys, points, modes, "frequency_hz > 9000")
+    assert text == "Within the query no mode is unstable at any of the 24 solved points."
+    text = screen_of(capsys, points, modes, "friction > 9")
+    assert text == "No design point is solved and within the query."
+    failed = points.assign(status="failed")
+    text = screen_of(capsys, failed, modes.iloc[:0], failed=24)
+    assert text == "No design point is solved. 24 design point(s) failed and count neither way"
+
+
+def test_onsets_that_are_not_refined_are_marked(capsys):
+    zeta = {1: lambda m, q: 0.013 - 0.02 * m, 2: lambda m, q: min(0.0, 0.25 - m)}
+    zeta[3] = lambda m, q: -0.01
+    text = screen_of(capsys, *linear_study(zeta, MU, [1.0]))
+    assert "~0.65" in text  # interpolated
+    assert "<= 0.3" in text  # nothing is damped before
+    assert "below range" in text
+    for said in ("interpolated between two design points", "between an undamped point and this"):
+        assert said in text
 
 
 # -- queries

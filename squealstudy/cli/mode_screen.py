@@ -49,8 +49,7 @@ class Scope(NamedTuple):
     @property
     def text(self) -> str:
         """What counts, in words."""
-        text = f"the {self.counted} " + ("nodes of the map" if self.mapped else "solved points")
-        return f"{text} within the query" if self.queried else text
+        return f"the {self.counted} {'nodes of the map' if self.mapped else 'solved points'}"
 
     @property
     def left_out(self) -> str:
@@ -61,10 +60,7 @@ class Scope(NamedTuple):
 def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
     """Print the ranking of unstable modes."""
     if not len(table):
-        found = "mode within the query" if scope.queried else "mode"
-        none = "No solved design point is within the query." if scope.queried else "None is solved."
-        text = f"No {found} is unstable at any of {scope.text}."
-        console.print(text if scope.counted else none)
+        console.print(_nothing(scope))
         if scope.left_out:
             console.print(scope.left_out, style="dim")
         return
@@ -91,9 +87,18 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
     _legend(table, along, unit, scope)
 
 
+def _nothing(scope: Scope) -> str:
+    """Why a ranking has no row."""
+    if not scope.counted:
+        return f"No design point is {'solved and within the query' if scope.queried else 'solved'}."
+    none = "Within the query no mode" if scope.queried else "No mode"
+    return f"{none} is unstable at any of {scope.text}."
+
+
 def _legend(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> None:
     """What the columns of the ranking mean."""
-    texts = [f"unstable: share of {scope.text} at which the mode was found unstable"]
+    query = " within the query" if scope.queried else ""
+    texts = [f"unstable: share of {scope.text}{query} at which the mode was found unstable"]
     texts += [scope.left_out] if scope.left_out else []
     texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
     names = ", ".join(name for name, _ in _settings(table.iloc[0].to_dict()))

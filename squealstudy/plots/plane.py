@@ -149,7 +149,8 @@ def _measured(plane: pd.DataFrame, rows: pd.DataFrame, measure: str) -> np.ndarr
         found = rows[rows["unstable"].to_numpy(bool)].groupby("point_id").size()
         value = plane["point_id"].map(found).fillna(0.0)
     else:
-        value = plane["point_id"].map(oscillating(rows).groupby("point_id")["growth_rate"].max())
+        judged = rows[~rows["overdamped"].to_numpy(bool) | rows["unstable"].to_numpy(bool)]
+        value = plane["point_id"].map(judged.groupby("point_id")["growth_rate"].max())
     return value.where(plane["status"] == "ok").to_numpy(dtype=float)
 
 

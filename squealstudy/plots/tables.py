@@ -79,8 +79,8 @@ def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
         return ""
     if not totals.max() > 0:
         return f"one of {of}, none with an unstable mode"
-    equals = f", one of {int(best.sum())} alike" if best.sum() > 1 else ""
-    return f"of {of} that with most unstable modes{equals}"
+    which = f"one of the {int(best.sum())}" if best.sum() > 1 else "the one"
+    return f"of {of} {which} with most unstable modes"
 
 
 def describe(

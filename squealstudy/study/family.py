@@ -34,7 +34,7 @@ TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "un
 TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
 TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
 TAKEN |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}
-TAKEN |= {"reference_frequency_error", "reference_damping_error"}
+TAKEN |= {"reference_frequency_error", "reference_damping_error", "valid", "invalid_reason"}
 
 
 def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefinition:
