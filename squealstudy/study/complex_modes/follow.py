@@ -84,7 +84,7 @@ class Follower:
         budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
         for _ in range(ROUNDS if refine else 0):
             joined, crossing = self._doubtful(pairings, known)
-            refined, spent = self._refine(crossing, pairings, np.inf, report)
+            refined, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH, report)
             interpolated += spent
             within, spent = self._refine(joined, pairings, budget - points, report)
             points += spent
@@ -148,13 +148,13 @@ class Follower:
         return [i for i in doubtful if i in joined], [i for i in doubtful if i not in joined]
 
     def _refine(
-        self, doubtful: list[int], pairings: Pairings, budget: float, report: Progress
+        self, doubtful: list[int], pairings: Pairings, budget: int, report: Progress
     ) -> tuple[Pairings, int]:
         """Refine steps in order, as far as the budget goes; the points solved between."""
         refined: Pairings = {}
         points = done = 0
         while done < len(doubtful):
-            count = int(min(BATCH, (budget - points) // (2**DEPTH - 1)))
+            count = min(BATCH, (budget - points) // (2**DEPTH - 1))
             if count < 1:
                 break
             report("tracking", done, len(doubtful))
