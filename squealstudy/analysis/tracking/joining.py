@@ -12,6 +12,7 @@ from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.analysis.tracking.pairing import FREQUENCY_WINDOW, LOST, pair_modes
 from squealstudy.analysis.tracking.refinement import DOUBTFUL
 
+ENOUGH = 20  # neighbours that are asked about two tracks
 Pair = tuple[int, int]
 
 
@@ -38,8 +39,11 @@ def join_tracks(
         Shapes (ma, k) and (mb, k) of two points in common coordinates.
     """
     votes: Counter[Pair] = Counter()
+    asked: Counter[Pair] = Counter()
     for a, b in edges:
-        if _may_join(lams[a], tracks.labels[a], lams[b], tracks.labels[b]):
+        near = _may_join(lams[a], tracks.labels[a], lams[b], tracks.labels[b])
+        if any(asked[pair] < ENOUGH for pair in near):
+            asked.update(near)
             votes.update(_votes(a, b, tracks, lams, shapes))
     if not votes:
         return tracks
@@ -49,15 +53,20 @@ def join_tracks(
 
 def _may_join(
     lam_a: np.ndarray, labels_a: np.ndarray, lam_b: np.ndarray, labels_b: np.ndarray
-) -> bool:
-    """Whether each of two points has a track that the other lacks, near in frequency."""
+) -> list[Pair]:
+    """Tracks that one of two points lacks, with those that the other lacks, near in frequency."""
     if np.array_equal(np.sort(labels_a), np.sort(labels_b)):
-        return False
-    a = np.abs(lam_a[~np.isin(labels_a, labels_b)])
-    b = np.abs(lam_b[~np.isin(labels_b, labels_a)])
-    if not len(a) or not len(b):
-        return False
-    return bool((np.abs(np.log(a[:, None] / b)) < LOST * FREQUENCY_WINDOW).any())
+        return []
+    a = np.flatnonzero(~np.isin(labels_a, labels_b))
+    b = np.flatnonzero(~np.isin(labels_b, labels_a))
+    ratio = np.abs(lam_a[a])[:, None] / np.abs(lam_b[b])
+    i, j = np.nonzero(np.abs(np.log(ratio)) < LOST * FREQUENCY_WINDOW)
+    return _ordered(labels_a[a[i]], labels_b[b[j]])
+
+
+def _ordered(one: np.ndarray, other: np.ndarray) -> list[Pair]:
+    """Pairs of tracks, the lower number first."""
+    return [(min(p), max(p)) for p in zip(one.tolist(), other.tolist(), strict=True)]
 
 
 def _votes(
@@ -73,7 +82,7 @@ def _votes(
     i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > DOUBTFUL))
     one, other = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]
     apart = ~np.isin(one, tracks.labels[b]) & ~np.isin(other, tracks.labels[a])
-    return [(min(p), max(p)) for p in zip(one[apart].tolist(), other[apart].tolist(), strict=True)]
+    return _ordered(one[apart], other[apart])
 
 
 def _joined(votes: Counter[Pair], labels: Sequence[np.ndarray]) -> np.ndarray:

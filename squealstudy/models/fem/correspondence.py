@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from squealstudy.models.fem.grid import Block
 from squealstudy.models.fem.solid import Solid
@@ -60,6 +59,8 @@ def _shape_functions(solid: Solid, points: np.ndarray) -> sp.csr_matrix:
 
     A point that no cell holds, on a curved face, is taken at the nearest place of a cell.
     """
+    from scipy.spatial import cKDTree
+
     basis, mesh = solid.basis, solid.grid.mesh
     count = min(NEAREST, mesh.t.shape[1])
     centres = mesh.p[:, mesh.t].mean(axis=1).T

@@ -75,17 +75,22 @@ class Follower:
         Tracks
         dict
             ``ambiguous_pairs`` before refinement, steps ``refined``, ``extra_points`` solved for
-            it, pairs ``still_ambiguous``.
+            it within a structure, ``interpolated_points`` between structures, which cost far less
+            than a reduction and are not limited, and pairs ``still_ambiguous``.
         """
         pairings = self._pair(self._tree.groups, {})
-        before = _ambiguous(pairings.values())
+        before = _ambiguous(map(unresolved, pairings.values()))
         known: Pairings = {}
-        points = 0
+        points = interpolated = 0
         budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
         for _ in range(ROUNDS if refine else 0):
-            refined, spent = self._refine(pairings, known, budget - points, report)
-            known |= refined
+            joined, crossing = self._doubtful(pairings, known)
+            refined, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH, report)
+            interpolated += spent
+            within, spent = self._refine(joined, pairings, budget - points, report)
             points += spent
+            refined |= within
+            known |= refined
             groups = [g for g in self._tree.groups if not refined.keys().isdisjoint(g)]
             if not groups:
                 break
@@ -95,6 +100,7 @@ class Follower:
             "ambiguous_pairs": before,
             "refined": len(known),
             "extra_points": points,
+            "interpolated_points": interpolated,
             "still_ambiguous": _ambiguous(pairings.values()),
         }
         low, high = self._plan.band_hz
@@ -134,13 +140,18 @@ class Follower:
             os.getpid(),
         )
 
-    def _refine(
-        self, pairings: Pairings, known: Pairings, budget: int, report: Progress
-    ) -> tuple[Pairings, int]:
-        """Refine the steps that are in doubt, the least trusted first; extra points solved."""
+    def _doubtful(self, pairings: Pairings, known: Pairings) -> tuple[list[int], list[int]]:
+        """Steps in doubt within a structure, and those to another one, the least trusted first."""
         trust = {i: float(p.trust.min(initial=np.inf)) for i, p in pairings.items()}
         doubtful = [i for i in trust if trust[i] <= DOUBTFUL and i not in known]
         doubtful.sort(key=lambda i: (trust[i], i))
+        joined = {i for i in doubtful if self.near.joined(self._tree.parents[i], i)}
+        return [i for i in doubtful if i in joined], [i for i in doubtful if i not in joined]
+
+    def _refine(
+        self, doubtful: list[int], pairings: Pairings, budget: int, report: Progress
+    ) -> tuple[Pairings, int]:
+        """Refine steps in order, as far as the budget goes; the points solved between."""
         refined: Pairings = {}
         points = done = 0
         while done < len(doubtful):
