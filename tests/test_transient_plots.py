@@ -374,13 +374,13 @@ def test_growth_of_a_run_that_failed_later_is_marked():
 def test_growth_without_any_fit():
     points, _ = sweep(["failed"] * 6)
     none = growth_comparison(GROWTH.iloc[:0], points)
-    text = "no growth rate was fitted: 0 unstable modes predicted; 6 of 6 points failed"
+    text = "no growth rate was fitted\n0 unstable modes predicted\n6 of 6 points failed"
     assert said(none) == text
     unfitted = GROWTH.assign(fitted_growth_rate=np.nan)
-    text = f"no growth rate was fitted: {len(GROWTH)} unstable modes predicted; runs: 1 limit cycle"
+    text = f"no growth rate was fitted\n{len(GROWTH)} unstable modes predicted\nruns: 1 limit cycle"
     assert said(growth_comparison(unfitted, one_point())) == text
     empty = growth_comparison(GROWTH.iloc[:0], one_point().iloc[:0])
-    assert said(empty) == "no growth rate was fitted: no design points"
+    assert said(empty) == "no growth rate was fitted\nno design points"
 
 
 # -- levels over a parameter

@@ -69,7 +69,7 @@ def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
 def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     """Why there is no fitted growth rate to show."""
     if not len(points):
-        return "no growth rate was fitted: no design points"
+        return "no growth rate was fitted\nno design points"
     failed = int((points["status"] != "ok").sum())
     unstable = int(growth["unstable"].astype(bool).sum())
     counts = points.loc[points["status"] == "ok", "class"].value_counts()
@@ -77,7 +77,7 @@ def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     parts = [f"{plural(unstable, 'unstable mode')} predicted"]
     parts += [f"runs: {rest}"] if rest else []
     parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []
-    return "no growth rate was fitted: " + "; ".join(parts)
+    return "\n".join(["no growth rate was fitted", *parts])
 
 
 def sizeable(table: pd.DataFrame) -> np.ndarray:
