@@ -25,7 +25,6 @@ STIFFNESS_DAMPING = Parameter(
     "s",
     "damping proportional to stiffness (Rayleigh's beta): beta omega / 2 on top of damping_ratio",
     minimum=0.0,
-    maximum=1.0,
 )
 STATIC_RATIO = Parameter(
     "friction_law.static_ratio",
