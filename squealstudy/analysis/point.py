@@ -112,10 +112,11 @@ def solve_point(
     """
     point = state_working_point(prepared, state, gap)
     system = linearise(prepared.model, point, state)
-    lam, psi = solver(system.C, system.K, angular_band(band_hz))
+    band = angular_band(band_hz)
+    lam, psi = solver(system.C, system.K, band)
     unit_mass = sp.identity(prepared.model.n, format="csr")
     errors = root_errors(unit_mass, system.C, system.K, lam, psi)
-    told = np.flatnonzero(errors.resolved(lam))
+    told = np.flatnonzero(errors.resolved(lam, band[1]))
     order = told[np.argsort(lam.imag[told] == 0, kind="stable")]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
     overdamped = lam.imag == 0

@@ -104,9 +104,9 @@ def roots_in_band(
         below = len(lam) + int((lam.imag > 0).sum())
         lam, psi = lam[kept], psi[:, kept]
         errors = root_errors(M, C, K, lam, psi)
-        told = errors.resolved(lam)
+        told = errors.resolved(lam, band[1])
         found = BandRoots(lam[told], psi[:, told], below, errors.error[told])
-        if (worst := _doubt(lam, errors, told)) <= 1.0:
+        if (worst := _doubt(lam, errors)) <= 1.0:
             return found
         if worst < least:
             best, least = found, worst
@@ -115,10 +115,11 @@ def roots_in_band(
     return best
 
 
-def _doubt(lam: np.ndarray, errors: RootErrors, told: np.ndarray) -> float:
+def _doubt(lam: np.ndarray, errors: RootErrors) -> float:
     """Largest error over the one at which no other attempt is made; above 1 one is."""
     allowed = np.maximum(ACCURATE * np.abs(lam), AT_ROUND_OFF * errors.round_off)
-    doubt = (errors.error / np.where(allowed > 0, allowed, 1.0))[told]
+    with np.errstate(invalid="ignore"):  # infinite over infinite
+        doubt = errors.error / np.where(allowed > 0, allowed, 1.0)
     return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
 

@@ -17,8 +17,9 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 EPS = float(np.finfo(float).eps)
-ROUND_OFFS = 4.0  # of each entry: the measured errors of dense roots are within it
 BIN = 4.0  # ratio of moduli that share a scale of time
+TOLD = 10.0  # errors of round-off that a root must be away from zero
+RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
 TINY = float(np.finfo(float).tiny)
 
 
@@ -36,9 +37,13 @@ class RootErrors(NamedTuple):
     error: np.ndarray
     round_off: np.ndarray
 
-    def resolved(self, lam: np.ndarray) -> np.ndarray:
-        """Which roots (m,) can be told from zero; the others are motion of a free body."""
-        told: np.ndarray = np.abs(lam) > self.round_off
+    def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
+        """Which roots (m,) of a band up to `top` [rad/s] are more than motion of a free body.
+
+        The others are far below the band and cannot be told from zero.
+        """
+        size = np.abs(lam)
+        told: np.ndarray = (size > TOLD * self.round_off) | (size > RIGID_BELOW * top)
         return told
 
 
@@ -47,9 +52,10 @@ def root_errors(
 ) -> RootErrors:
     """Estimated errors of roots lam (m,) of imaginary part >= 0 with right vectors psi (n, m).
 
-        |x|^T (|r| + 4 eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa / |2 lam x^H D x|
+        |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa / |2 lam x^H D x|
 
-    with moduli by entry, r the residual, D the diagonal of M and kappa the condition of the root
+    with moduli by entry, r the residual, D the diagonal of M (of a row without one the sum of its
+    moduli) and kappa the condition of the root
     (`conditions`). Entries' round-off follows a stiff spring where it is felt: in a norm of the
     matrices one spring of 1e15 N/m would drown all roots.
     """
@@ -58,13 +64,15 @@ def root_errors(
     a, size = np.abs(psi), np.abs(lam)
     inertia, damping = _product(M, psi), _product(C, psi)
     r = inertia * lam**2 + damping * lam + _product(K, psi)
-    D = np.abs(_diagonal(M))
+    D = _lumped(M)
     slope = np.abs(np.einsum("ij,ij->j", psi.conj(), 2 * lam * inertia + damping))
     slope = np.maximum(slope, 2 * size * (D @ a**2))
     energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
-    moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
-    round_off = ROUND_OFFS * EPS * energy * moved
-    return RootErrors(np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off, round_off)
+    with np.errstate(over="ignore", invalid="ignore"):  # roots that are wrong altogether
+        moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
+        round_off = EPS * energy * moved
+        error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
+    return RootErrors(np.nan_to_num(error, nan=np.inf), np.nan_to_num(round_off, nan=np.inf))
 
 
 def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -118,6 +126,10 @@ def _energy(A: Matrix, a: np.ndarray) -> np.ndarray:
     return energy
 
 
-def _diagonal(A: Matrix) -> np.ndarray:
-    diagonal: np.ndarray = A.sparse.diagonal() if isinstance(A, LowRankSum) else A.diagonal()
+def _lumped(M: Matrix) -> np.ndarray:
+    """Size (n,) of the mass at each coordinate."""
+    M = M.sparse if isinstance(M, LowRankSum) else M
+    diagonal = np.abs(M.diagonal())
+    if not diagonal.all():
+        diagonal = np.where(diagonal > 0, diagonal, np.asarray(abs(M).sum(axis=1)).ravel())
     return diagonal

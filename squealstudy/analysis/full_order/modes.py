@@ -83,7 +83,7 @@ def full_order_modes(
     kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
     lam, psi = lam[kept], psi[:, kept]
     errors = root_errors(assembly.M, C_sum, K_sum, lam, psi)
-    told = errors.resolved(lam)
+    told = errors.resolved(lam, 2 * np.pi * band_hz[1])
     lam, psi, error = lam[told], psi[:, told], errors.error[told]
     R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
     size = np.linalg.norm(K_sum @ psi, axis=0)
