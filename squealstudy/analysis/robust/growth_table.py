@@ -23,7 +23,7 @@ class GrowthColumn:
     frequency_hz : float
         Mean over the points where the mode is unstable; NaN for LARGEST.
     growth : ndarray (n_points,)
-        1/s; NaN where the point failed or the track has no mode.
+        1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
     """
 
@@ -45,8 +45,10 @@ def growth_columns(
     top : int or None
         Tracks to keep, those unstable at most points first, then by largest growth.
     """
-    oscillating = ~modes["overdamped"].to_numpy(bool)
-    code = point_codes(points, modes)[oscillating]
+    code = point_codes(points, modes)
+    ok = (points["status"] == "ok").to_numpy(bool)
+    oscillating = ~modes["overdamped"].to_numpy(bool) & ok[code]
+    code = code[oscillating]
     growth = modes["growth_rate"].to_numpy(dtype=float)[oscillating]
     unstable = modes["unstable"].to_numpy(bool)[oscillating]
     track = modes["track"].to_numpy()[oscillating]
