@@ -74,7 +74,8 @@ def scaled_text(
     }
     for section, keys in (sections or {}).items():
         scaled = {
-            k: v * units.factor(unit) if isinstance(v, float) else v for k, (v, unit) in keys.items()
+            k: v * units.factor(unit) if isinstance(v, float) else v
+            for k, (v, unit) in keys.items()
         }
         tables[section] = tables.get(section, {}) | scaled
     lines = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.cli import screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
@@ -101,7 +102,7 @@ def _components(model: ModelDefinition, cutoff: float) -> None:
         omega, _ = real_modes(c.M, c.K, cutoff)
         f = omega / (2 * np.pi)
         rigid = rigid_modes(c.M, c.K, omega)
-        elastic = ", ".join(f"{j + 1}: {f[j]:.0f}" for j in range(rigid, len(f)))
+        elastic = ", ".join(f"{j + 1}: {in_digits(f[j])}" for j in range(rigid, len(f)))
         listed = f"1-{rigid}: rigid" if rigid > 1 else "1: rigid" if rigid else ""
         grid.add_row(c.name, str(c.n_dof), "; ".join(t for t in (listed, elastic) if t))
     screen.console.print(grid)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.cli.screen import console
 from squealstudy.study.results import SOBOL_INDICES, Results
 
@@ -52,13 +53,13 @@ def show_probabilities(table: pd.DataFrame, confidence: float) -> None:
         hz = row["frequency_hz"]
         grid.add_row(
             "any" if row["quantity"] == "any" else str(row["track"]),
-            f"{hz:.0f}" if hz == hz else "",
+            in_digits(hz) if hz == hz else "",
             f"{100 * row['present_points'] / row['points']:.0f}",
             f"{100 * row['probability']:.1f}",
             f"{100 * row['probability_low']:.1f} to {100 * row['probability_high']:.1f}",
-            f"{row['mean_growth_rate']:.2f}",
-            f"{row['growth_mean']:.1f} +- {row['growth_std']:.1f}",
-            f"{row['max_growth_rate']:.1f}",
+            in_digits(row["mean_growth_rate"], 2),
+            f"{in_digits(row['growth_mean'], 1)} +- {in_digits(row['growth_std'], 1)}",
+            in_digits(row["max_growth_rate"], 1),
             ", ".join(part.rpartition("=")[2] for part in str(row["at"]).split(", ")),
         )
     console.print(grid)
@@ -104,7 +105,7 @@ def show_indices(table: pd.DataFrame, confidence: float) -> None:
         name = "fastest mode" if row["quantity"] == "largest" else f"mode {row['track']}"
         grid.add_row(
             name if new else "",
-            f"{hz:.0f}" if new and hz == hz else "",
+            in_digits(hz) if new and hz == hz else "",
             str(row["parameter"]),
             *_index(row["first"], row["first_low"], row["first_high"]),
             *_index(row["total"], row["total_low"], row["total_high"]),

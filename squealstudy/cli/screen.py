@@ -22,6 +22,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
+
 INTERRUPTED = 130
 NARROW, WIDE = 6, 30  # least column widths: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
@@ -62,9 +64,9 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str) -> None:
     for row in table.to_dict("records"):
         grid.add_row(
             _label(row),
-            f"{row['frequency_hz']:.0f}",
+            in_digits(row["frequency_hz"]),
             f"{100 * row['unstable_share']:.1f} %",
-            f"{row['max_growth_rate']:.1f}",
+            in_digits(row["max_growth_rate"], 1),
             f"{100 * row['min_damping_ratio']:.3f}",
             *([_threshold(row)] if along else []),
             *([_energy(row)] if energies else []),

@@ -47,9 +47,7 @@ class RootErrors(NamedTuple):
         return told
 
 
-def root_errors(
-    M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray
-) -> RootErrors:
+def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> RootErrors:
     """Estimated errors of roots lam (m,) of imaginary part >= 0 with right vectors psi (n, m).
 
         |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa / |2 lam x^H D x|

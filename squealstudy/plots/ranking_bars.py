@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.mode_ranking import (
     DIVERGENCE,
     UNTRACKED,
@@ -72,7 +73,7 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 def _name(row: Mapping[Hashable, Any]) -> str:
     track = int(row["track"])
     name = NAMES.get(track, f"T{track}")
-    return f"{name}   {row['frequency_hz']:.0f} Hz"
+    return f"{name}   {in_digits(row['frequency_hz'])} Hz"
 
 
 def _shares(axes: Axes, place: np.ndarray, shown: pd.DataFrame) -> None:

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import MS, EndLabel, column, end_labels, number, own_rows
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
@@ -114,7 +115,7 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
     labels = []
     for row in seen.to_dict("records"):
         colour = COLOURS[0] if row["expressed"] else DARK
-        text = f"{row['frequency_hz']:.0f} Hz, {row['growth_rate']:+.3g} 1/s"
+        text = f"{in_digits(row['frequency_hz'])} Hz, {row['growth_rate']:+.3g} 1/s"
         share = row["level_share"]
         text += f", {100 * share:.0f} %" if np.isfinite(share) else ""
         labels.append(EndLabel(float(row["frequency_hz"]), text, colour))
@@ -134,10 +135,10 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
 
 def _dominant(row: pd.Series | None) -> str:
     f = number(row, "dominant_frequency_hz")
-    return f"dominant {f:.0f} Hz" if f > 0 else ""
+    return f"dominant {in_digits(f)} Hz" if f > 0 else ""
 
 
 def _cut(band_top: float | None, nyquist: float) -> str:
     if band_top is None or band_top <= nyquist:
         return ""
-    return f"the samples kept reach {nyquist:.0f} Hz only"
+    return f"the samples kept reach {in_digits(nyquist)} Hz only"

@@ -15,6 +15,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
+from squealstudy.analysis.tables.digits import in_digits
+
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -165,7 +167,8 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
 
 def track_name(track: int, frequency_hz: float) -> str:
     """A track in a legend or label."""
-    return f"T{track}  {frequency_hz:.0f} Hz" if track > 0 else f"{frequency_hz:.0f} Hz"
+    hertz = f"{in_digits(frequency_hz)} Hz"
+    return f"T{track}  {hertz}" if track > 0 else hertz
 
 
 def plural(n: int, word: str) -> str:

@@ -160,7 +160,9 @@ def _judged(
         )
     for name, values in (("status", status), ("message", message)):
         column = points.schema.get_field_index(name)
-        points = points.set_column(column, points.schema.field(column), pa.array(values, pa.string()))
+        points = points.set_column(
+            column, points.schema.field(column), pa.array(values, pa.string())
+        )
     return points
 
 
