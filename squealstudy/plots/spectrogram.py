@@ -11,8 +11,7 @@ from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import MS, EndLabel, column, end_labels, number, own_rows
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
-WINDOW = 8e-3  # s: 125 Hz apart, lines are told apart from about twice that on (Hann)
-LEAST_WINDOWS = 10  # a short run has shorter windows
+WINDOWS = 12.5  # in a run: lines are told apart from about twice their number a run on (Hann)
 FEWEST_SAMPLES = 32  # of a run
 FRAMES = 400  # at most
 PADDING = 4  # zeros: a finer frequency axis, not a finer resolution
@@ -82,8 +81,7 @@ def short_time_levels(
     Each window's mean is taken away. Levels below -2 RANGE are cut there; all NaN for no signal.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    length = min(round(WINDOW / step), len(time) // LEAST_WINDOWS)
-    length = max(length, FEWEST_SAMPLES // 4)
+    length = max(round(len(time) / WINDOWS), FEWEST_SAMPLES // 4)
     hop = max(length // 8, (len(time) - length) // FRAMES, 1)
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
     frames = (frames - frames.mean(axis=1, keepdims=True)) * np.hanning(length)
