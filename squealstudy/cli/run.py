@@ -63,12 +63,14 @@ def show_findings(results: Results) -> None:
 
 def _summary(report: RunReport) -> list[tuple[str, str]]:
     manifest = report.manifest
-    failed = manifest["n_failed"]
+    failed, inaccurate = manifest["n_failed"], manifest.get("n_inaccurate", 0)
+    lost = f", {failed} failed (see status in points)" if failed else ""
+    lost += f", {inaccurate} inaccurate (see message in points)" if inaccurate else ""
     rows = [
         (
             "points",
             f"{manifest['n_points']}: {report.n_solved} solved now, {report.n_reused} found in "
-            f"{report.directory}" + (f", {failed} failed (see status in points)" if failed else ""),
+            f"{report.directory}{lost}",
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
         *transient_screen.ended_early(manifest),

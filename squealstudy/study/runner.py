@@ -24,6 +24,7 @@ from squealstudy.study.manifest import (
     new_manifest,
     point_facts,
 )
+from squealstudy.study.names import INACCURATE
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
@@ -256,11 +257,14 @@ def _finish(
     manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
-    manifest["n_failed"] = int((points["status"] != "ok").sum())
+    solved = points["status"].isin(["ok", INACCURATE])
+    manifest["n_failed"] = int((~solved).sum())
+    manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())
     manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     progress("tables", 1, 1)
-    if manifest["n_failed"] == len(points):
+    if not (points["status"] == "ok").any():
         message = str(points["message"].iloc[0])
-        raise ResultsError(f"{directory}: every design point failed, the first with: {message}")
+        what = "is inaccurate" if solved.any() else "failed"
+        raise ResultsError(f"{directory}: every design point {what}, the first with: {message}")

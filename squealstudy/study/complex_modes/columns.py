@@ -13,8 +13,9 @@ import pyarrow as pa
 
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import read_tables
-from squealstudy.study.complex_modes.counts import INACCURATE, worst_errors
+from squealstudy.study.complex_modes.counts import worst_errors
 from squealstudy.study.complex_modes.rows import MODE_FIELDS, POINT_FIELDS, SCHEMA, SHAPES
+from squealstudy.study.names import INACCURATE
 
 ITEM = np.dtype(np.complex64).itemsize
 

@@ -12,7 +12,6 @@ from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.study.chunks import read_tables
 from squealstudy.study.complex_modes.rows import SCHEMA
 
-INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 COLUMNS = ("point_id", "status", "re", "im", "error_estimate", "overdamped")
 
 
