@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.energy import energy_shares
 from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import QuadraticSolver, backward_error, dense_roots
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.root_error import root_errors
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (
     WorkingPoint,
@@ -18,7 +20,7 @@ from squealstudy.reduction.working_point import (
     working_point,
 )
 
-RIGID_HZ = 1.0
+RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"
 ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
 
@@ -52,6 +54,12 @@ class PointModes:
     working_point: WorkingPoint
     error_estimate: np.ndarray | None = None
     method: str = DENSE
+
+
+def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
+    """The band in rad/s; one from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes."""
+    low, high = band_hz
+    return 2 * np.pi * (low or RIGID_SHARE * high), 2 * np.pi * high
 
 
 def state_working_point(
@@ -91,7 +99,8 @@ def solve_point(
     prepared : PreparedModel
     state : DesignState
     band_hz : (low, high)
-        Roots below 1 Hz are never listed: rigid-body noise, whose growth has a random sign.
+        Roots that cannot be told from zero are never listed: motion of a free body, whose growth
+        has a random sign.
     gap : ndarray (nc,) or None
         Known working-point gaps; verified and polished by the same Newton.
     solver : QuadraticSolver
@@ -103,11 +112,14 @@ def solve_point(
     """
     point = state_working_point(prepared, state, gap)
     system = linearise(prepared.model, point, state)
-    low, high = 2 * np.pi * max(band_hz[0], RIGID_HZ), 2 * np.pi * band_hz[1]
-    lam, psi = solver(system.C, system.K, (low, high))
+    band = angular_band(band_hz)
+    lam, psi = solver(system.C, system.K, band)
+    unit_mass = sp.identity(prepared.model.n, format="csr")
+    errors = root_errors(unit_mass, system.C, system.K, lam, psi)
+    told = np.flatnonzero(errors.resolved(lam, band[1]))
+    order = told[np.argsort(lam.imag[told] == 0, kind="stable")]
+    lam, psi, error = lam[order], psi[:, order], errors.error[order]
     overdamped = lam.imag == 0
-    order = np.argsort(overdamped, kind="stable")
-    lam, psi, overdamped = lam[order], psi[:, order], overdamped[order]
     shapes = (prepared.shape_basis.T @ psi).T
     shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return PointModes(
@@ -117,5 +129,5 @@ def solve_point(
         energy_shares(prepared.model, system, psi),
         shapes.astype(np.complex64),
         point,
-        ROUND_OFF * np.abs(lam),
+        np.maximum(error, ROUND_OFF * np.abs(lam)),
     )

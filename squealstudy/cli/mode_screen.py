@@ -9,6 +9,7 @@ import pandas as pd
 from rich.table import Table
 
 from squealstudy.analysis.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.mode_ranking import UNTRACKED, frequency_text, group_kind
 from squealstudy.analysis.tables.validity import validity_counts
 from squealstudy.cli.screen import NARROW, broken_rules, console
@@ -77,7 +78,7 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
             _label(row),
             frequency_text(row),
             f"{100 * row['unstable_share']:.1f} %",
-            f"{row['max_growth_rate']:.1f}",
+            in_digits(row["max_growth_rate"], 1),
             f"{100 * row['min_damping_ratio']:.3f}",
             *([_threshold(row)] if along else []),
             *([_energy(row)] if energies else []),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.cli import screen
 from squealstudy.errors import SquealstudyError
-from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODEL_NAMES, MODELS
 from squealstudy.models.expression import CONSTANTS
 from squealstudy.models.expression_tree import FUNCTIONS
@@ -100,8 +101,8 @@ def _components(model: ModelDefinition, cutoff: float) -> None:
     for c in assembly.components:
         omega, _ = real_modes(c.M, c.K, cutoff)
         f = omega / (2 * np.pi)
-        rigid = int((f < 1.0).sum())
-        elastic = ", ".join(f"{j + 1}: {f[j]:.0f}" for j in range(rigid, len(f)))
+        rigid = rigid_modes(c.M, c.K, omega)
+        elastic = ", ".join(f"{j + 1}: {in_digits(f[j])}" for j in range(rigid, len(f)))
         listed = f"1-{rigid}: rigid" if rigid > 1 else "1: rigid" if rigid else ""
         grid.add_row(c.name, str(c.n_dof), "; ".join(t for t in (listed, elastic) if t))
     screen.console.print(grid)

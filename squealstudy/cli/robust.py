@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.cli.mode_screen import outside_validity
 from squealstudy.cli.screen import console
 from squealstudy.study.results import SOBOL_INDICES, Results
@@ -60,7 +61,7 @@ def show_probabilities(table: pd.DataFrame, confidence: float, sampled: bool = F
             str(row["points"] - row["unknown_points"]),
             f"{100 * row['probability']:.1f}",
             f"{100 * row['probability_low']:.1f} to {100 * row['probability_high']:.1f}",
-            f"{row['mean_growth_rate']:.2f}",
+            in_digits(row["mean_growth_rate"], 2),
             f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
             _figure(row["max_growth_rate"]),
             ", ".join(part.rpartition("=")[2] for part in str(row["at"]).split(", ")),
@@ -103,7 +104,7 @@ def _legend(table: pd.DataFrame, confidence: float, sampled: bool) -> list[str]:
 
 
 def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
-    return f"{value:.{digits}f}" if value == value else unknown
+    return in_digits(value, digits) if value == value else unknown
 
 
 def show_indices(table: pd.DataFrame, confidence: float) -> None:
@@ -122,7 +123,7 @@ def show_indices(table: pd.DataFrame, confidence: float) -> None:
         name = "fastest mode" if row["quantity"] == "largest" else f"mode {row['track']}"
         grid.add_row(
             name if new else "",
-            f"{hz:.0f}" if new and hz == hz else "",
+            in_digits(hz) if new and hz == hz else "",
             str(row["parameter"]),
             *_index(row["first"], row["first_low"], row["first_high"]),
             *_index(row["total"], row["total_low"], row["total_high"]),

@@ -82,9 +82,9 @@ def show_findings(results: Results) -> None:
 def _summary(report: RunReport, results: Results) -> list[tuple[str, str]]:
     manifest = report.manifest
     failed, directory = "", report.directory
-    if manifest["n_failed"]:
+    if lost := manifest["n_failed"] + manifest.get("n_inaccurate", 0):
         why = failure_counts(results.points["status"])
-        failed = f", {manifest['n_failed']} failed ({why}; see message in points)"
+        failed = f", {lost} not ok ({why}; see message in points)"
     rows = [
         (
             "points",

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
 from squealstudy.cli.screen import console
 from squealstudy.plots.sensitivity_bars import parameter_text, sensitivity_bars, step_text
@@ -48,7 +49,8 @@ def _headline(results: Results, first: pd.Series) -> str:
     points = results.points
     point = points[points["point_id"] == first["point_id"]].iloc[0]
     where = describe(point, points, results.parameters, results.manifest["units"])
-    text = f"mode at {first['frequency_hz']:.1f} Hz: growth rate {first['growth_rate']:.2f} 1/s, "
+    text = f"mode at {in_digits(first['frequency_hz'], 1)} Hz: growth rate "
+    text += f"{in_digits(first['growth_rate'], 2)} 1/s, "
     text += f"damping {100 * first['damping_ratio']:.3f} %, eigenvalue condition "
     text += f"{first['condition']:.2f}, most energy in {first['main_component']}"
     return f"{text}\n{where}" if where else text
@@ -96,7 +98,7 @@ def sensitivity_figures(results: Results) -> Iterator[tuple[str, Figure]]:
     title = describe(point, points, results.parameters, results.manifest["units"])
     for number in sorted(own["mode"].unique())[:MOST_PICTURES]:
         mode = own[own["mode"] == number]
-        name = f"sensitivity_{mode['frequency_hz'].iloc[0]:.0f}_hz"
+        name = f"sensitivity_{in_digits(mode['frequency_hz'].iloc[0])}_hz"
         yield name, sensitivity_bars(mode, title=title)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.cli import screen
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def ranking(table: pd.DataFrame) -> None:
     for row in table.to_dict("records"):
         grid.add_row(
             str(row["mode"]),
-            f"{row['frequency_hz']:.0f}",
+            in_digits(row["frequency_hz"]),
             f"{100 * row['energy_share']:.1f}",
             f"{100 * row['energy_share_max']:.1f}",
             str(row["dominant_points"]),
@@ -153,7 +154,7 @@ def _findings(row: dict[Any, Any]) -> list[str]:
         _number(row["predicted_growth_rate"]),
         _number(row["torque_mean"]),
         _number(row["torque_rms"]),
-        f"{row['dominant_frequency_hz']:.0f}" if _known(row["dominant_frequency_hz"]) else "-",
+        in_digits(row["dominant_frequency_hz"]) if _known(row["dominant_frequency_hz"]) else "-",
         str(row["dominant_mode"]) if row["dominant_mode"] else "-",
         f"{100 * row['dominant_share']:.0f}" if _known(row["dominant_share"]) else "-",
         transfer,

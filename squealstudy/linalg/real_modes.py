@@ -9,12 +9,12 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.linalg.factor import factorise
 
-# The shift is negative, so that K - s M is definite for free bodies too, and grows with the cutoff:
-# at 500 Hz the rigid modes outweigh those near 10 kHz and leave them residuals a thousand times
-# larger (1e-10 against 3e-14 on the coarse pad), at the same time.
-LEAST_SHIFT = 500.0  # Hz
+# The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
+# at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
+# times larger (1e-10 against 3e-14 on the coarse pad), at the same time.
 SHIFT_SHARE = 1 / 6  # of the cutoff
 DENSE_LIMIT = 400
+RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far above round-off
 
 
 def real_modes(
@@ -43,7 +43,7 @@ def real_modes(
     if n <= DENSE_LIMIT:
         w2, phi = la.eigh(K.toarray(), M.toarray())
         return _clip(w2, phi, limit)
-    shift = -((2 * np.pi * max(LEAST_SHIFT, SHIFT_SHARE * cutoff_hz)) ** 2)
+    shift = -(SHIFT_SHARE**2) * limit
     factor = factorise(K - shift * M)
     # unrefined: what Lanczos' residuals lack is mended below
     inverse = spla.LinearOperator((n, n), matvec=factor.solve_once, dtype=float)
@@ -54,7 +54,14 @@ def real_modes(
         if w2.max() > limit or k == n - 2:
             phi = phi[:, np.argsort(w2)]
             return _clip(*_refine(M, K, factor.solve(M @ phi)), limit)
-        k = min(int(1.1 * k * np.sqrt(limit / max(w2.max(), 1.0))) + 10, 2 * k + 20, n - 2)
+        growth = np.sqrt(limit / max(w2.max(), limit / 100))
+        k = min(int(1.1 * k * growth) + 10, 2 * k + 20, n - 2)
+
+
+def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:
+    """How many of the real modes omega [rad/s] of a free body are rigid: zero but for round-off."""
+    highest = np.sqrt(np.abs(K.diagonal()) / M.diagonal()).max()
+    return int((omega <= RIGID * highest).sum())
 
 
 def _refine(M: sp.spmatrix, K: sp.spmatrix, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

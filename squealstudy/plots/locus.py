@@ -18,7 +18,7 @@ def draw_locus(axes: Axes, line: StudyLine, track: int) -> None:
     """Growth rate against frequency of one track; arrows point to a rising parameter."""
     frequency, growth = line.frequency_hz[track], line.growth_rate[track]
     low, high = frequency.min() * (1 - NEAR), frequency.max() * (1 + NEAR)
-    fastest = max(float(growth.max()), 1e-6)
+    fastest = float(growth.max()) if growth.max() > 0 else float(growth.abs().max()) or 1.0
     within = ((line.frequency_hz > low) & (line.frequency_hz < high)).any()
     for other in [*within.index[within].drop(track), track]:
         x, y = line.growth_rate[other].to_numpy(), line.frequency_hz[other].to_numpy()

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import (
     MS,
     EndLabel,
@@ -132,7 +133,7 @@ def _name(modes: pd.DataFrame, mode: int) -> str:
     if not len(row):
         return f"R{mode}"
     component, share = main_components(row).iloc[0], row["energy_share"].iloc[0]
-    parts = [f"R{mode}  {row['frequency_hz'].iloc[0]:.0f} Hz", component]
+    parts = [f"R{mode}  {in_digits(row['frequency_hz'].iloc[0])} Hz", component]
     parts += [f"{100 * share:.0f} %"] if np.isfinite(share) else []
     return ", ".join(part for part in parts if part)
 

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.mode_ranking import (
     energy_columns,
     frequency_text,
@@ -70,7 +71,7 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 def _name(row: Mapping[Hashable, Any]) -> str:
     """Track and frequency; of modes without a track the range of these."""
     if row["kind"] == "mode":
-        return f"T{row['track']}   {row['frequency_hz']:.0f} Hz"
+        return f"T{row['track']}   {in_digits(row['frequency_hz'])} Hz"
     hz = frequency_text(row)
     return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.style import COLOURS, UNSTABLE, finish, new_figure, plural
 
 ANY = "#505050"
@@ -85,7 +86,7 @@ def _mode(row: dict[object, object]) -> str:
         return "any mode"
     if row["quantity"] == "divergence":
         return "static divergence"
-    return f"T{row['track']}   {float(str(row['frequency_hz'])):.0f} Hz"
+    return f"T{row['track']}   {in_digits(float(str(row['frequency_hz'])))} Hz"
 
 
 def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
@@ -105,7 +106,7 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
         )
     row = own.iloc[0]
     named = row["quantity"] == "largest"
-    title = "fastest mode" if named else f"T{row['track']}  {row['frequency_hz']:.0f} Hz"
+    title = "fastest mode" if named else f"T{row['track']}  {in_digits(row['frequency_hz'])} Hz"
     dropped = int(row["dropped_groups"])
     note = f", {dropped} of {row['groups'] + dropped} groups dropped" if dropped else ""
     axes.set_title(f"Growth of {title}{note}", fontsize=9, loc="left")

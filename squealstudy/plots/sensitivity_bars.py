@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.sensitivity_ranking import rank_sensitivities
 from squealstudy.plots.style import COLOURS, UNSTABLE, empty_figure, finish, new_figure
 
@@ -53,7 +54,8 @@ def sensitivity_bars(mode: pd.DataFrame, top: int = 20, title: str = "") -> Figu
     finish(axes, "Change of the growth rate [1/s]", "")
     axes.grid(False, axis="y")
     first = shown.iloc[0]
-    head = f"mode at {first['frequency_hz']:.0f} Hz, growth rate {first['growth_rate']:.1f} 1/s, "
+    head = f"mode at {in_digits(first['frequency_hz'])} Hz, growth rate "
+    head += f"{in_digits(first['growth_rate'], 1)} 1/s, "
     head += f"condition {first['condition']:.1f}"
     if len(mode) > len(shown):
         head += f"; first {len(shown)} of {len(mode)} parameters"
@@ -76,7 +78,7 @@ def _legend(figure: Figure, hatched: bool) -> None:
 def parameter_text(row: Mapping[Hashable, Any]) -> str:
     """A parameter, with the frequency of its component mode."""
     name, frequency = str(row["parameter"]), float(row["component_frequency_hz"])
-    return f"{name} ({frequency:.0f} Hz)" if np.isfinite(frequency) else name
+    return f"{name} ({in_digits(frequency)} Hz)" if np.isfinite(frequency) else name
 
 
 def step_text(row: Mapping[Hashable, Any]) -> str:

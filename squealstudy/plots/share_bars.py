@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.energy_ranking import LASTING
 from squealstudy.plots.modal_energies import PALETTE
 
@@ -76,7 +77,7 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     main = list(peak[peak >= LEAST].sort_values(ascending=False).index[:STACKED])
     main = sorted(main, key=lambda mode: -mean[mode])
     frequency = own.groupby("mode")["frequency_hz"].mean()
-    table = wide[main].rename(columns=lambda mode: f"R{mode}  {frequency[mode]:.0f} Hz")
+    table = wide[main].rename(columns=lambda mode: f"R{mode}  {in_digits(frequency[mode])} Hz")
     table[OTHERS] = wide.drop(columns=main).sum(axis=1)
     table[OUTSIDE] = line["energy_outside_share"].fillna(0.0).to_numpy(dtype=float)
     return table

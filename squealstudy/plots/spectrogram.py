@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import (
     MS,
     EndLabel,
@@ -20,8 +21,7 @@ from squealstudy.plots.over_time import (
 )
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
-WINDOW = 8e-3  # s: 125 Hz apart, lines are told apart from about twice that on (Hann)
-LEAST_WINDOWS = 10  # a short run has shorter windows
+WINDOWS = 12.5  # in a run: lines are told apart from about twice their number a run on (Hann)
 FEWEST_SAMPLES = 32  # of a run
 FRAMES = 400  # at most
 PADDING = 4  # zeros: a finer frequency axis, not a finer resolution
@@ -97,8 +97,7 @@ def short_time_levels(
     Each window's mean is taken away. Levels below -2 RANGE are cut there; all NaN for no signal.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    length = min(round(WINDOW / step), len(time) // LEAST_WINDOWS)
-    length = max(length, FEWEST_SAMPLES // 4)
+    length = max(round(len(time) / WINDOWS), FEWEST_SAMPLES // 4)
     hop = max(length // 8, (len(time) - length) // FRAMES, 1)
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
     frames = (frames - frames.mean(axis=1, keepdims=True)) * np.hanning(length)
@@ -131,7 +130,7 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
     labels = []
     for row in seen.to_dict("records"):
         colour = DARK if pd.isna(row["expressed"]) or not row["expressed"] else COLOURS[0]
-        text = f"{row['frequency_hz']:.0f} Hz, {row['growth_rate']:+.3g} 1/s"
+        text = f"{in_digits(row['frequency_hz'])} Hz, {row['growth_rate']:+.3g} 1/s"
         share = row["level_share"]
         text += f", {100 * share:.0f} %" if np.isfinite(share) else ""
         labels.append(EndLabel(float(row["frequency_hz"]), text, colour))
@@ -151,10 +150,10 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
 
 def _dominant(row: pd.Series | None) -> str:
     f = number(row, "dominant_frequency_hz")
-    return f"dominant {f:.0f} Hz" if f > 0 else ""
+    return f"dominant {in_digits(f)} Hz" if f > 0 else ""
 
 
 def _cut(band_top: float | None, nyquist: float) -> str:
     if band_top is None or band_top <= nyquist:
         return ""
-    return f"the samples kept reach {nyquist:.0f} Hz only"
+    return f"the samples kept reach {in_digits(nyquist)} Hz only"

@@ -113,8 +113,9 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
         shades = colormaps[SEVERITY](np.linspace(0.2, 1.0, max(classes, 5))[:classes])
         limits = [-0.5, *np.linspace(0.5, max(highest, 1) + 0.5, classes + 1)]
         return ListedColormap([STABLE, *shades]), BoundaryNorm(limits, classes + 1)
+    top = highest or 1.0
     colours = ListedColormap(colormaps[SEVERITY](np.linspace(0.1, 1.0, 256)))
-    return colours.with_extremes(under=STABLE), Normalize(1e-9, max(highest, 1e-3))
+    return colours.with_extremes(under=STABLE), Normalize(1e-9 * top, top)
 
 
 def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:

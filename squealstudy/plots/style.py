@@ -15,6 +15,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.wording import plural as plural
 
 # Okabe and Ito: told apart by colour-blind readers
@@ -170,4 +171,5 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
 
 def track_name(track: int, frequency_hz: float) -> str:
     """A track in a legend or label."""
-    return f"T{track}  {frequency_hz:.0f} Hz" if track > 0 else f"{frequency_hz:.0f} Hz"
+    hertz = f"{in_digits(frequency_hz)} Hz"
+    return f"T{track}  {hertz}" if track > 0 else hertz

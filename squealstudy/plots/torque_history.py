@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import MS, column, friction_label, number, outline, own_rows
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
@@ -167,7 +168,7 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
 
 def _zoom_title(axes: Axes, row: pd.Series, unit: str) -> None:
     f = number(row, "dominant_frequency_hz")
-    text = f"last {PERIODS} periods of {f:.0f} Hz" if f > 0 else "the end"
+    text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
     rms = number(row, "torque_rms")
     text += f"; RMS {rms:.3g} {unit}" if np.isfinite(rms) else ""
     axes.set_title(text, fontsize=9, loc="left")
@@ -179,7 +180,9 @@ def _growth_text(row: pd.Series) -> str:
     fitted, low, high = (number(row, f"growth_rate{n}") for n in ("", "_low", "_high"))
     parts = [str(row["class"]).replace("_", " ")] if row.get("class") else []
     if np.isfinite(predicted):
-        parts.append(f"growth rate predicted {predicted:.4g} 1/s (complex mode at {f:.0f} Hz)")
+        parts.append(
+            f"growth rate predicted {predicted:.4g} 1/s (complex mode at {in_digits(f)} Hz)"
+        )
     if np.isfinite(fitted):
         bounds = f" ({low:.4g} to {high:.4g})" if np.isfinite(low) and np.isfinite(high) else ""
         parts.append(f"fitted {fitted:.4g} 1/s{bounds}")

@@ -43,8 +43,8 @@ class HybridSettings:
     by_component: bool = True
 
     def __post_init__(self) -> None:
-        if not (0 < self.trace_cutoff < np.inf and 0 < self.damping_cutoff < np.inf):
-            raise ModelError("hybrid model: both cutoffs must be positive and finite")
+        if not (self.trace_cutoff > 0 and self.damping_cutoff > 0):
+            raise ModelError("hybrid model: both cutoffs must be positive")
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
     gap = space.H_Nf @ np.array([point.pressure, 1.0])
     stiffness = np.abs(space.k_c * gap)
-    return float(max(space.area @ stiffness / space.area.sum(), 1.0))
+    return float(max(space.area @ stiffness / space.area.sum(), 1e-300))
 
 
 def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:

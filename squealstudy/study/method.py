@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.study.source import SourceText
@@ -32,6 +34,14 @@ class Method(NamedTuple):
     name: str
     tolerance: float
     reason: str
+
+    @property
+    def largest_error(self) -> float:
+        """What a point's roots may be wrong by and count as solved, relative to their moduli.
+
+        Rungs that are there for comparison keep no tolerance.
+        """
+        return np.inf if self.name in FOR_COMPARISON else self.tolerance
 
     @property
     def identity(self) -> list[object]:

@@ -11,6 +11,7 @@ MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
 HISTORIES, STATES = "histories", "states"
 ONSET_PARAMETER = "friction"
+INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 
 
 def onset_parameter(swept: Sequence[str]) -> str | None:

@@ -43,7 +43,7 @@ REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis mus
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
-SMALL_MODEL = 1e9  # Hz: a cutoff above every mode; bases of minimal models are complete
+SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,8 @@ def grown(plan: Plan, directory: Path) -> Plan:
     while grows(plan.study):
         grid = BoundaryGrid.of(plan.study)
         ids = [t.point_id for t in plan.tasks]
-        finished = read_roots(directory, ids, tolerance=plan.method.tolerance)
+        tolerance, largest = plan.method.tolerance, plan.method.largest_error
+        finished = read_roots(directory, ids, tolerance=tolerance, largest_error=largest)
         if len(finished) < len(plan.tasks):
             break
         roots = {

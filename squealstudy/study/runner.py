@@ -24,7 +24,7 @@ from squealstudy.study.manifest import (
     new_manifest,
     point_facts,
 )
-from squealstudy.study.names import POINTS
+from squealstudy.study.names import INACCURATE, POINTS
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
@@ -273,7 +273,9 @@ def _finish(
     manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
-    manifest["n_failed"] = int((points["status"] != "ok").sum())
+    solved = points["status"].isin(["ok", INACCURATE])
+    manifest["n_failed"] = int((~solved).sum())
+    manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())
     manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
@@ -282,17 +284,18 @@ def _finish(
 
 
 def _expect_solved(directory: Path) -> None:
-    """Raise ResultsError, with the reasons, where every design point of a finished run failed."""
+    """Raise ResultsError, with the reasons, where no design point of a finished run is ok."""
     points = pq.read_table(directory / POINTS, columns=["status", "message"]).to_pandas()
     if (points["status"] == "ok").any():
         return
+    what = "is inaccurate" if (points["status"] == INACCURATE).any() else "failed"
     raise ResultsError(
-        f"{directory}: every design point failed ({failure_counts(points['status'])}), the first "
+        f"{directory}: every design point {what} ({failure_counts(points['status'])}), the first "
         f"with: {points['message'].iloc[0]}"
     )
 
 
 def failure_counts(status: pd.Series) -> str:
-    """How often design points failed with which status, such as ``3 not_converged``."""
+    """How often design points are not ok, by status, such as ``3 not_converged``."""
     counts = status[status != "ok"].value_counts()
     return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -155,7 +155,8 @@ class ModesSection(Section):
     band: Band = Field(
         default=(1.0, 16000.0),
         description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake; "
-        "below 1 Hz nothing is listed (rigid-body noise)",
+        "one from 0 begins at 1e-5 of its top, and what cannot be told from zero, motion of a free "
+        "body, is not listed",
     )
     stability_tolerance: float = Field(
         default=1e-7,
@@ -175,8 +176,10 @@ class ModesSection(Section):
         default=1e-4,
         gt=0,
         le=0.1,
-        description="largest estimated error of lightly damped modes, relative in frequency and "
-        "absolute in damping ratio, of methods that are not exact",
+        description="largest estimated error of lightly damped and of growing modes, relative in "
+        "frequency and absolute in damping ratio: where a method that is not exact exceeds it a "
+        "point is solved exactly, and where that does too (stiff springs beside soft ones) its "
+        "status is inaccurate",
     )
     audit: float = Field(
         default=0.0,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order.family_point import angular_band
+from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.matrix_family import FamilyDefinition

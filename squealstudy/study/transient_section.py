@@ -76,7 +76,6 @@ class TransientSection(Section):
     perturbation: float = Field(
         default=1e-3,
         ge=0,
-        le=100,
         description="largest initial velocity at a contact point, m/s; nothing is added to a "
         "continued state unless this is given",
     )

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from squealstudy.analysis.full_order.modes import FullOrderModes
 from squealstudy.analysis.parametric import ParametricSystem, Term
-from squealstudy.analysis.point import RIGID_HZ, PointModes
+from squealstudy.analysis.point import PointModes, angular_band
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.models.expression import ExpressionError
@@ -22,11 +22,6 @@ UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 FULL = "full"
 _NOTHING = np.zeros(0)
 NO_WORKING_POINT = WorkingPoint(_NOTHING, _NOTHING, _NOTHING, 0, np.nan, np.nan)
-
-
-def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
-    """The band in rad/s, from 1 Hz on at least (rigid-body noise)."""
-    return 2 * np.pi * max(band_hz[0], RIGID_HZ), 2 * np.pi * band_hz[1]
 
 
 def family_system(family: MatrixFamily) -> ParametricSystem:
@@ -42,26 +37,25 @@ def solve_family_point(
     """Complex modes with |lambda|/2 pi in `band_hz` at parameter values.
 
     They have no energies (the array has no rows) and no working point (its figures are NaN);
-    the residual of a pair is |Q psi| over the sum of its three terms' norms.
+    the residual of a pair is its normwise backward error.
 
     Raises
     ------
     ConvergenceError
-        ``undefined`` where a coefficient has no value; where no roots of small residual are found.
+        ``undefined`` where a coefficient has no value; where no roots are found.
     """
     M, C, K = _matrices(prepared.model, values)
     roots = roots_in_band(M, C, K, angular_band(band_hz), prepared.n_roots)
     order = np.argsort(roots.lam.imag == 0, kind="stable")
     lam, psi = roots.lam[order], roots.psi[:, order]
-    residual = pair_residuals(M, C, K, lam, psi)
     return PointModes(
         lam,
         lam.imag == 0,
-        residual,
+        pair_residuals(M, C, K, lam, psi),
         np.zeros((0, len(lam))),
         prepared.shapes(psi),
         NO_WORKING_POINT,
-        residual * np.abs(lam) / 2,
+        roots.error[order],
         FULL,
     )
 
@@ -78,7 +72,7 @@ def check_family_point(
     band = angular_band(band_hz)
     roots = roots_in_band(M, C, K, band, prepared.n_roots, CHECK_SHIFT * band[1])
     residual = pair_residuals(M, C, K, roots.lam, roots.psi)
-    return FullOrderModes(roots.lam, roots.psi, residual)
+    return FullOrderModes(roots.lam, roots.psi, residual, roots.error)
 
 
 def _matrices(

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
@@ -23,11 +24,15 @@ LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
 
 @dataclass(frozen=True)
 class FullOrderModes:
-    """Roots [rad/s] in a band, full-order vectors and residuals |Q psi| / |K psi|."""
+    """Roots [rad/s] in a band, full-order vectors, residuals, and estimated errors [rad/s].
+
+    A residual is |Q psi| / |K psi|, of a family of matrices the normwise backward error.
+    """
 
     lam: np.ndarray
     psi: np.ndarray
     residual: np.ndarray
+    error: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,12 @@ def full_order_modes(
     lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1], expected)
     kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
     lam, psi = lam[kept], psi[:, kept]
+    errors = root_errors(assembly.M, C_sum, K_sum, lam, psi)
+    told = errors.resolved(lam, 2 * np.pi * band_hz[1])
+    lam, psi, error = lam[told], psi[:, told], errors.error[told]
     R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
     size = np.linalg.norm(K_sum @ psi, axis=0)
-    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size)
+    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size, error)
 
 
 @dataclass(frozen=True)

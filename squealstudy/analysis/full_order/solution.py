@@ -13,7 +13,7 @@ from squealstudy.analysis.full_order.modes import (
     full_order_modes,
     mode_frequencies,
 )
-from squealstudy.analysis.point import RIGID_HZ, PointModes, state_working_point
+from squealstudy.analysis.point import PointModes, angular_band, state_working_point
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.prepared import PreparedModel
@@ -33,7 +33,7 @@ def solve_full_order(
     """Complex modes of the unreduced assembly in a band.
 
     Shapes are the least-squares coordinates, at the prepared model's sensors, on its shape basis.
-    The error estimate is each pair's residual as a change of the root, |lam| |Q psi| / |K psi| / 2.
+    The error estimate is that of the eigenproblem (`root_errors`).
 
     Raises
     ------
@@ -41,7 +41,8 @@ def solve_full_order(
         Where there is no working point, or ARPACK does not converge.
     """
     point = state_working_point(prepared, state)
-    band = (max(band_hz[0], RIGID_HZ), band_hz[1])
+    low, high = angular_band(band_hz)
+    band = (low / (2 * np.pi), high / (2 * np.pi))
     expected = expected_roots(prepared.model, point, band_hz[1])
     found = full_order_modes(assembly, modes, point, state, band, damped_to_hz, expected)
     order = np.argsort(found.lam.imag == 0, kind="stable")
@@ -56,7 +57,7 @@ def solve_full_order(
         _energies(assembly, modes, point, state, psi),
         shapes.astype(np.complex64),
         point,
-        residual * np.abs(lam) / 2,
+        found.error[order],
         FULL,
     )
 

@@ -41,10 +41,12 @@ def residuals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Backward errors (m,) of pairs, and how far they may have moved the roots (m,), rad/s.
 
-    The first are |Q x| / (2 |lam|^2 |M x|), the second |y| |Q x| with y^H Q'(lam) x = 1: near a
-    coalescence round-off alone moves a root by far more than its share.
+    The first are |Q x| / (2 |lam|^2 |M x|), the second |y|^T |Q x| by entry with y^H Q'(lam) x = 1:
+    near a coalescence round-off alone moves a root by far more than its share, beside a stiff
+    spring by far less than its size there.
     """
-    r = np.linalg.norm(problem.system.apply(weights, pairs.lam, pairs.X), axis=0)
+    left = problem.system.apply(weights, pairs.lam, pairs.X)
+    r = np.linalg.norm(left, axis=0)
     inertia = np.abs(pairs.lam) ** 2 * np.linalg.norm(problem.mass_product(pairs.X), axis=0)
-    moved: np.ndarray = np.linalg.norm(pairs.Y, axis=0) * r
+    moved: np.ndarray = np.einsum("ij,ij->j", np.abs(pairs.Y), np.abs(left))
     return r / np.maximum(2.0 * inertia, 1e-300), moved

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.full_order.family_point import UNDEFINED, angular_band, family_system
+from squealstudy.analysis.full_order.family_point import UNDEFINED, family_system
 from squealstudy.analysis.parametric import MASS, STIFFNESS, ParametricSystem, Weights
+from squealstudy.analysis.point import angular_band
 from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import Sample

@@ -23,7 +23,7 @@ class GrowthColumn:
     frequency_hz : float
         Mean over the points where the mode is unstable; NaN for LARGEST and DIVERGENCE.
     growth : ndarray (n_points,)
-        1/s; NaN where the point failed or the track has no mode.
+        1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
     absent : ndarray (n_points,) of bool
         Points without a mode of the track at which it is known to be none of the oscillating modes
@@ -51,6 +51,8 @@ def growth_columns(
         Tracks to keep, those unstable at most points first, then by largest growth.
     """
     code, n = point_codes(points, modes), len(points)
+    counted = (points["status"] == "ok").to_numpy(bool)[code]
+    code, modes = code[counted], modes[counted]
     growth = modes["growth_rate"].to_numpy(dtype=float)
     unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
     track = np.where(real, DIVERGENCE, modes["track"].to_numpy())

@@ -18,6 +18,7 @@ from squealstudy.analysis.tables.crossings import (
     INTO,
     line_crossings,
 )
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.errors import ResultsError
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
@@ -187,8 +188,8 @@ def group_kind(group: int) -> str:
 
 def frequency_text(row: Mapping[Hashable, Any]) -> str:
     """Frequency of a row of the ranking in Hz; of modes without a track their range."""
-    hz = f"{row['frequency_hz']:.0f}" if row["frequency_hz"] == row["frequency_hz"] else ""
-    low, high = (f"{row[f'frequency_{end}_hz']:.0f}" for end in ("min", "max"))
+    hz = in_digits(row["frequency_hz"]) if row["frequency_hz"] == row["frequency_hz"] else ""
+    low, high = (in_digits(row[f"frequency_{end}_hz"]) for end in ("min", "max"))
     return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
 
 

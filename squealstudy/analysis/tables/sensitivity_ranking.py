@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.errors import ResultsError
 
 FAR = 0.1  # relative distance of a mode from the frequency asked for that is no match
@@ -41,7 +42,7 @@ def mode_sensitivities(
         nearest = distance.groupby(modes["point_id"]).transform("min")
         modes = modes[(distance == nearest) & (distance <= FAR * frequency_hz)]
         if not len(modes):
-            known = sorted({f"{f:.0f}" for f in rows["frequency_hz"]}, key=float)
+            known = sorted({in_digits(f) for f in rows["frequency_hz"]}, key=float)
             raise ResultsError(f"no mode near {frequency_hz:g} Hz, there are {', '.join(known)} Hz")
     best = modes.iloc[int(modes["growth_rate"].to_numpy().argmax())]
     own = (rows["point_id"] == best["point_id"]) & (rows["mode"] == best["mode"])

@@ -13,7 +13,9 @@ import pyarrow as pa
 
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import read_tables
+from squealstudy.study.complex_modes.counts import worst_errors
 from squealstudy.study.complex_modes.rows import MODE_FIELDS, POINT_FIELDS, SCHEMA, SHAPES
+from squealstudy.study.names import INACCURATE
 
 ITEM = np.dtype(np.complex64).itemsize
 
@@ -89,7 +91,9 @@ class ModeColumns:
         return np.split(self.lam[kept], np.cumsum(counts)[:-1])
 
 
-def read_columns(directory: Path, ids: Sequence[str], shapes: bool = True) -> ModeColumns:
+def read_columns(
+    directory: Path, ids: Sequence[str], shapes: bool = True, largest_error: float = np.inf
+) -> ModeColumns:
     """Read all chunk files once.
 
     Parameters
@@ -99,6 +103,10 @@ def read_columns(directory: Path, ids: Sequence[str], shapes: bool = True) -> Mo
         Points in the order that is wanted.
     shapes : bool
         Copy the shapes to a temporary file in the directory, for the caller to remove.
+    largest_error : float
+        Points with a root that is wrong by more, relative to |lam|, get the status `inaccurate`
+        (`worst_errors`); whether one is does not stand in chunk files, so that another tolerance
+        asks for no new solution.
 
     Raises
     ------
@@ -123,17 +131,40 @@ def read_columns(directory: Path, ids: Sequence[str], shapes: bool = True) -> Mo
     table = table.take(order).combine_chunks()
     counts = table["re"].combine_chunks().value_lengths().to_numpy(zero_copy_only=False)
     lam = _flat(table, "re") + 1j * _flat(table, "im")
-    energies = _flat(table, "energies")
+    energies, error = _flat(table, "energies"), _flat(table, "error_estimate")
+    points = table.select([name for name, _ in POINT_FIELDS])
     return ModeColumns(
-        table.select([name for name, _ in POINT_FIELDS]),
+        _judged(points, counts.astype(np.int64), lam, error, largest_error),
         counts.astype(np.int64),
         lam,
         _flat(table, "overdamped").astype(bool),
         _flat(table, "residual"),
-        _flat(table, "error_estimate"),
+        error,
         energies.reshape(len(lam), energies.size // max(len(lam), 1)),
         None if writer is None else writer.close(order, counts),
     )
+
+
+def _judged(
+    points: pa.Table, counts: np.ndarray, lam: np.ndarray, error: np.ndarray, largest: float
+) -> pa.Table:
+    """The points with the status and message of those that are inaccurate."""
+    point = np.repeat(np.arange(len(counts)), counts)
+    worst, at = worst_errors(lam, error, point, len(counts))
+    status, message = (points[name].to_pylist() for name in ("status", "message"))
+    for i in np.flatnonzero(worst > largest):
+        status[i] = INACCURATE
+        message[i] = (
+            f"the mode at {np.abs(lam[at[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
+            f"{worst[i]:.1e} of its frequency or in its damping ratio, more than the tolerance "
+            f"{largest:g} of [modes]"
+        )
+    for name, values in (("status", status), ("message", message)):
+        column = points.schema.get_field_index(name)
+        points = points.set_column(
+            column, points.schema.field(column), pa.array(values, pa.string())
+        )
+    return points
 
 
 class _ShapeWriter:

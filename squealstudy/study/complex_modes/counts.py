@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.study.chunks import read_tables
 from squealstudy.study.complex_modes.rows import SCHEMA
 
@@ -19,32 +20,40 @@ def read_roots(
     wanted: Collection[str],
     overdamped: bool = False,
     tolerance: float | None = None,
+    largest_error: float = np.inf,
 ) -> dict[str, np.ndarray | None]:
-    """Roots of the finished points among those wanted; None where one failed.
+    """Roots of the finished points among those wanted; None where one failed or is inaccurate.
 
     Returns
     -------
     dict of id -> ndarray (m,) complex or None
         rad/s; the oscillating roots, and those of static divergence (real and growing); with
         `overdamped` all. With a `tolerance` growth within its error is none
-        (`settled`).
+        (`settled`). A point is inaccurate where a root is wrong by more than `largest_error`
+        (`worst_errors`).
     """
     ids = set(wanted)
     found: dict[str, np.ndarray | None] = {}
     for table in read_tables(directory, SCHEMA, COLUMNS):
         for batch in table.to_batches():
-            found.update(_batch_roots(batch, ids, overdamped, tolerance))
+            found.update(_batch_roots(batch, ids, overdamped, tolerance, largest_error))
     return found
 
 
 def _batch_roots(
-    batch: pa.RecordBatch, ids: set[str], every: bool, tolerance: float | None
+    batch: pa.RecordBatch,
+    ids: set[str],
+    every: bool,
+    tolerance: float | None,
+    largest_error: float,
 ) -> dict[str, np.ndarray | None]:
     names = batch.column("point_id").to_pylist()
     ok = [status == "ok" for status in batch.column("status").to_pylist()]
     re, im, error, real = (batch.column(name) for name in COLUMNS[2:])
     ends = np.append(0, np.cumsum(re.value_lengths().to_numpy()))
     lam = re.flatten().to_numpy() + 1j * im.flatten().to_numpy()
+    point = np.repeat(np.arange(len(names)), np.diff(ends))
+    worst, _ = worst_errors(lam, error.flatten().to_numpy(), point, len(names))
     if tolerance is not None:
         lam = settled(lam, error.flatten().to_numpy(), tolerance)
     kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
@@ -52,7 +61,7 @@ def _batch_roots(
     for i, name in enumerate(names):
         if name in ids:
             part = slice(ends[i], ends[i + 1])
-            found[name] = lam[part][kept[part]] if ok[i] else None
+            found[name] = lam[part][kept[part]] if ok[i] and worst[i] <= largest_error else None
     return found
 
 
@@ -64,6 +73,37 @@ def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
     """
     neutral = (lam.real > 0) & (lam.real <= error) & (error <= tolerance * np.abs(lam))
     return np.where(neutral, 1j * lam.imag, lam)
+
+
+def worst_errors(
+    lam: np.ndarray, error: np.ndarray, point: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Largest relative error of the light or growing roots of each point, and where it is.
+
+    Parameters
+    ----------
+    lam, error : ndarray (m,)
+        Roots of all points and their estimated errors, rad/s; NaN where there is none.
+    point : ndarray (m,) of int
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    worst : ndarray (count,)
+        Of |lam|; 0 where no root is judged.
+    at : ndarray (count,) of int
+        Which of the m roots, -1 where none.
+    """
+    size = np.abs(lam)
+    judged = np.flatnonzero((np.abs(lam.real) < LIGHT * size) | (lam.real > 0))
+    relative = error[judged] / np.maximum(size[judged], np.finfo(float).tiny)
+    relative = np.where(np.isnan(relative), 0.0, relative)
+    order = np.argsort(relative, kind="stable")
+    worst, at = np.zeros(count), np.full(count, -1)
+    worst[point[judged[order]]] = relative[order]  # the largest of a point comes last
+    at[point[judged[order]]] = judged[order]
+    return worst, at
 
 
 def damping_ratios(lam: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Progress
-from squealstudy.study.method import APPROXIMATE, AUTO, FULL, OVER_A_BASIS
+from squealstudy.study.method import APPROXIMATE, AUTO, FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
 from squealstudy.study.plan import Plan, checked_points
@@ -53,8 +53,14 @@ class ComplexModes:
                 plan.check_assembly_modes(load_any(structure.key).model.n)
 
     def warnings(self, plan: Plan) -> list[str]:
-        """Complex modes give none."""
-        return []
+        """A method that keeps no tolerance."""
+        name = plan.method.name
+        if name not in FOR_COMPARISON:
+            return []
+        return [
+            f"{name} is a method to compare others with: it keeps no tolerance, and its points are "
+            "'ok' whatever errors the modes table estimates"
+        ]
 
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """The sweep bases of methods that need them."""

@@ -88,6 +88,7 @@ class OnsetSearch:
         raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
         self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
+        self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
 
     def table(
         self, refine: bool, jobs: int, report: Progress
@@ -123,14 +124,15 @@ class OnsetSearch:
     def _events(self) -> pd.DataFrame:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
         zeta = self._zeta
-        unstable = zeta < -self._tolerance
-        x, line = self._points[self._along], self._line
+        unstable = (zeta < -self._tolerance) & self._ok
+        x = self._points[self._along].where(self._points["status"] == "ok")
+        line = self._line
         by_line = x.groupby(line)
         several = (by_line.transform("nunique") > 1).to_numpy()
         start = by_line.transform("min").to_numpy(dtype=float, copy=True)
         if self._plan.study.definition.design.type in RANDOM_DESIGNS:
             start[:] = np.nan  # its smallest value is drawn, the range begins below
-        rows = np.isin(self._track, self._track[unstable]) & several[self._point]
+        rows = np.isin(self._track, self._track[unstable]) & several[self._point] & self._ok
         kept = np.flatnonzero(rows)
         point = self._point[kept]
         events = line_crossings(
@@ -206,9 +208,10 @@ class OnsetSearch:
         x = self._plan.coordinates[:, self._column][self._point]
         line = self._line[self._point]
         order = np.lexsort((x, line, self._track))
+        order = order[self._ok[order]]
         same = (np.diff(self._track[order]) == 0) & (np.diff(line[order]) == 0)
         same &= np.diff(x[order]) > 0
-        before, after = np.full((2, len(order)), -1)
+        before, after = np.full((2, len(x)), -1)
         before[order[1:][same]] = order[:-1][same]
         after[order[:-1][same]] = order[1:][same]
         return before, after

@@ -37,7 +37,8 @@ def build_tables(
         Where a point of the plan is in no chunk.
     """
     section = plan.study.definition.modes
-    columns = read_columns(directory, [task.point_id for task in plan.tasks], section.track)
+    ids = [task.point_id for task in plan.tasks]
+    columns = read_columns(directory, ids, section.track, plan.method.largest_error)
     judged = settled(columns.lam, columns.error_estimate, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     points = _points_table(plan, columns, unstable, read_references(directory))

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from squealstudy.analysis.design_state import ModeKey
-from squealstudy.analysis.point import RIGID_HZ
 from squealstudy.analysis.sensitivity.law_change import LAW_PARAMETERS
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
@@ -27,6 +24,7 @@ from squealstudy.study.source import SourceText
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
 LARGEST_SCALE = 10.0
+RIGID = 1e-4  # of the highest frequency of a component mode that is held: zero but for round-off
 
 
 @dataclass(frozen=True)
@@ -140,8 +138,9 @@ def _expanded(item: Asked, omega: Mapping[ModeKey, float]) -> Iterator[StatePara
     component, quantity = parameter.component, parameter.quantity
     maximum = LARGEST_SCALE if quantity == FREQUENCY else 1.0
     if item.every:
+        least = RIGID * max(omega.values(), default=0.0)
         for owner, mode in omega:
-            if owner == component and omega[owner, mode] > 2 * np.pi * RIGID_HZ:
+            if owner == component and omega[owner, mode] > least:
                 name = item.name.replace(EVERY, f"[{mode}]")
                 yield StateParameter(name, component, (mode,), quantity, maximum)
         return

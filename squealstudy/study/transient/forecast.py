@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
@@ -51,7 +52,9 @@ def warnings(plan: Plan) -> list[str]:
         if isinstance(ready, Ready):
             modes, design = ready.point.modes, ready.point.design
             if modes.n_above:
-                text = f"{modes.frequency_above:.0f} Hz at {modes.growth_above:.0f} 1/s"
+                text = (
+                    f"{in_digits(modes.frequency_above)} Hz at {in_digits(modes.growth_above)} 1/s"
+                )
                 above[text] = modes.growth_above
             number = stick_number(reference.system, design, task.section.step)
             own = ready.task.design

@@ -1,0 +1,133 @@
+"""How far computed roots of a quadratic eigenproblem may be from the exact ones, to first order.
+
+A perturbation dQ of Q(lambda) = lambda^2 M + lambda C + K moves a root by y^H dQ x / y^H Q' x.
+dQ is what the pair leaves, its residual, and the round-off of the matrices' entries. Left vectors
+are not needed: what makes y^H Q' x small is another root nearby with nearly the same vector, and
+that is seen among the right vectors.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.linalg.sparse_qep import LowRankSum
+
+Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
+EPS = float(np.finfo(float).eps)
+BIN = 4.0  # ratio of moduli that share a scale of time
+TOLD = 10.0  # errors of round-off that a root must be away from zero
+RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
+TINY = float(np.finfo(float).tiny)
+
+
+class RootErrors(NamedTuple):
+    """Estimates of |lam - exact lam| (m,), rad/s.
+
+    Attributes
+    ----------
+    error : ndarray (m,)
+        Of the residual and of round-off.
+    round_off : ndarray (m,)
+        Of round-off alone: what no other solution would improve.
+    """
+
+    error: np.ndarray
+    round_off: np.ndarray
+
+    def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
+        """Which roots (m,) of a band up to `top` [rad/s] are more than motion of a free body.
+
+        The others are far below the band and cannot be told from zero.
+        """
+        size = np.abs(lam)
+        told: np.ndarray = (size > TOLD * self.round_off) | (size > RIGID_BELOW * top)
+        return told
+
+
+def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> RootErrors:
+    """Estimated errors of roots lam (m,) of imaginary part >= 0 with right vectors psi (n, m).
+
+        |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa / |2 lam x^H D x|
+
+    with moduli by entry, r the residual, D the diagonal of M (of a row without one the sum of its
+    moduli) and kappa the condition of the root
+    (`conditions`). Entries' round-off follows a stiff spring where it is felt: in a norm of the
+    matrices one spring of 1e15 N/m would drown all roots.
+    """
+    if not len(lam):
+        return RootErrors(np.zeros(0), np.zeros(0))
+    a, size = np.abs(psi), np.abs(lam)
+    inertia, damping = _product(M, psi), _product(C, psi)
+    r = inertia * lam**2 + damping * lam + _product(K, psi)
+    D = _lumped(M)
+    slope = np.abs(np.einsum("ij,ij->j", psi.conj(), 2 * lam * inertia + damping))
+    slope = np.maximum(slope, 2 * size * (D @ a**2))
+    energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
+    with np.errstate(over="ignore", invalid="ignore"):  # roots that are wrong altogether
+        moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
+        round_off = EPS * energy * moved
+        error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
+    return RootErrors(np.nan_to_num(error, nan=np.inf), np.nan_to_num(round_off, nan=np.inf))
+
+
+def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Condition (m,) of each root: 1 where modes are orthogonal, large next to a coalescence.
+
+    It is the inverse of the sine of the angle between the state [x; lam x / s] and the states of
+    all other roots, conjugates included, in the mass D (n,); s is about |lam|.
+    """
+    root = np.sqrt(D)[:, None] * psi
+    H, S = root.conj().T @ root, root.T @ root
+    own = np.diag(H).real
+    unit = 1.0 / np.sqrt(np.where(own > 0, own, 1.0))
+    H, S = H * np.outer(unit, unit), S * np.outer(unit, unit)
+    found = np.ones(len(lam))
+    paired = lam.imag != 0
+    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(BIN))
+    for number in np.unique(level):
+        members = np.flatnonzero(level == number)
+        scaled = lam / BIN**number
+        G = _gram(H, S, scaled, paired)
+        G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
+        inverse = np.diag(np.linalg.inv(G)).real[members]
+        found[members] = np.sqrt(np.maximum(inverse, 1.0))
+    return found
+
+
+def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> np.ndarray:
+    """Gram matrix of unit states and of the conjugates of paired ones."""
+    own = H * (1.0 + np.outer(lam.conj(), lam))
+    across = S.conj() * (1.0 + np.outer(lam.conj(), lam.conj()))
+    across, back = across[:, paired], own.conj()[np.ix_(paired, paired)]
+    G = np.block([[own, across], [across.conj().T, back]])
+    size = np.sqrt(np.maximum(np.diag(G).real, TINY))
+    unit: np.ndarray = G / np.outer(size, size)
+    return unit
+
+
+def _product(A: Matrix, psi: np.ndarray) -> np.ndarray:
+    """A psi in real arithmetic."""
+    product: np.ndarray = A @ psi.real + 1j * (A @ psi.imag)
+    return product
+
+
+def _energy(A: Matrix, a: np.ndarray) -> np.ndarray:
+    """a^T |A| a of each column (m,)."""
+    if isinstance(A, LowRankSum):
+        seen = np.abs(A.U).T @ a
+        low: np.ndarray = np.abs(A.d) @ seen**2
+        return low + _energy(A.sparse, a)
+    energy: np.ndarray = np.einsum("ij,ij->j", a, (abs(A) if sp.issparse(A) else np.abs(A)) @ a)
+    return energy
+
+
+def _lumped(M: Matrix) -> np.ndarray:
+    """Size (n,) of the mass at each coordinate."""
+    M = M.sparse if isinstance(M, LowRankSum) else M
+    diagonal = np.abs(M.diagonal())
+    if not diagonal.all():
+        diagonal = np.where(diagonal > 0, diagonal, np.asarray(abs(M).sum(axis=1)).ravel())
+    return diagonal
