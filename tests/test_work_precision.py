@@ -22,7 +22,7 @@ from squealstudy.study.experiments.work_precision.kind import WorkPrecision
 from squealstudy.study.measure.time_domain import together
 from squealstudy.study.runner import build_structures
 
-SPEED = '"contact.regularisation_speed" = 0.01'
+SPEED = '"contact.regularisation_speed" = 0.08'
 BELT = """
 [study]
 name = "belt_base"
@@ -30,7 +30,7 @@ kind = "transient"
 [model]
 name = "belt"
 [parameters]
-"contact.regularisation_speed" = 0.01
+"contact.regularisation_speed" = 0.08
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 0.75]
