@@ -20,7 +20,6 @@ from squealstudy.kernels.hybrid_layout import (
     OLD_W,
     OLD_X,
     PAST,
-    PAST_T,
     RATE,
     RATE_END,
     RATE_S,
@@ -63,7 +62,6 @@ def start(model: Hybrid, state: State) -> bool:
     rows[LEFT] = rows[PAST]
     for i in range(nc):
         keep_point(point[i])
-        keep_point(point[i])  # there was no step before: what was is what is
     total = 0.0
     for i in range(3 * nc):
         total += forces[i] * forces[i]
@@ -133,6 +131,5 @@ def add_contact_work(model: Hybrid, state: State, h: float) -> None:
 @fast_kernel
 def keep_point(own: np.ndarray) -> None:
     """The trial state of a point is accepted."""
-    own[PAST_T], own[PAST_T + 1] = own[OLD_T], own[OLD_T + 1]
     own[OLD_W], own[OLD_W + 1] = own[1], own[2]
     own[OLD_T], own[OLD_T + 1] = own[4], own[5]

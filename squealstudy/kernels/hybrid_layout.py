@@ -34,8 +34,7 @@ N_ROWS = PAST + MOST_TIMES
 # columns of State.point (nc,): change of gap m, sliding velocity m/s, pressure Pa, friction
 # force N of the trial state; w1, w2, t1, t2 and change of gap accepted last
 OLD_W, OLD_T, OLD_X = 6, 8, 10
-PAST_T = 11  # friction before that, N
-N_POINT = 13
+N_POINT = 11
 # State.work: work of the loads and of the belt, dissipation by friction and damping, J
 W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 0, 1, 2, 3
 

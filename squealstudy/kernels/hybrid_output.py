@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels.contact_point import potential
 from squealstudy.kernels.friction_laws import mu_at
-from squealstudy.kernels.hybrid_layout import OLD_X, PAST_T, Hybrid, State
+from squealstudy.kernels.hybrid_layout import OLD_X, Hybrid, State
 from squealstudy.kernels.jit import kernel
 
 OPEN = 0.01  # a point is open below this share of the mean pressure
@@ -50,7 +50,6 @@ def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
         elif law[7] * s < point[2] * mu * trial[3]:
             stick += point[1] / area
             creep = max(creep, s)
-            torque += 0.5 * point[3] * (trial[4] - trial[PAST_T])  # as newmark_output.contact_row
     row[1], row[2] = torque, force
     row[3], row[4], row[5] = stick, 1.0 - stick - opened, opened
     row[12] = creep

@@ -104,12 +104,18 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
 
 @fast_kernel
 def contact_row(
-    points: np.ndarray, law: np.ndarray, point: np.ndarray, h: float, row: np.ndarray
+    points: np.ndarray,
+    law: np.ndarray,
+    point: np.ndarray,
+    own: np.ndarray,
+    h: float,
+    row: np.ndarray,
 ) -> None:
     """Torque, normal force, stick, slip and open shares of the area: row[1:6]; creep: row[12].
 
-    The friction of a point that sticks counts with its mean over the last sub-step h, which is
-    what the trapezoidal rule gave the motion: at a long step it alternates about that mean.
+    The friction of a point that sticks alternates from step to step where the step is long for its
+    slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
+    counts with its mean over the last sub-step h, which is what the trapezoidal rule applied.
     """
     torque = 0.0
     force = 0.0
@@ -130,7 +136,8 @@ def contact_row(
         elif law[7] * s < points[2, i] * mu * p:
             stick += points[1, i] / area
             creep = max(creep, s)
-            torque += 0.5 * h * points[3, i] * point[SLOPE, i]
+            if i < own.size and law[7] * points[1, i] * own[i] > 1.0:
+                torque += 0.5 * h * points[3, i] * point[SLOPE, i]
     row[1] = torque
     row[2] = force
     row[3] = stick
@@ -149,7 +156,7 @@ def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> 
     row[0] = counts[STEP] * settings.h
     if modal.points.shape[2] > 0:
         h = work.real[k, SUBSTEP_OLD]
-        contact_row(modal.points[k], modal.laws[k], work.point[k], h, row)
+        contact_row(modal.points[k], modal.laws[k], work.point[k], modal.own, h, row)
     for i in range(4):
         row[6 + i] = work.real[k, W_LOAD + i]
     row[10] = stored_energy(modal, work, k)
