@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from squealstudy.analysis.tables.energy_ranking import LASTING
+from squealstudy.analysis.tables.run_classes import LASTING
 from squealstudy.plots.modal_energies import PALETTE
 
 STACKED = 6  # modes with a colour of their own

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.runs.behaviour import NOISE, classify, settled
+from squealstudy.analysis.runs.behaviour import Verdict, classify, settled
 from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
 from squealstudy.analysis.runs.levels import last_window, torque_levels
 from squealstudy.analysis.runs.modal_energies import (
@@ -20,14 +20,18 @@ from squealstudy.analysis.runs.modal_energies import (
     mode_energies,
     vibration_energy,
 )
+from squealstudy.analysis.runs.rising_modes import mode_course
 from squealstudy.analysis.runs.transfer import transfer
+from squealstudy.analysis.tables.run_classes import FAILED, STABLE, UNDECIDED
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.reference_modes import projection
 from squealstudy.analysis.transient.settings import TransientResult
 
 HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
 LEAST_ROWS = 10  # of a history that says anything
-FAILED = "failed"
+JUDGED_ROWS = 40  # of one whose modes are watched
+NOISE = 3e-21  # of the work of friction: energy of round-off
+HORIZON = 1e3  # times a duration: what is later is not foreseen
 EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
 
 
@@ -102,12 +106,12 @@ def summarise(run: ModalRun) -> Summary:
         **_forecast(run),
         **_growth(run, growth),
         **levels,
-        **_behaviour(run, energies, levels["dominant_frequency_hz"]),
+        **_behaviour(run, energies),
         **_contact(run, window),
         **_leader(run, shares),
     }
     if run.result.outcome != "ok":
-        point["class"] = FAILED
+        point |= {"class": FAILED, "undecided_until": np.nan}
     return Summary(point, _mode_rows(run, energies, shares), growth)
 
 
@@ -144,7 +148,7 @@ def growth_rows(run: ModalRun) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     window = slice(round(0.6 * len(run.time)), None)
     total = float(run.energy[window].mean())
-    moving = run.energy.max() > NOISE
+    moving = run.energy.max() > round_off(run)
     until = np.inf
     for k, lam in enumerate(run.point.modes.lam):
         xi = run.xi(k)
@@ -185,7 +189,7 @@ def moving_energy(run: ModalRun) -> np.ndarray:
 
 def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
-    if run.energy.max() <= NOISE:
+    if run.energy.max() <= round_off(run):
         return {}
     if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
         fit = fit_growth(run.time, run.xi(0))
@@ -226,13 +230,15 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict[str, Any]:
+def _behaviour(run: ModalRun, energies: np.ndarray) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     energy = moving_energy(run)
-    calm, since = settled(run.time, energy, frequency_hz)
+    verdict = run_verdict(run, energy)
+    calm, since = settled(run.time, energy, verdict.name)
     first, last, when = transfer(run.time, energies, run.modes)
     return {
-        "class": run_class(run, energy, frequency_hz),
+        "class": verdict.name,
+        "undecided_until": verdict.until,
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,
@@ -241,12 +247,39 @@ def _behaviour(run: ModalRun, energies: np.ndarray, frequency_hz: float) -> dict
     }
 
 
-def run_class(run: ModalRun, energy: np.ndarray, frequency_hz: float) -> str:
-    """Class of what a run has done, from its `moving_energy`."""
+def round_off(run: ModalRun) -> float:
+    """Energy below which nothing moves, J: of the work of friction, which scales as it does."""
+    return NOISE * abs(run.result.energy.friction)
+
+
+def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
+    """Class of what a run has done, from its `moving_energy`.
+
+    A run that seems to decay is undecided while the motion does not show that all followed modes
+    of which growth is predicted decay too.
+    """
     initial = 0.0 if run.continued else float(run.energy[0])
-    modes = run.point.modes
-    driven = modes.n_unstable > 0 or modes.n_above > 0
-    return classify(run.time, energy, initial, frequency_hz, driven=driven)
+    found = classify(run.time, energy, initial, round_off(run))
+    if found.name != STABLE:
+        return found
+    until = max((_shows_growth(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
+    return Verdict(UNDECIDED, until) if until > 0 else found
+
+
+def _shows_growth(run: ModalRun, k: int) -> float:
+    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
+    rows = len(run.time)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
+    if share > 0 and rate < -error:
+        return 0.0
+    pace = rate if rate > error else float(run.point.modes.lam[k].real)
+    if not (share > 0 and pace > 0):
+        return np.inf
+    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
+    until = float(run.time[-1]) + ahead
+    return until if until <= HORIZON * run.time[-1] else np.inf
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
@@ -262,7 +295,7 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
 
 def _leader(run: ModalRun, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any() or run.energy.max() <= NOISE:
+    if not shares.share.any() or run.energy.max() <= round_off(run):
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {
