@@ -50,7 +50,8 @@ STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no perio
 SATURATED = 0.02  # of the growth before: a rise that is left of it
 VANISHED = 1e-3  # of the transient before: the same
 NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
-BURSTS = 16  # windows of ten periods in which irregular motion must show
+LATE = 6  # windows of a plateau in the last fifth
+BURSTS = 12  # windows of ten periods in which irregular motion must show
 LONGER = 1.25  # times: the least duration that is asked for
 
 
@@ -146,12 +147,12 @@ def classify(
         return Verdict(STABLE)
     if _levels_off(found, course):
         return Verdict(LIMIT_CYCLE)
+    if _irregular(found, course):
+        return Verdict(IRREGULAR)
     if _grows(found, course):
         return Verdict(GROWING)
     if _falls(found, course):
         return Verdict(STABLE)
-    if _irregular(found, course):
-        return Verdict(IRREGULAR)
     return Verdict(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
 
 
@@ -233,8 +234,12 @@ def _levels_off(found: Envelope, course: Course) -> bool:
             return True
         if _vanishes(course) and _shown(found, abs(course.thirds[2])):
             return True
-    late = Course.of(logarithm(last_part(found.windows.fine, SHORT)))
-    return found.grew and late.scatter <= SCATTER and _quiet(late) and late.error <= DRIFT
+    late = logarithm(last_part(found.windows.fine, SHORT))
+    if not found.grew or len(late) < LATE:
+        return False
+    course = Course.of(late)
+    even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
+    return even and _quiet(course) and course.error <= TREND
 
 
 def _shown(found: Envelope, drift: float) -> bool:
@@ -252,12 +257,14 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
     drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
     if np.isnan(light):
         light = STILL
-    limit = DRIFT if found.grew else min(DRIFT, light)
-    if drift <= (limit if _quiet(course) else 0.5 * min(DRIFT, light)):
+    if found.grew and _quiet(course) and abs(course.rise) <= DRIFT:
+        return True
+    if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
         return True
     if drift <= min(STILL, VANISHED * found.transient):
         return True
-    return course.rise > 0 and found.grew and drift <= min(TREND, SATURATED * found.growth)
+    on = found.grew and course.rise > 0 and course.end >= -course.end_error
+    return on and drift <= min(TREND, SATURATED * found.growth)
 
 
 def _vanishes(course: Course) -> bool:
@@ -319,12 +326,13 @@ def _steady(course: Course, ratio: float) -> bool:
     h = slowing(course)
     below = max(h / (1 + h), float(np.sqrt(h / (2 + h))))
     gain = abs(course.end) - abs(course.begin) + course.bend_error
-    return below * ratio <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
+    middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # where that loss is
+    return below * middle <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
 
 
 def _irregular(found: Envelope, course: Course) -> bool:
     scatter, error, count = found.scatter()
-    lasts = found.reached and abs(course.rise) <= course.error
+    lasts = found.reached and abs(course.rise) <= max(course.error, DRIFT)
     return lasts and count >= BURSTS and scatter - 1.645 * error > SCATTER
 
 

@@ -20,6 +20,7 @@ LEAST_WINDOWS = 5  # of a course
 CONFIDENCE = 0.995  # one-sided, of bounds
 CORRELATED = 0.9  # most that neighbouring windows are taken for
 ROUND_OFF = 1e-9  # of a level, between neighbouring windows
+SILENT = 1e-12  # of the largest level: what is smaller has no lines
 SMALLEST = 1e-300
 
 
@@ -97,8 +98,10 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
     rows = len(energy)
     width = rows // few
     middle = rows % few + width * (np.arange(few) + 0.5)
-    rough = np.interp(np.arange(rows), middle, logarithm(_levels(energy, few)))
-    slow, line = _periods(energy * np.exp(-2 * rough))
+    level = _levels(energy, few)
+    level = np.maximum(level, SILENT * (level.max() or 1.0))
+    trend = np.interp(np.arange(rows), middle, np.log(level / level.max()))
+    slow, line = _periods(energy / level.max() ** 2 * np.exp(-2 * trend))
     count = int(np.clip(slow / WINDOW_PERIODS, few, min(most, rows)))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
     burst = count if np.isnan(line) else max(count, int(0.5 * line / BURST_PERIODS))
@@ -124,15 +127,15 @@ def _levels(energy: np.ndarray, count: int) -> np.ndarray:
 
 
 def _periods(ripple: np.ndarray) -> tuple[float, float]:
-    """Periods in the whole record of the slowest and of the middle line of its last fifth."""
+    """Periods in the whole record of the slowest line of its last fifth, and of the main one."""
     rows = max(LEAST_ROWS, round(END * len(ripple)))
     power = spectrum(1.0, ripple[-rows:]).power[3:]
     if not power.any():
         return np.inf, np.nan
     total = np.cumsum(power)
-    at = np.searchsorted(total, (SLOWEST * total[-1], 0.5 * total[-1])) + 3
-    slow, line = (at * len(ripple) / rows).tolist()
-    return slow, line
+    slow = np.searchsorted(total, SLOWEST * total[-1]) + 3
+    line = np.argmax(power * np.arange(3, len(power) + 3)) + 3  # bursts are loud below it
+    return float(slow * len(ripple) / rows), float(line * len(ripple) / rows)
 
 
 @dataclass(frozen=True)
