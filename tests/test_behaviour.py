@@ -42,7 +42,7 @@ def test_decay_is_stable(rate, floor):
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-4, 1e-3])
 def test_a_light_decay_is_undecided_until_it_has_fallen(damping):
-    """A hundred periods at a damping ratio of 1e-5 fall by 0.6 %: that may be a cycle from above."""
+    """A hundred periods at a damping ratio of 1e-5 fall by 0.6 %, as towards a cycle."""
     time = np.arange(10000) / 10000 / 3.0 * 0.1  # 100 periods
     rate = damping * 2 * np.pi * LINE
 
@@ -85,7 +85,7 @@ def test_a_decay_is_never_a_limit_cycle(fall, depth, kicked, noise, seed):
     seed=st.integers(0, 100),
 )
 def test_a_cycle_reached_from_above_is_never_stable(excess, pace, power, noise, seed):
-    """a^m - c^m decays exponentially: da/dt = -s a (1 - (c/a)^m), from up to ten times the cycle."""
+    """a^m - c^m decays exponentially: da/dt = -s a (1 - (c/a)^m), from up to ten times c."""
     start = (1 + excess) ** power - 1
     level = (1 + start * np.exp(-pace * TIME / TIME[-1])) ** (1 / power)
     uneven = np.repeat(np.random.default_rng(seed).normal(size=100), 100)

@@ -15,7 +15,11 @@ from squealstudy.analysis.runs.rising_modes import expected_rise
 from squealstudy.analysis.runs.summary import ModalRun, run_levels
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.settings import EnergyBalance, TransientResult, TransientSettings
+from squealstudy.analysis.transient.settings import (
+    EnergyBalance,
+    TransientResult,
+    TransientSettings,
+)
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.analysis.transient.watch import Watch

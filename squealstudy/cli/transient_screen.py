@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.table import Table
 
+from squealstudy.analysis.tables.run_classes import FAILED, UNDECIDED
 from squealstudy.cli import screen
 
 MOST_COLUMNS = 2  # parameters with a column of their own
@@ -41,6 +43,22 @@ def points(table: pd.DataFrame, parameters: Sequence[str]) -> None:
     )
     if len(varied) > MOST_COLUMNS:
         _legend(table.head(LISTED), varied)
+    undecided(table)
+
+
+def undecided(table: pd.DataFrame) -> None:
+    """Print how many runs are too short for a class, and how long they would have to be."""
+    until = table.loc[table["class"] == UNDECIDED, "undecided_until"]
+    if not len(until):
+        return
+    known = until[np.isfinite(until)]
+    text = f"undecided: {len(until)} of {len(table)} runs are too short to tell rest from vibration"
+    if len(known):
+        text += f"; a duration of about {known.max():.2g} s would decide "
+        text += "them" if len(known) == len(until) else f"{len(known)} of them"
+    if len(known) < len(until):
+        text += f"; {len(until) - len(known)} need another perturbation"
+    screen.console.print(text)
 
 
 def ended_early(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -70,7 +88,7 @@ def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:
 def ranking(table: pd.DataFrame) -> None:
     """Print which assembly modes carry the energy."""
     if not len(table):
-        screen.console.print("No design point keeps vibrating.")
+        screen.console.print("No design point is known to keep vibrating.")
         return
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("mode", "Hz", "energy %", "most %", "leads at"):
@@ -98,7 +116,7 @@ def ranking(table: pd.DataFrame) -> None:
 
 
 def _findings(row: dict[Any, Any]) -> list[str]:
-    if row["class"] == "failed":
+    if row["class"] == FAILED:
         return [f"failed: {row['status']}", *[""] * 8]
     transfer = ""
     if row["transfer_to"]:

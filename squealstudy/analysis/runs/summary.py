@@ -256,12 +256,14 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     """Class of what a run has done, from its `moving_energy`.
 
     A run that seems to decay is undecided while the motion does not show that all followed modes
-    of which growth is predicted decay too.
+    of which growth is predicted decay too, and where nothing ever moved while growth is predicted.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
     found = classify(run.time, energy, initial, round_off(run))
     if found.name != STABLE:
         return found
+    if energy.max() <= round_off(run) and run.point.modes.n_unstable + run.point.modes.n_above:
+        return Verdict(UNDECIDED, np.inf)
     until = max((_shows_growth(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
     return Verdict(UNDECIDED, until) if until > 0 else found
 
