@@ -88,7 +88,7 @@ def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:
 def ranking(table: pd.DataFrame) -> None:
     """Print which assembly modes carry the energy."""
     if not len(table):
-        screen.console.print("No design point is known to keep vibrating.")
+        screen.console.print("No design point keeps vibrating.")
         return
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("mode", "Hz", "energy %", "most %", "leads at"):

@@ -119,9 +119,9 @@ class Family:
         }
 
 
-BELT = Family("belt", 'name = "belt"', "[10.0, 1000.0]", (1e-3, 0.3, 3.0, 8.0), 1.0, 5e-5, 80)
+BELT = Family("belt", 'name = "belt"', "[10.0, 1000.0]", (1e-3, 0.3, 3.0, 8.0), 3.0, 1e-4, 80)
 HOFFMANN = Family(
-    "hoffmann", 'name = "hoffmann"', "[10.0, 1000.0]", (1e-3, 3e-2, 0.3, 2.0), 3.0, 5e-5, 80
+    "hoffmann", 'name = "hoffmann"', "[10.0, 1000.0]", (1e-3, 3e-2, 0.3, 2.0), 3.0, 1e-4, 80
 )
 BRAKE = Family(
     "brake",
@@ -198,7 +198,8 @@ def judged(family: Family, seed: int, share: float = 1.0) -> pd.DataFrame:
         swept = [s.parameter for s in plan.study.definition.sweep]
         for task, run in long_runs(plan):
             found, truth = (_verdict(one) for one in (shortened(run), run))
-            design = {n: v for n, v in task.design.values.items() if n in swept}
+            values = task.design.values  # noqa: PD011 - of a Design
+            design = {n: v for n, v in values.items() if n in swept}
             head = {"family": family.name, "kick": kick} | design
             rows.append(
                 head

@@ -41,17 +41,19 @@ SHORT = 0.2  # of the record: the latest plateau
 FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
 LOWEST = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
 QUICKENS = 0.5  # relative change of pace per e-fold of level, of a fall that is still steady
-RISEN = float(np.log(2.0))  # of the logarithm, over the start: a vibration that grew
+RISEN = float(np.log(2.0))  # of the logarithm, over the start: a level that was reached by growth
+GREW = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
 FALLEN = float(np.log(1.5))  # under what was put in: it lost energy faster than it does now
 SEEN = 2e-3  # of the logarithm: the least transient that shows how a level was reached
 CLEAR = 5.0  # times the drift that is left
 LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
+CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
 STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
 SATURATED = 0.02  # of the growth before: a rise that is left of it
 VANISHED = 1e-3  # of the transient before: the same
 NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
 LATE = 6  # windows of a plateau in the last fifth
-BURSTS = 12  # windows of ten periods in which irregular motion must show
+BURSTS = 6  # windows of ten periods in which irregular motion must show
 LONGER = 1.25  # times: the least duration that is asked for
 
 
@@ -165,6 +167,8 @@ class Envelope:
     windows : Windows
     ratio : float
         Last level over the largest.
+    continued : bool
+        Nothing was put in: an earlier motion goes on.
     reached : bool
         The level was reached by growth or by a loss that has ended, or continues a motion.
     growth : float
@@ -176,14 +180,15 @@ class Envelope:
 
     windows: Windows
     ratio: float
+    continued: bool
     reached: bool
     growth: float
     transient: float
 
     @property
     def grew(self) -> bool:
-        """Whether the level is twice that of the start, or of an earlier time."""
-        return self.growth >= RISEN
+        """Whether an instability made the level, not a beat of stable modes."""
+        return self.growth >= GREW
 
     @staticmethod
     def of(found: Windows, initial: float) -> Envelope:
@@ -196,7 +201,7 @@ class Envelope:
         transient = max(_beyond(level), _beyond(fine))
         ratio = float(np.exp(level[-1] - level.max()))
         reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
-        return Envelope(found, ratio, reached, growth, transient)
+        return Envelope(found, ratio, initial <= 0, reached, growth, transient)
 
     def gone(self, noise: float) -> bool:
         """Whether the last level is round-off, of the largest or of the system."""
@@ -257,6 +262,8 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
     drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
     if np.isnan(light):
         light = STILL
+    if found.continued:
+        light = max(light, CONTINUED)
     if found.grew and _quiet(course) and abs(course.rise) <= DRIFT:
         return True
     if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
@@ -332,7 +339,8 @@ def _steady(course: Course, ratio: float) -> bool:
 
 def _irregular(found: Envelope, course: Course) -> bool:
     scatter, error, count = found.scatter()
-    lasts = found.reached and abs(course.rise) <= max(course.error, DRIFT)
+    steady = abs(course.rise) <= max(course.error, DRIFT)
+    lasts = steady if found.grew else abs(course.rise) + course.error <= found.lightest_fall(LAST)
     return lasts and count >= BURSTS and scatter - 1.645 * error > SCATTER
 
 
