@@ -1,8 +1,8 @@
 """Table of truth of the classes of time runs: each run against one ten times longer.
 
-Run:  python studies/benchmarks/class_truth.py [--seed 2] [--share 1.0] [--families belt hoffmann]
+Run:  python studies/benchmarks/class_truth.py [--seed 3] [--share 1.0] [--families belt hoffmann]
 
-Thresholds were tuned on seed 1; seed 2 judges. A share of the runs takes that share of the time.
+Thresholds were tuned on seeds 1 and 2; seed 3 judges. A share of the runs takes that share of the time.
 
 Random designs of the belt, of Hoffmann's oscillator and of the coarse brake in a small basis, on
 both sides of onsets and folds, kicked a little and much, at damping ratios of 1e-5 to 1e-2. Each is
@@ -243,7 +243,7 @@ def report(table: pd.DataFrame) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--share", type=float, default=1.0, help="of the runs")
     parser.add_argument("--families", nargs="+", choices=list(FAMILIES), default=list(FAMILIES))
     options = parser.parse_args()
