@@ -10,11 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from squealstudy.analysis.runs.outcome import expected_rise, known_outcome, level_drift
+from squealstudy.analysis.runs.outcome import known_outcome, level_drift
+from squealstudy.analysis.runs.rising_modes import expected_rise
 from squealstudy.analysis.runs.summary import ModalRun, run_levels
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
+from squealstudy.analysis.transient.settings import (
+    EnergyBalance,
+    TransientResult,
+    TransientSettings,
+)
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.analysis.transient.watch import Watch
@@ -207,10 +212,11 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) ->
     history = {name: known.get(name, 0 * time) for name in HISTORY}
     lam = np.array(rates) + 1j * omega
     none = np.zeros((2, len(lam)), dtype=complex)
+    none_lost = EnergyBalance(*6 * [0.0])
     modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
     point = TransientPoint(None, modes, None, np.full(len(lam), 0.5), 300.0)
     result = TransientResult(
-        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, None, 1
+        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, none_lost, 1
     )
     seen = np.zeros((len(time), 4 * len(lam)))
     seen[:, ::4], seen[:, 1::4] = xi.real.T, xi.imag.T

@@ -19,8 +19,8 @@ from squealstudy.analysis.tables.comparison import (
 )
 from squealstudy.analysis.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.analysis.tables.comparison import TIME as OWN
-from squealstudy.analysis.tables.energy_ranking import SUSTAINED
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
+from squealstudy.analysis.tables.run_classes import LEVELLED
 from squealstudy.cli import mode_screen, screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
@@ -169,7 +169,7 @@ def _lives(rows: pd.DataFrame) -> str:
 def _unforeseen(table: pd.DataFrame) -> list[str]:
     """Sentences on motion that no predicted instability explains."""
     rows = table[(table["kind"] == VIBRATION).to_numpy()]
-    lasts = rows["class"].isin(SUSTAINED).to_numpy(bool)
+    lasts = rows["class"].isin(LEVELLED).to_numpy(bool)
     others = table[table["kind"].isin([BOTH, PREDICTED, OWN])]
     foreseen = rows["time_point_id"].isin(others["time_point_id"]).to_numpy(bool)
     waits = int((table["kind"] == UNFOLLOWED).sum())

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.table import Table
 
 from squealstudy.analysis.tables.digits import in_digits
+from squealstudy.analysis.tables.run_classes import FAILED, UNDECIDED
 from squealstudy.cli import screen
 
 if TYPE_CHECKING:
@@ -47,6 +49,22 @@ def points(table: pd.DataFrame, parameters: Sequence[str], unit: str = "N m") ->
     )
     if len(varied) > MOST_COLUMNS:
         _legend(table.head(LISTED), varied)
+    undecided(table)
+
+
+def undecided(table: pd.DataFrame) -> None:
+    """Print how many runs are too short for a class, and how long they would have to be."""
+    until = table.loc[table["class"] == UNDECIDED, "undecided_until"]
+    if not len(until):
+        return
+    known = until[np.isfinite(until)]
+    text = f"undecided: {len(until)} of {len(table)} runs are too short to tell rest from vibration"
+    if len(known):
+        text += f"; a duration of about {known.max():.2g} s would decide "
+        text += "them" if len(known) == len(until) else f"{len(known)} of them"
+    if len(known) < len(until):
+        text += f"; {len(until) - len(known)} need another perturbation"
+    screen.console.print(text)
 
 
 def ended_early(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -140,7 +158,7 @@ def ranking(table: pd.DataFrame) -> None:
 
 
 def _findings(row: dict[Any, Any]) -> list[str]:
-    if row["class"] == "failed":
+    if row["class"] == FAILED:
         why = row["status"] if row["status"] != "ok" else "too short a run to judge"
         return [f"failed: {why}", *[""] * 8]
     transfer = ""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from squealstudy.analysis.tables.energy_ranking import LASTING
+from squealstudy.analysis.tables.run_classes import LASTING
 from squealstudy.plots.over_time import friction_label
 from squealstudy.plots.style import COLOURS, DARK, GREY, finish
 
@@ -17,8 +17,10 @@ CLASSES: dict[str, dict[str, Any]] = {
     "limit_cycle": {"marker": "o", "color": COLOURS[1]},
     "irregular": {"marker": "D", "color": COLOURS[3]},
     "growing": {"marker": "^", "color": COLOURS[0]},
+    "undecided": {"marker": "s", "color": GREY, "markerfacecolor": "white"},
     "stable": {"marker": "o", "color": COLOURS[2], "markerfacecolor": "white"},
 }
+REMARKS = {"growing": " (not saturated)", "undecided": " (may decay or last)"}
 
 
 def draw_levels(
@@ -36,7 +38,7 @@ def draw_levels(
         if own.any():
             bounds = line.loc[own, ["torque_rms_low", "torque_rms_high"]].to_numpy(dtype=float).T
             reach = np.maximum(np.nan_to_num([rms[own] - bounds[0], bounds[1] - rms[own]]), 0.0)
-            label = name.replace("_", " ") + (" (not saturated)" if name == "growing" else "")
+            label = name.replace("_", " ") + REMARKS.get(name, "")
             bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
             axes.errorbar(x[own], rms[own], reach, **bar, **style)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))

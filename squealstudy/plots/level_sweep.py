@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.energy_ranking import LASTING, transient_parameters
+from squealstudy.analysis.tables.energy_ranking import transient_parameters
+from squealstudy.analysis.tables.run_classes import LASTING
 from squealstudy.plots.level_panels import draw_frequencies, draw_levels, draw_means
 from squealstudy.plots.share_bars import share_bars
 from squealstudy.plots.style import (

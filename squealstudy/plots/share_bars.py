@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from squealstudy.analysis.tables.digits import in_digits
-from squealstudy.analysis.tables.energy_ranking import LASTING
+from squealstudy.analysis.tables.run_classes import LASTING, UNDECIDED
 from squealstudy.plots.modal_energies import PALETTE
 
 STACKED = 6  # modes with a colour of their own
@@ -38,7 +38,9 @@ def share_bars(
     axes.set_ylim(0.0, 100.0)
     if not len(table):
         style: dict[str, Any] = {"ha": "center", "color": "0.4"}
-        axes.text(0.5, 0.5, "no vibration lasts", transform=axes.transAxes, **style)
+        open_ = (line["class"] == UNDECIDED).any()
+        text = "undecided whether a vibration lasts" if open_ else "no vibration lasts"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, **style)
         return
     start, width = bar_places(x, log)
     base = np.zeros(len(table))

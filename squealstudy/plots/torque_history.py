@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.analysis.tables.digits import in_digits
+from squealstudy.analysis.tables.run_classes import GROWING, STABLE, UNDECIDED
 from squealstudy.plots.over_time import MS, column, friction_label, number, outline, own_rows
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
 
@@ -89,10 +90,11 @@ def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame | None) -
         text = f"exponential {kind}, {MS * start:.3g} to {MS * stop:.3g} ms"
         found.append(Phase("growth", text, start, stop))
     until = settled if np.isfinite(settled) else end
-    if np.isfinite(stop) and until > stop and row.get("class") != "growing":
+    if np.isfinite(stop) and until > stop and row.get("class") != GROWING:
         text = f"saturation, to {MS * until:.3g} ms" if np.isfinite(settled) else "not settled"
+        text = UNDECIDED if row.get("class") == UNDECIDED else text
         found.append(Phase("saturation", text, stop, until))
-    if np.isfinite(settled) and settled < end and row.get("class") != "stable":
+    if np.isfinite(settled) and settled < end and row.get("class") != STABLE:
         found.append(Phase("limit cycle", f"settled from {MS * settled:.3g} ms", settled, end))
     return found
 
@@ -178,7 +180,7 @@ def _growth_text(row: pd.Series) -> str:
     """Growth rates, class and what failed, in one line."""
     f, predicted = (number(row, f"predicted_{n}") for n in ("frequency_hz", "growth_rate"))
     fitted, low, high = (number(row, f"growth_rate{n}") for n in ("", "_low", "_high"))
-    parts = [str(row["class"]).replace("_", " ")] if row.get("class") else []
+    parts = [_class_text(row)] if row.get("class") else []
     if np.isfinite(predicted):
         parts.append(
             f"growth rate predicted {predicted:.4g} 1/s (complex mode at {in_digits(f)} Hz)"
@@ -187,6 +189,13 @@ def _growth_text(row: pd.Series) -> str:
         bounds = f" ({low:.4g} to {high:.4g})" if np.isfinite(low) and np.isfinite(high) else ""
         parts.append(f"fitted {fitted:.4g} 1/s{bounds}")
     return ", ".join(parts) + _status(row, "; ")
+
+
+def _class_text(row: pd.Series) -> str:
+    """The class; of an undecided run with the duration that would decide."""
+    until = number(row, "undecided_until")
+    more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
+    return str(row["class"]).replace("_", " ") + more
 
 
 def _status(row: pd.Series, before: str) -> str:

@@ -127,8 +127,8 @@ class TransientSection(Section):
     )
     stop: Literal["end", "settled"] = Field(
         default="end",
-        description="'settled': a run ends before its duration once it is a limit cycle of known "
-        "level with nothing else rising, or has decayed as predicted",
+        description="'settled': a run ends before its duration once it is a lasting vibration of "
+        "known level with nothing else rising, or has decayed as predicted",
     )
     settle_tolerance: float = Field(
         default=0.01,

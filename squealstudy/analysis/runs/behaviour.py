@@ -1,4 +1,8 @@
-"""What a run came to: at rest, a limit cycle, still growing or irregular; which mode took over."""
+"""What a run came to, from its motion alone: at rest, a limit cycle, growing, irregular, or open.
+
+A decay to rest becomes linear: its pace, that of the logarithm of the level, tends to a constant.
+Towards a limit cycle the pace tends to zero. A run that is too short to tell is undecided.
+"""
 
 from __future__ import annotations
 
@@ -6,105 +10,100 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.analysis.runs.envelope import (
+    WINDOWS,
+    Course,
+    Windows,
+    last_part,
+    logarithm,
+    trend,
+    windows,
+)
 from squealstudy.analysis.runs.levels import LAST
+from squealstudy.analysis.tables.run_classes import (
+    GROWING,
+    IRREGULAR,
+    LEVELLED,
+    LIMIT_CYCLE,
+    STABLE,
+    UNDECIDED,
+)
 
-WINDOWS = (10, 25)  # sub-windows of a record, fewest and most
-WINDOW_PERIODS = 3.0  # of the dominant line in one, where the record has them
 TREND = 0.05  # rise of the RMS over the judged part; less is none
 DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
-LEAST_TREND = 1e-3  # over the judged part: what is smaller is none
 CHANCE = 3.0  # standard errors that a trend must exceed
-SCATTER = 0.10  # of the RMS of sub-windows about their trend; more is irregular
+SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
 BAND = 0.05  # least half-width of the band within which levels agree
-STEADY = 0.25  # of the decay over the whole record: motion that still falls falls so fast
-LOST = 0.9  # of the first energy: what never rose and has less at the end decays, however slowly
-REST = 1e-2  # of the largest RMS: what is smaller is at rest
-FADED = 0.3  # of the initial RMS: what is smaller and falls unevenly is dying away
-PLATEAU = 0.8  # of the record: where a plateau begins at the latest
-NOISE = 1e-18  # J: round-off of a run that nothing disturbs
+REST = 1e-2  # of the largest RMS: what is smaller and falls is at rest
+GONE = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
+STEADY = 0.25  # of the pace over the whole record, at which a fall must end
+SHORT = 0.2  # of the record: the latest plateau
+FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
+LOWEST = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
+QUICKENS = 0.5  # relative change of pace per e-fold of level, of a fall that is still steady
+RISEN = float(np.log(2.0))  # of the logarithm, over the start: a level that was reached by growth
+GREW = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
+FALLEN = float(np.log(1.5))  # under what was put in: it lost energy faster than it does now
+SEEN = 2e-3  # of the logarithm: the least transient that shows how a level was reached
+CLEAR = 5.0  # times the drift that is left
+LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
+CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
+STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
+SATURATED = 0.02  # of the growth before: a rise that is left of it
+VANISHED = 1e-3  # of the transient before: the same
+NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
+LATE = 6  # windows of a plateau in the last fifth
+BURSTS = 6  # windows of ten periods in which irregular motion must show
+LONGER = 1.25  # times: the least duration that is asked for
 
 
 @dataclass(frozen=True)
-class Windows:
-    """RMS levels of equal sub-windows of a record.
+class Verdict:
+    """Class of a run.
 
     Attributes
     ----------
-    start : ndarray (m,)
-        s.
-    level : ndarray (m,)
-        Square root of the mean of the energy in each.
-    judged : int
-        The first of those that are judged: the last 40 % of the record.
+    name : str
+        ``stable``, ``limit_cycle``, ``growing``, ``irregular`` or ``undecided``.
+    until : float
+        Of an undecided run, the duration that would decide, s, an estimate; infinite where no
+        longer run from this start would. NaN for all other classes.
     """
 
-    start: np.ndarray
-    level: np.ndarray
-    judged: int
-
-    def trend(self, first: int | None = None) -> tuple[float, float, float]:
-        """Relative rise over the windows from `first` on, its standard error, scatter about it."""
-        y = self.level[self.judged if first is None else first :]
-        y = y / (y.mean() or 1.0)
-        x = np.arange(len(y)) - 0.5 * (len(y) - 1)
-        slope = float(x @ y / (x @ x))
-        rest = y - y.mean() - slope * x
-        variance = float(rest @ rest) / (len(y) - 2)
-        return slope * len(y), len(y) * float(np.sqrt(variance / (x @ x))), float(np.sqrt(variance))
+    name: str
+    until: float = np.nan
 
 
-def windows(time: np.ndarray, energy: np.ndarray, frequency_hz: float = np.nan) -> Windows:
-    """Levels of 25 sub-windows, or of as few as 10 where those hold three periods each.
-
-    Parameters
-    ----------
-    time : ndarray (rows,)
-        Equally spaced, s; ten rows or more.
-    energy : ndarray (rows,)
-        Of the vibration (`modal_energies.vibration_energy`), or a squared torque fluctuation.
-    frequency_hz : float
-        Dominant line, where it is known.
-    """
-    few, most = WINDOWS
-    periods = (time[-1] - time[0]) * frequency_hz
-    count = most if np.isnan(periods) else int(np.clip(periods / WINDOW_PERIODS, few, most))
-    count = min(count, len(time))
-    edges = np.arange(count) * len(time) // count
-    rows = np.diff(np.append(edges, len(time)))
-    level = np.sqrt(np.add.reduceat(energy, edges) / rows)
-    return Windows(time[edges], level, count - max(4, round(LAST * count)))
-
-
-def settled(
-    time: np.ndarray, energy: np.ndarray, frequency_hz: float = np.nan
-) -> tuple[bool, float]:
+def settled(time: np.ndarray, energy: np.ndarray, name: str) -> tuple[bool, float]:
     """Whether the levels of the last 40 % agree, and the earliest time from which all do.
 
-    They agree where their RMS neither trends (5 %, beyond three standard errors) nor scatters (10 %
-    about the trend) nor goes on growing or decaying, however slowly; or where all are at rest:
-    below 1 % of the largest. The same part of the
-    record gives the torque's levels (`levels.last_window`).
+    Those of a limit cycle or an irregular motion agree where their RMS neither trends (5 %, beyond
+    three standard errors) nor scatters (10 % about the trend); those of a stable run where all are
+    at rest: below 1 % of the largest. Other runs have not settled. The same part of the record
+    gives the torque's levels (`levels.last_window`).
 
     Parameters
     ----------
-    time, energy, frequency_hz
-        As of `windows`.
+    time, energy
+        As of `envelope.windows`.
+    name : str
+        Class of the run.
 
     Returns
     -------
     settled : bool
     time : float
-        Start of the first sub-window from which all levels stay near those judged, s; NaN where
-        the run has not settled.
+        Start of the first window from which all levels stay near those judged, s; NaN where the run
+        has not settled.
     """
     if len(time) < WINDOWS[0]:
         return False, np.nan
-    found = windows(time, energy, frequency_hz)
+    found = windows(time, energy)
     level, judged = found.level, found.level[found.judged :]
     rest = REST * level.max()
-    if judged.max() <= rest:
+    if name == STABLE and judged.max() <= rest:
         away = level > rest
-    elif _stationary(found) and not (_steady(found, 1.0) or _steady(found, -1.0)):
+    elif name in LEVELLED and _stationary(found):
         mean = float(judged.mean())
         band = max(BAND, 1.01 * float(np.abs(judged / mean - 1).max()))
         away = np.abs(level - mean) > band * mean
@@ -114,120 +113,256 @@ def settled(
     return True, float(found.start[first])
 
 
-def classify(
-    time: np.ndarray,
-    energy: np.ndarray,
-    initial: float = 0.0,
-    frequency_hz: float = np.nan,
-    noise: float = NOISE,
-    driven: bool = True,
-) -> str:
-    """Class of a finished run.
+def _stationary(found: Windows) -> bool:
+    rise, error, scatter = found.trend()
+    return scatter <= SCATTER and (abs(rise) <= TREND or abs(rise) <= CHANCE * error)
 
-    ``stable``: the energy at the end is not above the initial one and falls, or is gone (below
-    1e-4 of the initial energy, or below `noise`), or never rose, lost a tenth and did not level
-    off, or has fallen unevenly below 0.09 of it, the highest level that is judged below half of
-    the highest before. ``growing``: levels still rise through the last 40 %. ``limit_cycle``: they
-    are stationary there, drift by less than 15 % (such a run has not settled), or rose to a
-    plateau within it and keep that over the last fifth. ``irregular``: neither.
+
+def classify(
+    time: np.ndarray, energy: np.ndarray, initial: float = 0.0, noise: float = 0.0
+) -> Verdict:
+    """Class of a finished run, from its motion alone.
+
+    ``stable``: the level is gone (1e-5 of the largest, or `noise`), below 1 % of the largest and
+    still falls, or falls so steadily that a limit cycle under it would lie below a tenth of the
+    largest level, by the laws by which cycles are approached. ``limit_cycle``: the level was
+    reached by a transient and drifts less than the lightest decay would (a plateau after growth:
+    less than 15 %), or all but stops. ``growing``: it rises at a constant pace, or grew and rises
+    still. ``irregular``: levels of ten periods each scatter by more than 10 %, without a trend.
+    ``undecided``: none of these can be told yet.
 
     Parameters
     ----------
-    time, energy, frequency_hz
-        As of `windows`; fewer than ten rows are irregular.
+    time, energy
+        As of `envelope.windows`.
     initial : float
-        Energy that the perturbation put in, J, or zero for the continuation of a motion; for a
-        steep fall, the first sub-window's where that is more.
+        Energy that the perturbation put in, J, or zero for the continuation of a motion.
     noise : float
         Energy of round-off, J.
-    driven : bool
-        Whether any mode is unstable: else what seems to level off from above decays on.
     """
+    span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
-        return "irregular"
-    found = windows(time, energy, frequency_hz)
-    start = max(initial, float(found.level[0]) ** 2)
-    end = float((found.level[found.judged :] ** 2)[-2:].mean())
-    rise = _steady(found, 1.0)
-    if end <= noise and not rise:
-        return "stable"
-    if rise:
-        return "growing"
-    if end <= start and (_steady(found, -1.0) or end <= REST**2 * start):
-        return "stable"
-    lost = _never_rose(found) and end <= LOST * found.level[0] ** 2
-    if initial > 0 and lost and not (driven and _levelled_off(found)):
-        return "stable"
-    if _stationary(found, limit=DRIFT) or _reached(found):
-        return "limit_cycle"
-    return "stable" if end <= FADED**2 * start and _fades(found) else "irregular"
+        return Verdict(UNDECIDED, LONGER * span * WINDOWS[0] / max(len(time) - 1, 1))
+    found = Envelope.of(windows(time, energy), initial)
+    course = found.windows.course(LAST)
+    if found.gone(noise) and not _rises(course):
+        return Verdict(STABLE)
+    if _levels_off(found, course):
+        return Verdict(LIMIT_CYCLE)
+    if _irregular(found, course):
+        return Verdict(IRREGULAR)
+    if _grows(found, course):
+        return Verdict(GROWING)
+    if _falls(found, course):
+        return Verdict(STABLE)
+    return Verdict(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
 
 
-def _stationary(found: Windows, first: int | None = None, limit: float = TREND) -> bool:
-    rise, error, scatter = found.trend(first)
-    return scatter <= SCATTER and (abs(rise) <= limit or abs(rise) <= CHANCE * error)
+@dataclass(frozen=True)
+class Envelope:
+    """Levels of a run and what its beginning tells.
 
-
-def _reached(found: Windows) -> bool:
-    """Whether the levels rose to a plateau that they keep in the last fifth, not above it before.
-
-    Such a run saturated in the judged part: its levels are not settled, but it is no other class.
+    Attributes
+    ----------
+    windows : Windows
+    ratio : float
+        Last level over the largest.
+    continued : bool
+        Nothing was put in: an earlier motion goes on.
+    reached : bool
+        The level was reached by growth or by a loss that has ended, or continues a motion.
+    growth : float
+        Of the logarithm, over that of the start or of an earlier time.
+    transient : float
+        By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
+        is less than those differ among themselves.
     """
-    first = min(len(found.level) - 4, round(PLATEAU * len(found.level)))
-    mean = float(found.level[first:].mean())
-    below = bool((found.level[:first] <= (1 + SCATTER) * mean).all())
-    return below and float(found.level[found.judged]) < mean and _stationary(found, first)
+
+    windows: Windows
+    ratio: float
+    continued: bool
+    reached: bool
+    growth: float
+    transient: float
+
+    @property
+    def grew(self) -> bool:
+        """Whether an instability made the level, not a beat of stable modes."""
+        return self.growth >= GREW
+
+    @staticmethod
+    def of(found: Windows, initial: float) -> Envelope:
+        """From the levels and the energy that was put in [J]."""
+        fine, level = logarithm(found.fine), logarithm(found.level)
+        now = float(level[found.judged :].mean())
+        put = 0.5 * float(np.log(initial)) if initial > 0 else now
+        early = fine[: len(fine) - len(last_part(fine, LAST))]
+        growth = now - min(put, float(early.min()))
+        transient = max(_beyond(level), _beyond(fine))
+        ratio = float(np.exp(level[-1] - level.max()))
+        reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
+        return Envelope(found, ratio, initial <= 0, reached, growth, transient)
+
+    def gone(self, noise: float) -> bool:
+        """Whether the last level is round-off, of the largest or of the system."""
+        level = self.windows.level
+        return bool(level[-1] <= max(GONE * level.max(), np.sqrt(noise)))
+
+    def scatter(self) -> tuple[float, float, int]:
+        """Scatter of windows of ten periods in the judged part, its error, and their number."""
+        judged = last_part(self.windows.burst, LAST)
+        scatter = trend(judged)[2]
+        return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
+
+    def lightest_fall(self, share: float) -> float:
+        """Fall of the logarithm over a share of the record at `LEAST_DAMPING`; NaN if unknown."""
+        return 2 * np.pi * LEAST_DAMPING * share * self.windows.periods
 
 
-def _never_rose(found: Windows) -> bool:
-    """Whether no level is above the first."""
-    return bool(found.level.max() <= (1 + SCATTER) * found.level[0])
+def _beyond(y: np.ndarray) -> float:
+    judged = last_part(y, LAST)
+    before = y[: len(y) - len(judged)]
+    far = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
+    return far if far >= float(np.ptp(judged)) else 0.0
 
 
-def _levelled_off(found: Windows) -> bool:
-    """Whether the judged levels fall by chance at most, and more slowly than all did.
-
-    So does a motion that began above its limit cycle.
-    """
-    pace, error = _pace(found, -1.0)
-    level = np.maximum(found.level, 1e-300)
-    whole = float(np.log(level[0]) - np.log(level[-1])) / (len(level) - 1)
-    rests = pace * (len(level) - found.judged) < LEAST_TREND or pace <= CHANCE * error
-    return rests and pace + error < STEADY * whole
+def _rises(course: Course) -> bool:
+    return course.rise > course.error and course.thirds[2] > 0
 
 
-def _pace(found: Windows, sign: float) -> tuple[float, float]:
-    """Change of the logarithm of the judged levels a window, up (1) or down (-1); its error."""
-    y = sign * np.log(np.maximum(found.level[found.judged :], 1e-300))
-    x = np.arange(len(y)) - 0.5 * (len(y) - 1)
-    pace = float(x @ y / (x @ x))
-    rest = y - y.mean() - pace * x
-    return pace, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))
-
-
-def _fades(found: Windows) -> bool:
-    """Whether the highest level that is judged is below half of the highest before."""
-    before, judged = found.level[: found.judged], found.level[found.judged :]
-    return bool(judged.max() <= 0.5 * before.max() and judged[-1] < judged[0])
-
-
-def _steady(found: Windows, sign: float) -> bool:
-    """Whether the judged levels go up (1) or down (-1) beyond chance and do not level off.
-
-    Either the logarithm goes on to the end at `STEADY` of its mean pace over the whole record, or
-    the level still rises by more than `TREND` in both halves of the judged part.
-    """
-    level = np.maximum(found.level, 1e-300)
-    y = sign * np.log(level[found.judged :])
-    pace, error = _pace(found, sign)
-    if pace * len(y) < LEAST_TREND or pace < CHANCE * error:
+def _levels_off(found: Envelope, course: Course) -> bool:
+    """Whether the level of the last 40 %, or of the last fifth after growth, will stay."""
+    scatter, error, _ = found.scatter()
+    if max(course.scatter, scatter + error) <= SCATTER:
+        drift = abs(course.rise) + course.error
+        if _flat(found, course, LAST) and _shown(found, drift):
+            return True
+        if _vanishes(course) and _shown(found, abs(course.thirds[2])):
+            return True
+    late = logarithm(last_part(found.windows.fine, SHORT))
+    if not found.grew or len(late) < LATE:
         return False
-    third = len(y) // 3
-    steps = np.diff([y[:third].mean(), y[third:-third].mean(), y[-third:].mean()])
-    whole = sign * float(np.log(level[-1]) - np.log(level[0])) / (len(level) - 1)
-    last = float(steps[1]) * 2 / (len(y) - third)  # a window, as pace
-    if whole * len(level) < TREND:
-        return False
-    if whole > 0 and min(pace, last) >= STEADY * whole:
+    course = Course.of(late)
+    even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
+    return even and _quiet(course) and course.error <= TREND
+
+
+def _shown(found: Envelope, drift: float) -> bool:
+    """Whether the start shows how the level was reached."""
+    return found.reached or found.transient >= max(SEEN, CLEAR * drift)
+
+
+def _quiet(course: Course) -> bool:
+    """Whether the course shows no drift beyond chance."""
+    return abs(course.rise) <= course.error and abs(course.end) <= course.end_error
+
+
+def _flat(found: Envelope, course: Course, share: float) -> bool:
+    """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
+    drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
+    if np.isnan(light):
+        light = STILL
+    if found.continued:
+        light = max(light, CONTINUED)
+    if found.grew and _quiet(course) and abs(course.rise) <= DRIFT:
         return True
-    return sign > 0 and bool((steps > TREND).all())
+    if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
+        return True
+    if drift <= min(STILL, VANISHED * found.transient):
+        return True
+    on = found.grew and course.rise > 0 and course.end >= -course.end_error
+    return on and drift <= min(TREND, SATURATED * found.growth)
+
+
+def _vanishes(course: Course) -> bool:
+    """Whether the pace goes to zero exponentially, with little left of the way.
+
+    Beyond a fold, where no cycle is left, it slows down as 1/t^2 at first, and at the top of a beat
+    linearly: from third to third these shrink more and more slowly, or faster and faster.
+    """
+    first, second, third = course.thirds
+    if not (first * second > 0 and second * third > 0):
+        return False
+    one, two = second / first, third / second
+    if not (0 < two < 1 and one < 1):
+        return False
+    left = abs(third) * two / (1 - two)
+    quick = max(one, two) < 0.6 and two <= one + 0.05 and third / first <= 0.35
+    if quick and left <= NEARLY and (one - two <= 0.12 or abs(third) <= 3e-3):
+        return True
+    return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * NEARLY
+
+
+def _grows(found: Envelope, course: Course) -> bool:
+    """Whether the level rises at a constant pace, or has grown and rises still."""
+    if not _rises(course):
+        return False
+    slows = course.begin - course.end + course.bend_error
+    if course.rise >= FALL and slows <= 0.25 * course.rise:
+        return True
+    return found.grew and course.rise >= TREND and course.thirds[2] >= 0.1 * course.rise
+
+
+def _falls(found: Envelope, course: Course) -> bool:
+    """Whether the level falls to rest."""
+    if course.rise >= 0:
+        return False
+    for share in (LAST, 0.7, 1.0):
+        stretch = found.windows.course(share)
+        if stretch.rise <= -FALL and _steady(stretch, found.ratio):
+            return True
+    level = logarithm(found.windows.level)
+    whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - found.windows.judged)
+    falls = course.rise < -course.error and course.end < STEADY * whole
+    return found.ratio <= REST and falls
+
+
+def slowing(course: Course) -> float:
+    """Relative loss of pace per e-fold of level, of a fall, at most."""
+    loss = abs(course.begin) - abs(course.end) + course.bend_error
+    return max(loss, 0.0) / course.rise**2
+
+
+def _steady(course: Course, ratio: float) -> bool:
+    """Whether a cycle that the fall approaches would lie below `LOWEST` of the largest level.
+
+    The pace of an approach from above to a level c is s (1 - (c / a)^m) at the level a: its loss of
+    pace per e-fold h gives (c / a)^m = h / (m + h). The larger of m = 1 and 2 is taken. A fall by
+    dry friction gains pace, and may end suddenly: it must be deep.
+    """
+    h = slowing(course)
+    below = max(h / (1 + h), float(np.sqrt(h / (2 + h))))
+    gain = abs(course.end) - abs(course.begin) + course.bend_error
+    middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # where that loss is
+    return below * middle <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
+
+
+def _irregular(found: Envelope, course: Course) -> bool:
+    scatter, error, count = found.scatter()
+    steady = abs(course.rise) <= max(course.error, DRIFT)
+    lasts = steady if found.grew else abs(course.rise) + course.error <= found.lightest_fall(LAST)
+    return lasts and count >= BURSTS and scatter - 1.645 * error > SCATTER
+
+
+def _times_longer(found: Envelope, course: Course) -> float:
+    """The duration that would decide over that of the record, 0 where no better is known."""
+    light = found.lightest_fall(LAST)
+    if course.rise < -course.error:
+        return _fall_longer(found, course)
+    if course.rise > course.error:
+        return max(FALL / course.rise, 2.0)
+    if not _shown(found, abs(course.rise) + course.error) and course.error <= light:
+        return np.inf
+    scatter, _, count = found.scatter()
+    if scatter > SCATTER and count < BURSTS:
+        return BURSTS / count
+    return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
+
+
+def _fall_longer(found: Envelope, course: Course) -> float:
+    """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
+    pace = abs(min(course.rise, course.end)) / LAST
+    deep = 1 + float(np.log(max(found.ratio / LOWEST, 1.0))) / pace
+    h = 2 * LOWEST**2  # of m = 2, where nothing has fallen yet
+    known = max(FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
+    return LONGER * min(deep, known)

@@ -8,30 +8,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.runs.behaviour import NOISE, settled
+from squealstudy.analysis.runs.behaviour import settled
 from squealstudy.analysis.runs.growth import fit_growth
 from squealstudy.analysis.runs.levels import LEAST_PERIODS
-from squealstudy.analysis.runs.summary import ModalRun, moving_energy, run_class, run_levels
+from squealstudy.analysis.runs.rising_modes import expected_rise, hann
+from squealstudy.analysis.runs.summary import (
+    ModalRun,
+    moving_energy,
+    round_off,
+    run_levels,
+    run_verdict,
+)
+from squealstudy.analysis.tables.run_classes import LEVELLED, STABLE
 
 SETTLED, DECAYED = "settled", "decayed"
 LEAST_ROWS = 200  # of a record that is judged
 PARTS = 3  # windows in the last one whose levels must agree
-LINES = 4  # stretches of it in which the line of a mode is measured
-WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
 GONE = 1e-6  # of the first energy
 FALLEN = 0.25  # of the first energy, for a decay that agrees with the prediction
 AGREES = 0.05  # of the predicted rate
 
 
 def known_outcome(run: ModalRun, duration: float, tolerance: float) -> str:
-    """``settled``, ``decayed``, or empty where the run must go on.
+    """``settled``, ``decayed``, or empty where the run must go on, an undecided one included.
 
-    Settled: a limit cycle by the tests of the whole record (`behaviour`), the torque's RMS over the
-    last window known within `tolerance`, equal within `tolerance` over its thirds (the mean torque
-    too), and no followed complex mode whose energy would rise noticeably until `duration`.
+    Settled: a limit cycle or an irregular motion by the tests of the whole record (`behaviour`),
+    the torque's RMS over the last window known within `tolerance`, equal within `tolerance` over
+    its thirds (the mean torque too), and no followed complex mode whose energy would rise
+    noticeably until `duration`.
 
-    Decayed: no predicted instability, and the energy of the vibration is gone (1e-6 of the first)
-    or a quarter of the first while the fitted decay agrees with the predicted one.
+    Decayed: stable, no predicted instability, and the energy of the vibration is gone (1e-6 of the
+    first) or a quarter of the first while the fitted decay agrees with the predicted one.
 
     A run with unstable modes that are not followed (above the band, or too many) goes on.
 
@@ -50,34 +57,31 @@ def known_outcome(run: ModalRun, duration: float, tolerance: float) -> str:
     if run.result.outcome != "ok" or not np.isfinite(run.energy).all():
         return ""
     energy = moving_energy(run)
-    if modes.n_unstable == 0 and has_decayed(run, energy):
-        return DECAYED
-    return SETTLED if _has_settled(run, energy, duration, tolerance) else ""
+    name = run_verdict(run, energy).name
+    if name == STABLE:
+        return DECAYED if modes.n_unstable == 0 and _has_decayed(run, energy) else ""
+    settles = name in LEVELLED and _has_settled(run, energy, name, duration, tolerance)
+    return SETTLED if settles else ""
 
 
-def has_decayed(run: ModalRun, energy: np.ndarray) -> bool:
-    """Whether a stable point's vibration is gone, or goes as predicted.
-
-    Parameters
-    ----------
-    run : ModalRun
-    energy : ndarray (rows,)
-        `summary.moving_energy`, J.
-    """
+def _has_decayed(run: ModalRun, energy: np.ndarray) -> bool:
+    """Whether the vibration of a stable run is gone, or goes as predicted."""
     part = max(1, len(energy) // 25)
     first, last = float(energy[:part].mean()), float(energy[-part:].mean())
-    if last <= max(GONE * first, NOISE):
+    if last <= max(GONE * first, round_off(run)):
         return True
     lam = run.point.modes.lam[0] if len(run.point.modes.lam) else complex(np.nan, np.nan)
     short = run.time[-1] * abs(lam) / (2 * np.pi) < LEAST_PERIODS
-    if short or last > FALLEN * first or run_class(run, energy, np.nan) != "stable":
+    if short or last > FALLEN * first:
         return False
     fit = fit_growth(run.time, run.xi(0))
     error = max(abs(fit.growth_rate - lam.real), 0.5 * (fit.high - fit.low))
     return fit.status == "ok" and error <= AGREES * abs(lam.real)
 
 
-def _has_settled(run: ModalRun, energy: np.ndarray, duration: float, tolerance: float) -> bool:
+def _has_settled(
+    run: ModalRun, energy: np.ndarray, name: str, duration: float, tolerance: float
+) -> bool:
     """The cheap tests first."""
     levels, window = run_levels(run)
     frequency, rms = levels["dominant_frequency_hz"], levels["torque_rms"]
@@ -88,9 +92,7 @@ def _has_settled(run: ModalRun, energy: np.ndarray, duration: float, tolerance: 
         return False
     if level_drift(run.result.history["torque"][window]) > tolerance:
         return False
-    if not settled(run.time, energy, frequency)[0]:
-        return False
-    if run_class(run, energy, frequency) != "limit_cycle":
+    if not settled(run.time, energy, name)[0]:
         return False
     return expected_rise(run, window, duration) <= 2 * tolerance  # energy is a level squared
 
@@ -101,67 +103,8 @@ def level_drift(torque: np.ndarray) -> float:
     Hann-weighted, or thirds of a few periods each would differ by what they cut off.
     """
     rows = len(torque) // PARTS
-    cut, weight = torque[len(torque) - PARTS * rows :].reshape(PARTS, rows), _hann(rows)
+    cut, weight = torque[len(torque) - PARTS * rows :].reshape(PARTS, rows), hann(rows)
     mean = cut @ weight / weight.sum()
     rms = np.sqrt((cut - mean[:, None]) ** 2 @ weight / weight.sum())
     spread = [float(np.ptp(x) / max(abs(float(x.mean())), 1e-300)) for x in (mean, rms)]
     return max(spread)
-
-
-def _hann(rows: int) -> np.ndarray:
-    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
-    return weight
-
-
-def expected_rise(run: ModalRun, window: slice, duration: float) -> float:
-    """Largest energy that a followed complex mode would gain until `duration`, over all energy.
-
-    Each is seen through its left vector, around its own frequency: there the lines of a limit cycle
-    of another mode are not. Its growth over the window, where that is beyond its standard error, is
-    taken to go on.
-
-    Parameters
-    ----------
-    run : ModalRun
-    window : slice
-        Rows that are judged, 16 or more.
-    duration : float
-        s.
-    """
-    time, modes = run.time[window], run.point.modes
-    total = float(run.energy[window].mean())
-    worst = 0.0
-    for k, lam in enumerate(modes.lam):
-        size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
-        rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
-        if rate <= error:
-            continue
-        share = float(run.point.mode_energy[k] * size[-1] ** 2) / total
-        ahead = np.exp(min(2 * rate * max(duration - time[-1], 0.0), 700.0)) - 1
-        worst = max(worst, share * float(ahead))
-    return worst
-
-
-def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> np.ndarray:
-    """RMS of a complex amplitude (rows,) near a frequency, in successive stretches (LINES,).
-
-    Hann-windowed, within `WIDTH` of the frequency on either side of zero.
-    """
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    rows = len(time) // LINES
-    cut = amplitude[len(amplitude) - LINES * rows :].reshape(LINES, rows)
-    hann = _hann(rows)
-    power = np.abs(np.fft.fft(hann * cut, axis=1)) ** 2 / (rows * float(hann @ hann))
-    distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
-    near = distance <= max(WIDTH * frequency_hz, 2.0 / (rows * step))
-    sizes: np.ndarray = np.sqrt(power[:, near].sum(axis=1))
-    return sizes
-
-
-def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
-    """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
-    y = np.log(np.maximum(size, 1e-300))
-    x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
-    rate = float(x @ y / (x @ x))
-    rest = y - y.mean() - rate * x
-    return rate, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.runs.behaviour import NOISE, classify, settled
+from squealstudy.analysis.runs.behaviour import Verdict, classify, settled
 from squealstudy.analysis.runs.complex_shares import complex_shares
 from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
 from squealstudy.analysis.runs.levels import last_window, torque_levels
@@ -22,8 +22,9 @@ from squealstudy.analysis.runs.modal_energies import (
     static_energy,
     vibration_energy,
 )
+from squealstudy.analysis.runs.rising_modes import mode_course
 from squealstudy.analysis.runs.transfer import transfer
-from squealstudy.analysis.tables.energy_ranking import SUSTAINED
+from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE, UNDECIDED
 from squealstudy.analysis.transient.mode_planes import DEGENERATE, coordinates
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.reference_modes import projection
@@ -31,9 +32,10 @@ from squealstudy.analysis.transient.settings import TransientResult
 
 HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
 LEAST_ROWS = 10  # of a history that says anything
-FAILED = "failed"
+JUDGED_ROWS = 40  # of one whose modes are watched
+NOISE = 3e-21  # of the work of friction: energy of round-off
+HORIZON = 1e3  # times a duration: what is later is not foreseen
 EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
-STABLE = "stable"
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,9 @@ def summarise(run: ModalRun) -> Summary:
     if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
         return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
     levels, window = run_levels(run)
-    behaviour = _behaviour(run, levels["dominant_frequency_hz"])
+    behaviour = _behaviour(run)
     if run.result.outcome != "ok":
-        behaviour["class"] = FAILED
+        behaviour |= {"class": FAILED, "undecided_until": np.nan}
     growth = growth_rows(run, behaviour["class"], window)
     energies = mode_energies(run.q, run.v, run.omega)
     shares = modal_shares(energies[window], run.energy[window])
@@ -163,8 +165,8 @@ def growth_rows(run: ModalRun, kind: str, window: slice) -> list[dict[str, Any]]
         The rows whose levels are judged.
     """
     rows: list[dict[str, Any]] = []
-    moving = bool(run.energy.max() > NOISE)
-    sustained = kind in SUSTAINED and moving
+    moving = bool(run.energy.max() > round_off(run))
+    sustained = kind in LEVELLED and moving
     shares = level_shares(run, window) if sustained else np.full(len(run.point.modes.lam), np.nan)
     until = np.inf
     for k, lam in enumerate(run.point.modes.lam):
@@ -197,9 +199,9 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     It is where that is sustained and the mode has a twentieth of its energy, and is not where the
     motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
     """
-    if not moving or kind not in (*SUSTAINED, STABLE):
+    if not moving or kind not in (*LEVELLED, STABLE):
         return None
-    return kind in SUSTAINED and share >= EXPRESSED
+    return kind in LEVELLED and share >= EXPRESSED
 
 
 def level_shares(run: ModalRun, window: slice) -> np.ndarray:
@@ -223,7 +225,7 @@ def moving_energy(run: ModalRun) -> np.ndarray:
 
 def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
-    if run.energy.max() <= NOISE:
+    if run.energy.max() <= round_off(run):
         return {}
     if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
         fit = fit_growth(run.time, run.xi(0))
@@ -264,13 +266,15 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _behaviour(run: ModalRun, frequency_hz: float) -> dict[str, Any]:
+def _behaviour(run: ModalRun) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     energy = moving_energy(run)
-    calm, since = settled(run.time, energy, frequency_hz)
+    verdict = run_verdict(run, energy)
+    calm, since = settled(run.time, energy, verdict.name)
     first, last, when = transfer(run.time, run.v**2, run.modes, held_energies(run))
     return {
-        "class": run_class(run, energy, frequency_hz),
+        "class": verdict.name,
+        "undecided_until": verdict.until,
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,
@@ -297,12 +301,41 @@ def held_energies(run: ModalRun) -> np.ndarray:
     return held
 
 
-def run_class(run: ModalRun, energy: np.ndarray, frequency_hz: float) -> str:
-    """Class of what a run has done, from its `moving_energy`."""
+def round_off(run: ModalRun) -> float:
+    """Energy below which nothing moves, J: of the work of friction, which scales as it does."""
+    return NOISE * abs(run.result.energy.friction)
+
+
+def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
+    """Class of what a run has done, from its `moving_energy`.
+
+    A run that seems to decay is undecided while the motion does not show that all followed modes
+    of which growth is predicted decay too, and where nothing ever moved while growth is predicted.
+    """
     initial = 0.0 if run.continued else float(run.energy[0])
-    modes = run.point.modes
-    driven = modes.n_unstable > 0 or modes.n_above > 0
-    return classify(run.time, energy, initial, frequency_hz, driven=driven)
+    found = classify(run.time, energy, initial, round_off(run))
+    if found.name != STABLE:
+        return found
+    if energy.max() <= round_off(run) and run.point.modes.n_unstable + run.point.modes.n_above:
+        return Verdict(UNDECIDED, np.inf)
+    until = max((_shows_growth(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
+    return Verdict(UNDECIDED, until) if until > 0 else found
+
+
+def _shows_growth(run: ModalRun, k: int) -> float:
+    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
+    rows = len(run.time)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
+    if share > 0 and rate < -error:
+        return 0.0
+    pace = rate if rate > error else float(run.point.modes.lam[k].real)
+    if not (share > 0 and pace > 0):
+        return np.inf
+    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
+    until = float(run.time[-1]) + ahead
+    return until if until <= HORIZON * run.time[-1] else np.inf
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
@@ -328,7 +361,7 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
 
 def _leader(run: ModalRun, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any() or run.energy.max() <= NOISE:
+    if not shares.share.any() or run.energy.max() <= round_off(run):
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.energy_ranking import SUSTAINED
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, unstable_groups
+from squealstudy.analysis.tables.run_classes import LEVELLED
 from squealstudy.errors import ResultsError
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
@@ -103,7 +103,7 @@ def compare(
         rows += [found | row for row in [*instabilities, *_vibration(time, own, instabilities)]]
     table = pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
     table["deviation"] = table["fitted_growth_rate"] / table["growth_rate"] - 1.0
-    told = table["class"].isin([*SUSTAINED, STABLE])
+    told = table["class"].isin([*LEVELLED, STABLE])
     table["expressed"] = table["expressed"].where(told)
     table.attrs = {
         "points": len(joined),
@@ -118,7 +118,7 @@ def _vibration(
 ) -> list[dict[str, object]]:
     """A row for a run whose motion no predicted instability explains, or none."""
     explained = any(row.get("expressed") is True for row in instabilities)
-    unexplained = run["class"] in SUSTAINED and not explained
+    unexplained = run["class"] in LEVELLED and not explained
     unforeseen = run["class"] in OPEN and not instabilities
     if not (unexplained or unforeseen):
         return []

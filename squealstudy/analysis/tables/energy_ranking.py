@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.tables import mode_ranking
+from squealstudy.analysis.tables.run_classes import LASTING
 from squealstudy.errors import ResultsError
 
 CLASS = "class"
-SUSTAINED = ("limit_cycle", "irregular")  # classes of a vibration that has come to its level
-LASTING = (*SUSTAINED, "growing")
 SHARES = ("energy_share", "energy_share_low", "energy_share_high", "energy_mean")
 COLUMNS = (
     {"mode": "int64", "frequency_hz": "f8", "energy_share": "f8", "energy_share_max": "f8"}
@@ -32,7 +31,7 @@ def rank_energy(
     Parameters
     ----------
     points, modes : DataFrame
-        Tables of a transient study. Points that failed or calm down do not count.
+        Tables of a transient study. Points that failed, calm down or are undecided do not count.
     top : int or None
         Rows to keep.
     where : str or None

@@ -39,6 +39,11 @@ class GrowingModes:
     growth_above: float
     frequency_above: float
 
+    @property
+    def n_followed(self) -> int:
+        """Unstable modes among those in `lam`, where they come first."""
+        return min(self.n_unstable, len(self.lam))
+
 
 def growing_modes(
     C: np.ndarray, K: np.ndarray, band_hz: tuple[float, float], tolerance: float

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.pooled import pooled_interval
 from squealstudy.analysis.runs.summary import summarise
+from squealstudy.analysis.tables.run_classes import IRREGULAR, LASTING, UNDECIDED
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
@@ -147,8 +148,9 @@ def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
         for mode in sorted(modes, key=int)
     }
     name, count = Counter(one["class"] for one in found).most_common(1)[0]
-    common = name if 2 * count > len(found) else "irregular"
-    return {**first, "class": common, "values": values, "energy_share": shares}
+    if 2 * count <= len(found):  # starts that all last differ as an irregular motion does
+        name = IRREGULAR if {one["class"] for one in found} <= {*LASTING} else UNDECIDED
+    return {**first, "class": name, "values": values, "energy_share": shares}
 
 
 def _pooled(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.analysis.tables.run_classes import FAILED
 from squealstudy.study.rows import FLAG, HEAD, REAL, TEXT, WHOLE, Fields, head
 
 EMPTY = {TEXT: "", REAL: np.nan, WHOLE: None, FLAG: None}
-FAILED = "failed"
 
 SUMMARY_FIELDS = (
     ("class", TEXT),
+    ("undecided_until", REAL),
     ("n_unstable", WHOLE),
     ("n_unstable_above", WHOLE),
     ("predicted_frequency_hz", REAL),

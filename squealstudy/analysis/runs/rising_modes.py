@@ -1,0 +1,108 @@
+"""How the amplitudes of followed complex modes go on at the end of a run."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from squealstudy.analysis.transient.point import TransientPoint
+
+LINES = 4  # stretches of a window in which the line of a mode is measured
+WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
+
+
+class Followed(Protocol):
+    """A run whose complex modes are followed (`summary.ModalRun`)."""
+
+    @property
+    def point(self) -> TransientPoint:
+        """With the modes and their energies."""
+        ...
+
+    @property
+    def time(self) -> np.ndarray:
+        """S, (rows,)."""
+        ...
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Mechanical energy (rows,), J."""
+        ...
+
+    def xi(self, k: int) -> np.ndarray:
+        """Complex amplitude (rows,) of the followed mode `k`."""
+        ...
+
+
+def hann(rows: int) -> np.ndarray:
+    """Weights (rows,)."""
+    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
+    return weight
+
+
+def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, float]:
+    """How the followed mode `k` goes on through the rows of a window, 16 or more.
+
+    It is seen through its left vector, around its own frequency: there the lines of a limit cycle
+    of another mode are not.
+
+    Returns
+    -------
+    share : float
+        Of all energy over the window, that of the mode in the last of four stretches.
+    rate, error : float
+        Of its amplitude, 1/s, and the standard error.
+    """
+    time, lam = run.time[window], run.point.modes.lam[k]
+    size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
+    rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
+    energy = float(run.point.mode_energy[k] * size[-1] ** 2)
+    return energy / max(float(run.energy[window].mean()), 1e-300), rate, error
+
+
+def expected_rise(run: Followed, window: slice, duration: float) -> float:
+    """Largest energy that a followed complex mode would gain until `duration`, over all energy.
+
+    Its growth over the window, where that is beyond its standard error, is taken to go on.
+
+    Parameters
+    ----------
+    run : Followed
+    window : slice
+        Rows that are judged, 16 or more.
+    duration : float
+        s.
+    """
+    worst = 0.0
+    for k in range(len(run.point.modes.lam)):
+        share, rate, error = mode_course(run, k, window)
+        if rate > error:
+            ahead = np.exp(min(2 * rate * max(duration - run.time[-1], 0.0), 700.0)) - 1
+            worst = max(worst, share * float(ahead))
+    return worst
+
+
+def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> np.ndarray:
+    """RMS of a complex amplitude (rows,) near a frequency, in successive stretches (LINES,).
+
+    Hann-windowed, within `WIDTH` of the frequency on either side of zero.
+    """
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    rows = len(time) // LINES
+    cut = amplitude[len(amplitude) - LINES * rows :].reshape(LINES, rows)
+    weight = hann(rows)
+    power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
+    distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
+    near = distance <= max(WIDTH * frequency_hz, 2.0 / (rows * step))
+    sizes: np.ndarray = np.sqrt(power[:, near].sum(axis=1))
+    return sizes
+
+
+def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
+    """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
+    y = np.log(np.maximum(size, 1e-300))
+    x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
+    rate = float(x @ y / (x @ x))
+    rest = y - y.mean() - rate * x
+    return rate, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))

@@ -1,0 +1,261 @@
+"""Table of truth of the classes of time runs: each run against one ten times longer.
+
+Run:  python studies/benchmarks/class_truth.py [--seed 3] [--share 1.0] [--families belt hoffmann]
+
+Thresholds were tuned on seeds 1 and 2; seed 3 judges. A share of the runs takes that share of the time.
+
+Random designs of the belt, of Hoffmann's oscillator and of the coarse brake in a small basis, on
+both sides of onsets and folds, kicked a little and much, at damping ratios of 1e-5 to 1e-2. Each is
+integrated for ten durations; the first of them is the run that is judged, the whole is the truth.
+`growing` is right where the whole lasts, that is, is no `stable` one. Runs whose whole is undecided
+too have no truth and are told apart, as failed ones are. Prints a confusion table a family and what
+is wrong, and writes class_truth.csv and .parquet to the current directory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # one thread a worker
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+
+from squealstudy.analysis.runs.summary import (  # noqa: E402
+    ModalRun,
+    moving_energy,
+    run_verdict,
+)
+from squealstudy.analysis.tables.run_classes import (  # noqa: E402
+    FAILED,
+    GROWING,
+    LASTING,
+    UNDECIDED,
+)
+from squealstudy.study.definition import parse_study  # noqa: E402
+from squealstudy.study.plan import Plan  # noqa: E402
+from squealstudy.study.runner import build_structures, kind_of  # noqa: E402
+from squealstudy.study.tasks import PointTask  # noqa: E402
+from squealstudy.study.transient.basis import full_choice  # noqa: E402
+from squealstudy.study.transient.batch import batch_task, reference_of  # noqa: E402
+from squealstudy.study.transient.modal_runs import modal_runs  # noqa: E402
+from squealstudy.study.transient.ready import Ready, set_up  # noqa: E402
+from squealstudy.study.working_points import NewGaps  # noqa: E402
+
+LONGER = 10  # times, the run that is the truth
+BATCH = 8
+STUDY = """
+[study]
+name = "{name}"
+kind = "transient"
+[model]
+{model}
+{sweeps}
+[design]
+type = "zip"
+[modes]
+band = {band}
+[transient]
+duration = {duration}
+step = {step}
+perturbation = {kick}
+save_every = 0
+{more}
+"""
+SWEEP = """
+[[sweep]]
+parameter = "{name}"
+values = {values}
+"""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Random designs of one model.
+
+    Attributes
+    ----------
+    kicks : tuple of float
+        m/s; as many runs of each.
+    duration : float
+        Of the runs that are judged, s.
+    count : int
+        Runs in all.
+    """
+
+    name: str
+    model: str
+    band: str
+    kicks: tuple[float, ...]
+    duration: float
+    step: float
+    count: int
+    more: str = ""
+
+    def designs(self, rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
+        """Values (count,) of each parameter."""
+        zeta = 10 ** rng.uniform(-5, -2, count)
+        if self.name == "belt":  # stable above `onset`; folds lie up to twice as high
+            onset = 0.5 * np.log(0.5 / zeta)
+            near, slow = onset * rng.uniform(0.7, 2.2, count), rng.uniform(0.3, 2.0, count)
+            speed = np.where(rng.random(count) < 0.75, near, slow)
+            return {"damping_ratio": zeta, "sliding_speed": speed}
+        if self.name == "hoffmann":  # flutter above 0.75; falling friction makes it subcritical
+            return {
+                "damping_ratio": zeta,
+                "friction": rng.uniform(0.5, 1.0, count),
+                "sliding_speed": rng.uniform(0.05, 0.4, count),
+                "friction_law.static_ratio": np.where(rng.random(count) < 0.5, 1.0, 1.3),
+            }
+        return {
+            "damping_ratio": 10 ** rng.uniform(-5, -2, count),
+            "friction": rng.uniform(0.2, 0.6, count),
+            "caliper.modes[7].frequency_scale": rng.uniform(1.0, 1.8, count),
+        }
+
+
+BELT = Family("belt", 'name = "belt"', "[10.0, 1000.0]", (1e-3, 0.3, 3.0, 8.0), 3.0, 1e-4, 80)
+HOFFMANN = Family(
+    "hoffmann", 'name = "hoffmann"', "[10.0, 1000.0]", (1e-3, 3e-2, 0.3, 2.0), 3.0, 1e-4, 80
+)
+BRAKE = Family(
+    "brake",
+    'name = "disc_brake"\nmesh = "coarse"\ncontact_points = 2\n[parameters]\n'
+    "stiffness_damping = 1.5e-7",
+    "[500.0, 8000.0]",
+    (1e-2, 0.1, 0.5, 1.0),
+    0.15,
+    2e-6,
+    40,
+    "modes_below = 6e3\npod_vectors = 30\npod_step = 2e-6\npod_duration = 0.02",
+)
+FAMILIES = {f.name: f for f in (BELT, HOFFMANN, BRAKE)}
+
+
+def plans(family: Family, seed: int, share: float = 1.0) -> Iterator[Plan]:
+    """One study a kick, each run `LONGER` times its duration."""
+    rng = np.random.default_rng([seed, list(FAMILIES).index(family.name)])
+    count = max(1, round(share * family.count / len(family.kicks)))
+    for kick in family.kicks:
+        designs = family.designs(rng, count)
+        yield Plan(
+            parse_study(
+                STUDY.format(
+                    name=family.name,
+                    model=family.model,
+                    sweeps="".join(
+                        SWEEP.format(name=n, values=v.tolist()) for n, v in designs.items()
+                    ),
+                    band=family.band,
+                    duration=LONGER * family.duration,
+                    step=family.step,
+                    kick=kick,
+                    more=family.more,
+                ),
+                Path("class_truth.py"),
+            )
+        )
+
+
+def long_runs(plan: Plan) -> Iterator[tuple[PointTask, ModalRun]]:
+    """Task and motion of each point that has a steady sliding state."""
+    build_structures(plan, 1, _quiet)
+    kind_of(plan).prepare(plan, _quiet, 1)
+    tasks = plan.tasks
+    for first in range(0, len(tasks), BATCH):
+        part = tuple(tasks[first : first + BATCH])
+        task = batch_task(plan, Path(), part, full_choice(plan, part[0].prepared_key))
+        reference = reference_of(task)
+        found = [set_up(task, reference, point, NewGaps()) for point in part]
+        ready = [one for one in found if isinstance(one, Ready)]
+        for one, done in zip(ready, modal_runs(task, reference, ready), strict=True):
+            yield one.task, done.run
+
+
+def _quiet(stage: str, done: int, total: int) -> None:
+    """Nobody is told of progress."""
+
+
+def shortened(run: ModalRun) -> ModalRun:
+    """The first of `LONGER` equal parts of a run."""
+    rows = (len(run.time) - 1) // LONGER + 1
+    history = {name: values[:rows] for name, values in run.result.history.items()}
+    result = replace(run.result, history=history, time=float(history["time"][-1]))
+    parts = {n: getattr(run, n)[:rows] for n in ("q", "v", "growth_q", "growth_v")}
+    return replace(run, result=result, **parts)
+
+
+def judged(family: Family, seed: int, share: float = 1.0) -> pd.DataFrame:
+    """A row a run: its design, its class and that of the run `LONGER` times as long."""
+    rows = []
+    for plan in plans(family, seed, share):
+        kick = plan.study.definition.transient.perturbation
+        swept = [s.parameter for s in plan.study.definition.sweep]
+        for task, run in long_runs(plan):
+            found, truth = (_verdict(one) for one in (shortened(run), run))
+            values = task.design.values  # noqa: PD011 - of a Design
+            design = {n: v for n, v in values.items() if n in swept}
+            head = {"family": family.name, "kick": kick} | design
+            rows.append(
+                head
+                | {"class": found[0], "undecided_until": found[1], "truth": truth[0]}
+                | {"right": is_right(found[0], truth[0]), "n_unstable": run.point.modes.n_unstable}
+            )
+    return pd.DataFrame(rows)
+
+
+def _verdict(run: ModalRun) -> tuple[str, float]:
+    if run.result.outcome != "ok":
+        return FAILED, np.nan
+    found = run_verdict(run, moving_energy(run))
+    return found.name, found.until
+
+
+def is_right(name: str, truth: str) -> bool:
+    """Whether a class agrees with that of the longer run; `growing` says that vibration lasts."""
+    return name == truth or (name == GROWING and truth in LASTING)
+
+
+def report(table: pd.DataFrame) -> str:
+    """Confusion table and counts of the runs of one family, or of all."""
+    known = table[~table["truth"].isin([UNDECIDED, FAILED])]
+    decided = known[known["class"] != UNDECIDED]
+    wrong = decided[~decided["right"]]
+    open_ = len(known) - len(decided)
+    lines = [pd.crosstab(table["class"], table["truth"]).to_string()]
+    lines.append(
+        f"{len(table)} runs, {len(known)} with a truth: {len(decided)} decided, {len(wrong)} of "
+        f"them wrong; {open_} undecided ({100 * open_ / max(len(known), 1):.1f} %)"
+    )
+    apart = table[table["truth"] == UNDECIDED]
+    early = int((apart["class"] != UNDECIDED).sum())
+    lines.append(
+        f"apart: {len(apart)} undecided when {LONGER} times longer ({early} of them decided "
+        f"before), {int((table['truth'] == FAILED).sum())} failed"
+    )
+    return "\n".join([*lines, *([wrong.to_string()] if len(wrong) else [])])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--share", type=float, default=1.0, help="of the runs")
+    parser.add_argument("--families", nargs="+", choices=list(FAMILIES), default=list(FAMILIES))
+    options = parser.parse_args()
+    tables = []
+    for name in options.families:
+        tables.append(judged(FAMILIES[name], options.seed, options.share))
+        print(f"\n{name}\n{report(tables[-1])}", flush=True)
+    table = pd.concat(tables, ignore_index=True)
+    print(f"\nall\n{report(table)}")
+    table.to_csv("class_truth.csv", index=False)
+    table.to_parquet("class_truth.parquet", index=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""Classes of runs of small models: alike for alike motion, and true against longer runs."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from squealstudy.cli import screen, transient_screen
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
+
+BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
+BELT = """
+[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[parameters]
+damping_ratio = {damping}
+[[sweep]]
+parameter = "sliding_speed"
+values = {speeds}
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = {duration}
+step = 5e-5
+perturbation = {kick}
+save_every = 0
+{more}
+"""
+
+
+def results_of(
+    directory: Path,
+    speeds: list[float],
+    *,
+    damping: float = 0.05,
+    duration: float = 1.0,
+    kick: float = 4.0,
+    more: str = "",
+) -> Results:
+    text = BELT.format(speeds=speeds, damping=damping, duration=duration, kick=kick, more=more)
+    run_study(Plan(parse_study(text, Path("study.toml"))), directory, jobs=1)
+    return Results.open(directory)
+
+
+@pytest.fixture(scope="module")
+def kicked(tmp_path_factory) -> Results:
+    """Stick-slip on both sides of the onset (1.1513 m/s) up to its fold, and rest."""
+    return results_of(tmp_path_factory.mktemp("classes") / "belt", [1.15, 1.16, 1.6, 2.2])
+
+
+def test_the_same_stick_slip_has_one_class_on_both_sides_of_the_onset(kicked):
+    points = kicked.points.set_index("sliding_speed")
+    assert points["n_unstable"].tolist() == [1, 0, 0, 0]
+    assert points["class"].tolist() == ["limit_cycle"] * 3 + ["stable"]
+    assert points["settled"].all()
+    assert points["undecided_until"].isna().all()
+    assert points["torque_rms"][1.16] == pytest.approx(points["torque_rms"][1.15], rel=0.01)
+    ranked = kicked.rank()
+    assert ranked["points"].tolist() == [3] * len(ranked)
+
+
+def test_a_subcritical_cycle_ends_a_run_that_may_stop(tmp_path, kicked):
+    more = 'stop = "settled"\nsettle_tolerance = 0.05\n'
+    points = results_of(tmp_path / "belt", [1.15, 1.16, 1.6, 2.2], duration=2.0, more=more).points
+    assert points["stop_reason"].tolist() == ["settled"] * 3 + ["decayed"]
+    assert points["class"].tolist() == kicked.points["class"].tolist()
+    np.testing.assert_allclose(points["torque_rms"][:3], kicked.points["torque_rms"][:3], rtol=0.02)
+
+
+def test_a_light_decay_is_undecided_until_the_duration_that_it_names(tmp_path):
+    """Damping 1e-5 far above the onset: a hundred periods fall by 0.6 %."""
+    light = {"damping": 1e-5, "kick": 1e-3}
+    points = results_of(tmp_path / "short", [12.0], more='stop = "settled"', **light).points
+    row = points.iloc[0]
+    assert (row["class"], row["stop_reason"]) == ("undecided", "end")
+    assert not row["settled"]
+    assert 2.0 < row["undecided_until"] < 10.0
+    longer = results_of(tmp_path / "long", [12.0], duration=row["undecided_until"], **light)
+    assert longer.points["class"].tolist() == ["stable"]
+
+
+def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):
+    results = results_of(tmp_path / "belt", [1.0, 12.0], damping=1e-5, kick=1e-3)
+    assert sorted(results.points["class"]) == ["limit_cycle", "undecided"]
+    assert (results.rank()["points"] == 1).all()
+    console = Console(width=200, record=True, file=StringIO())
+    monkeypatch.setattr(screen, "console", console)
+    transient_screen.points(results.points, results.parameters)
+    printed = " ".join(console.export_text().split())
+    until = results.points["undecided_until"].max()
+    assert "1 of 2 runs are too short to tell rest from vibration" in printed
+    assert f"a duration of about {until:.2g} s would decide them" in printed
+
+
+def test_rest_on_an_unstable_equilibrium_is_undecided(tmp_path):
+    """Nothing moves at either speed; at one of them anything would grow."""
+    points = results_of(tmp_path / "belt", [1.0, 1.3], duration=0.1, kick=0.0).points
+    assert points["class"].tolist() == ["undecided", "stable"]
+    assert points["undecided_until"].tolist()[0] == np.inf
+
+
+def test_the_scale_of_mass_does_not_matter(tmp_path):
+    """The energy below which nothing moves follows the work of friction."""
+    text = BELT.format(speeds=[1.0, 1.3], damping=0.05, duration=0.5, kick=1e-3, more="")
+    mass, stiffness, force = 1e-9, 1e-9 * (200 * np.pi) ** 2, 1e-9 * 200 * np.pi
+    structure = f"mass = {mass}\nstiffness = {stiffness}\nnormal_force = {force}\n"
+    found = []
+    for name, more in (("one", ""), ("other", structure + "contact_stiffness = 0.1\n")):
+        plan = Plan(parse_study(text.replace("[[sweep]]", more + "[[sweep]]"), Path("study.toml")))
+        run_study(plan, tmp_path / name, jobs=1)
+        found.append(Results.open(tmp_path / name).points)
+    assert found[0]["class"].tolist() == found[1]["class"].tolist()
+    np.testing.assert_allclose(found[1]["growth_rate"], found[0]["growth_rate"], rtol=1e-4)
+
+
+def benchmark() -> ModuleType:
+    """The table of truth as a module."""
+    path = BENCHMARKS / "class_truth.py"
+    spec = importlib.util.spec_from_file_location("class_truth", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["class_truth"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_classes_are_those_of_runs_ten_times_longer():
+    """Twenty runs of the table of truth, at longer steps."""
+    truth = benchmark()
+    families = (
+        replace(truth.BELT, kicks=(1e-3, 8.0), count=12, duration=0.8, step=1e-4),
+        replace(truth.HOFFMANN, kicks=(3e-2,), count=8, duration=0.7, step=1e-4),
+    )
+    for family in families:
+        table = truth.judged(family, seed=5)
+        known = table[~table["truth"].isin(["undecided", "failed"])]
+        decided = known[known["class"] != "undecided"]
+        assert decided["right"].all(), truth.report(table)
+        assert len(decided) >= 0.7 * len(known)
