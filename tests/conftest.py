@@ -105,16 +105,8 @@ def shared(name: str, make: Callable[[], Any]) -> Any:
         return pickle.loads(path.read_bytes())
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Tests that share a fixture of their module run in one process.
-
-    Full-size validation runs only where it is asked for: ``pytest -m full_size``.
-    """
-    for item in items:
-        found = item._fixtureinfo.name2fixturedefs.values()
-        if any(fixture.scope == "module" for same in found for fixture in same):
-            item.add_marker(pytest.mark.xdist_group(item.module.__name__))
+    """Full-size validation runs only where it is asked for: ``pytest -m full_size``."""
     if config.option.markexpr:
         return
     slow = [item for item in items if item.get_closest_marker("full_size")]
