@@ -1,14 +1,27 @@
-"""Fixtures: one coarse brake for the whole session, and how models are built."""
+"""Fixtures: one coarse brake and one cache for all processes of a session; how models are built.
+
+The whole suite runs on up to four processes (`pytest_xdist_auto_num_workers`); named files or tests
+run in one.
+"""
 
 from __future__ import annotations
 
 import os
+import pickle
+import shutil
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
+import code_paths
 import hypothesis
 import pytest
 import threadpoolctl
 
+from squealstudy.analysis.transient.warmup import alone, warm_kernels
+from squealstudy.kernels.jit import compiled_directory
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
@@ -37,13 +50,59 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("repeatable")
 
 
+MOST_WORKERS = 4
+CACHE = "SQUEALSTUDY_CACHE"
+COMPILED = "NUMBA_CACHE_DIR"
+SHARED = "SQUEALSTUDY_TESTS_SHARED"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_xdist_auto_num_workers(config):
+    """None for what is named on the command line: starting them takes longer than most tests."""
+    processors = yield
+    return min(processors, MOST_WORKERS) if config.args == config.getini("testpaths") else 0
+
+
+def is_worker(config) -> bool:
+    return hasattr(config, "workerinput")
+
+
+def pytest_configure(config):
+    """What all processes share: reductions out of the user's cache, kernels compiled in it.
+
+    Kernels are named by a hash of their sources: what an earlier session or study compiled serves.
+    Workers inherit the environment.
+    """
+    absent = code_paths.missing()
+    if absent:
+        raise pytest.UsageError(f"code paths asked for and not in effect: {', '.join(absent)}")
+    if is_worker(config):
+        return
+    shared = tempfile.mkdtemp(prefix="squealstudy-tests-")
+    os.environ.setdefault(COMPILED, str(compiled_directory()))
+    os.environ.setdefault(CACHE, str(Path(shared) / "cache"))
+    os.environ[SHARED] = shared
+
+
+def pytest_unconfigure(config):
+    if not is_worker(config) and SHARED in os.environ:
+        shutil.rmtree(os.environ[SHARED], ignore_errors=True)
+
+
 @pytest.fixture(scope="session", autouse=True)
-def cache_of_the_session(tmp_path_factory):
-    """Reductions of the tests stay out of the user's cache."""
-    with pytest.MonkeyPatch.context() as patch:
-        if "SQUEALSTUDY_CACHE" not in os.environ:
-            patch.setenv("SQUEALSTUDY_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
+def compiled_kernels(request):
+    """One worker compiles the kernels, the others wait and load them."""
+    if is_worker(request.config):
+        warm_kernels()
+
+
+def shared(name: str, make: Callable[[], Any]) -> Any:
+    """What the first process of the session to ask for it has made."""
+    path = Path(os.environ[SHARED]) / f"{name}.pickle"
+    with alone():
+        if not path.exists():
+            path.write_bytes(pickle.dumps(make()))
+        return pickle.loads(path.read_bytes())
 
 
 def pytest_collection_modifyitems(config, items):
@@ -55,6 +114,8 @@ def pytest_collection_modifyitems(config, items):
     items[:] = [item for item in items if item not in slow]
 
 
+DATA = "SQUEALSTUDY_DATA"
+M0 = Path(os.environ.get(DATA) or Path(__file__).resolve().parents[2] / "shared" / "data") / "m0"
 TOP = 8e3  # Hz, top of the band of the reduced brake; cutoffs beyond it as studies have them
 CUTOFF = 1.5 * TOP
 LOAD_CUTOFF = 1.125 * TOP
@@ -95,18 +156,30 @@ def reduce_brake(brake) -> tuple[ReducedModel, Basis]:
 
 
 @pytest.fixture(scope="session")
+def m0_files() -> Path:
+    """The folder of the brake M0, which a clone does not hold."""
+    if not M0.is_dir():
+        pytest.skip(f"M0 IS NOT CHECKED: its matrices are not at {M0}")
+    return M0
+
+
+@pytest.fixture(scope="session")
 def brake() -> Brake:
-    return prepare_brake("coarse")
+    return shared("brake", lambda: prepare_brake("coarse"))
 
 
 @pytest.fixture(scope="session")
 def reduced(brake) -> tuple[ReducedModel, Basis]:
-    return reduce_brake(brake)
+    return shared("reduced", lambda: reduce_brake(brake))
 
 
 @pytest.fixture(scope="session")
 def prepared() -> PreparedModel:
     """The coarse brake up to 4 kHz, trained at both ends of 2 to 40 bar: small and fast."""
+    return shared("prepared", prepare_small)
+
+
+def prepare_small() -> PreparedModel:
     assembly = build_model("disc_brake", {"mesh": "coarse"})
     ends = [replace(NOMINAL, pressure=p) for p in (2e5, 40e5)]
     return prepare(assembly, NOMINAL, BasisSettings(6e3, 6e3, 4.5e3), ends)

@@ -26,7 +26,6 @@ from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
-M0 = Path(__file__).resolve().parents[2] / "shared" / "data" / "m0"
 W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
 MU_C = abs(W1**2 - W2**2) / (2 * W1 * W2)
 LOW, HIGH = 2 * np.pi, 40 * np.pi
@@ -221,11 +220,10 @@ def test_two_sided_basis_converges_twice_as_fast_as_its_singular_values():
         two_sided_basis(problem, modes, 1000)
 
 
-def test_two_sided_basis_of_m0_between_its_speeds():
+def test_two_sided_basis_of_m0_between_its_speeds(m0_files, monkeypatch):
     """40 vectors of three speeds, worst root of the published region at a speed between."""
-    if not M0.is_dir():
-        pytest.skip(f"M0 IS NOT CHECKED: its matrices are not at {M0}")
-    study = load_study(STUDIES / "m0_speed.toml")
+    monkeypatch.setenv("SQUEALSTUDY_DATA", str(m0_files.parent))
+    study = load_study(STUDIES / "outside_data" / "m0_speed.toml")
     made = read_family(study.model, SourceText(study.path, study.text))
 
     def speed(t):

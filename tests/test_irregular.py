@@ -19,15 +19,15 @@ from squealstudy.study.runner import run_study
 STUDIES = Path(__file__).parents[1] / "studies"
 NEIGHBOURS = """
 [[sweep]]
-parameter = "pressure"
-start = 4e5
-stop = 4.00004e5
-num = 12
+parameter = "damping_ratio"
+start = 0.005
+stop = 0.00500005
+num = 24
 """
-OTHER_FRICTION = """
+OTHER_BRAKE = """
 [[method]]
-name = "less friction"
-set.parameters.friction = 0.8
+name = "more damping"
+set.parameters.damping_ratio = 0.05
 """
 
 
@@ -79,7 +79,10 @@ def test_starts_that_end_in_cycles_of_their_own_are_within_the_bounds():
 
 
 def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
-    """Runs of a chaotic brake, which pressures that differ by 1e-6 soon tell apart."""
+    """Runs of a chaotic brake, which damping that differs by 1e-6 soon tells apart.
+
+    Which run comes out where is up to round-off: shares of runs are judged, not single ones.
+    """
     text = (STUDIES / "irregular_cycle.toml").read_text()
     text = re.sub(r"duration = \S+", "duration = 0.08", text).replace("= 1e-4", "= 1e-2")
     run_study(Plan(parse_study(text + NEIGHBOURS, STUDIES / "irregular_cycle.toml")), tmp_path, 1)
@@ -88,11 +91,11 @@ def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
         value, low, high = (points[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         mean = value.mean()
         assert value.std() > spread * mean  # apart they are
-        assert ((low <= mean) & (high >= mean)).mean() >= 0.75
-        for first in range(0, 12, 4):
-            part = slice(first, first + 4)
-            _, least, most = pooled_interval(value[part], low[part], high[part])
-            assert least <= mean <= most
+        assert ((low <= mean) & (high >= mean)).mean() >= 2 / 3  # of 95 %; .9 of 48 runs did
+        parts = [slice(first, first + 4) for first in range(0, 24, 4)]
+        pooled = np.array([pooled_interval(value[p], low[p], high[p]) for p in parts])
+        assert ((pooled[:, 1] <= mean) & (pooled[:, 2] >= mean)).sum() >= 4  # of 6
+        assert (pooled[:, 2] - pooled[:, 1]).mean() < 0.5 * mean  # and they say something
 
 
 def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
@@ -100,10 +103,10 @@ def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
     text = re.sub(r'base = "', f'base = "{STUDIES}/', text)
     text = text.replace(
         "[work_precision.set]", "[work_precision.set]\ntransient.duration = 0.06"
-    ).replace("starts = 4", "starts = 3")
+    ).replace("starts = 4", "starts = 8")
     text = text.replace("step = 5e-7", "step = 2e-6").replace("[5e-7, 1e-6]", "[2e-6]")
     text = re.sub(r"values = \[1e-6, 2e-6.*\]", "values = [1e-6]", text)
-    text = text.partition('[[method]]\nname = "LSODA')[0] + OTHER_FRICTION
+    text = text.partition('[[method]]\nname = "LSODA')[0] + OTHER_BRAKE
     path = tmp_path / "irregular.toml"
     path.write_text(text)
     ran = {v.label: v.plan.study.definition.transient for v in make_variants(load_any(path))}
@@ -111,10 +114,11 @@ def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
     assert ran["exponential, step 1e-06"].integrator == "exponential"
     run_experiment(load_any(path), tmp_path / "out", 1)
     table = squealstudy.open_results(tmp_path / "out").measurements.set_index("method")
-    for method in ("Newmark", "exponential", "central difference"):
-        assert table.loc[method, "within_torque_rms"]
-        assert table.loc[method, "within_torque_mean"]
-        assert 0.01 < table.loc[method, "chance_torque_rms"] < 0.3
-    other = table.loc["less friction"]
-    assert not other["within_torque_rms"]
-    assert other["error_torque_rms"] > other["chance_torque_rms"] > 0
+    for name in ("torque_rms", "torque_mean"):
+        error, chance = table[f"error_{name}"], table[f"chance_{name}"]
+        assert chance.between(0.01, 0.25).all()
+        for method in ("Newmark", "exponential", "central difference"):
+            assert error[method] <= 2 * chance[method], method  # of 95 %: twice is 1 in 1000
+            assert table.loc[method, f"within_{name}"] == (error[method] <= chance[method])
+        assert error["more damping"] > 2 * chance["more damping"]
+        assert not table.loc["more damping", f"within_{name}"]

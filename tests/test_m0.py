@@ -17,8 +17,7 @@ from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 
-STUDY = Path(__file__).resolve().parents[1] / "studies" / "m0_speed.toml"
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "m0"
+STUDY = Path(__file__).resolve().parents[1] / "studies" / "outside_data" / "m0_speed.toml"
 FILES = {
     "M": "BMLL00",
     "D1": "BDLL00",
@@ -48,17 +47,11 @@ AT_4PI = [
 AT_2PI_WITHOUT_D4 = [(-8.834e-4 + 5131j, 1e-7, 1), (-2.462 + 3338j, 1e-3, 1)]
 
 
-def skip_without_data():
-    if not DATA.is_dir():
-        pytest.skip(f"M0 IS NOT CHECKED: its matrices are not at {DATA}")
-
-
 @pytest.fixture(scope="module")
-def m0():
-    skip_without_data()
+def m0(m0_files):
     matrices = {}
     for name, stem in FILES.items():
-        content = scipy.io.loadmat(DATA / f"{stem}.mat")
+        content = scipy.io.loadmat(m0_files / f"{stem}.mat")
         (value,) = (v for k, v in content.items() if not k.startswith("__"))
         matrices[name] = sp.csr_matrix(value, dtype=float)
     assert matrices["M"].shape == (4669, 4669)
@@ -94,10 +87,9 @@ def test_published_roots_of_the_second_convention(m0):
     assert_printed(lam, AT_2PI_WITHOUT_D4)
 
 
-def test_published_roots_come_out_of_the_study_file(tmp_path, monkeypatch):
+def test_published_roots_come_out_of_the_study_file(m0_files, tmp_path, monkeypatch):
     """The shipped study at one speed, 4 pi, the default of its parameter."""
-    skip_without_data()
-    monkeypatch.delenv("SQUEALSTUDY_DATA", raising=False)
+    monkeypatch.setenv("SQUEALSTUDY_DATA", str(m0_files.parent))
     text = STUDY.read_text()
     head, modes = text.partition("[[sweep]]")[0], text[text.index("[modes]") :]
     study = parse_study(head + modes + "reference_points = 0\n", STUDY)

@@ -18,7 +18,9 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
 
-STUDIES = sorted((Path(__file__).parents[1] / "studies").glob("*.toml"))
+SHIPPED = Path(__file__).parents[1] / "studies"
+STUDIES = sorted(SHIPPED.glob("*.toml"))
+OUTSIDE = sorted((SHIPPED / "outside_data").glob("*.toml"))
 
 
 QUICK = (
@@ -55,6 +57,18 @@ def test_file_is_valid_and_named_after_its_study(path: Path) -> None:
     else:
         assert loaded.owner[0] == path.stem
         assert experiment_kind(loaded).runs()
+
+
+@pytest.mark.parametrize("path", OUTSIDE, ids=lambda p: p.stem)
+def test_file_that_needs_outside_data_is_valid(path: Path, m0_files, monkeypatch) -> None:
+    monkeypatch.setenv("SQUEALSTUDY_DATA", str(m0_files.parent))
+    test_file_is_valid_and_named_after_its_study(path)
+
+
+def test_no_other_study_needs_outside_data() -> None:
+    assert {path.stem for path in OUTSIDE} == {"m0_speed", "reanalysis_m0"}
+    for path in STUDIES:
+        assert not {"matrices", "m0"} & set(re.findall(r"\w+", path.read_text())), path
 
 
 def test_hulten_flutter(tmp_path: Path) -> None:

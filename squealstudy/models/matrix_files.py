@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -44,8 +45,11 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
     """
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
+    reader = _reader(path)
     try:
-        found = _reader(path)(path, variable)
+        with warnings.catch_warnings():  # SciPy's of sparse arrays to come: `_checked` takes both
+            warnings.simplefilter("ignore", DeprecationWarning)
+            found = reader(path, variable)
     except UNREADABLE as error:
         raise ModelError(f"{path} cannot be read: {error}") from error
     return _checked(found, path)

@@ -27,7 +27,7 @@ from squealstudy.study.source import SourceText
 from .measure import timed
 from .rungs import Cover, Holds, cover, ritz_hold, values_hold
 
-STUDY = Path(__file__).resolve().parents[2] / "m0_speed.toml"
+STUDY = Path(__file__).resolve().parents[2] / "outside_data" / "m0_speed.toml"
 LOW, HIGH = 2 * np.pi, 40 * np.pi
 REGION_GROWTH, REGION_TOP = -7.0, 4e4  # the published region, 1/s and rad/s
 TRAINED_GROWTH = -12.0  # modes a little below: at another speed they are in the region
