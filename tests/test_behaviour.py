@@ -232,7 +232,7 @@ def test_records_that_cannot_be_judged():
 
 
 def test_windows_hold_five_periods():
-    for periods, count in ((3, 15), (100, 20), (300, 25)):
+    for periods, count in ((3, 7), (100, 20), (300, 25)):
         line = np.cos(2 * np.pi * periods * TIME / TIME[-1])
         found = windows(TIME, 1 + 0.5 * line)
         assert len(found.level) == pytest.approx(count, abs=1)

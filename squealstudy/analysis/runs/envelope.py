@@ -11,6 +11,7 @@ from squealstudy.analysis.runs.levels import LAST, spectrum
 
 WINDOWS = (15, 25)  # of a record, fewest and most
 WINDOW_PERIODS = 5.0  # of the slowest line of the energy in one, where the record has them
+FEWEST = 7  # windows of a record of so few periods that 15 would hold parts of them
 FINE_PERIODS = 3.0  # in one of the shorter windows
 BURST_PERIODS = 10.0  # of the vibration in windows whose scatter tells irregular motion
 SLOWEST = 1e-3  # of the power of what the energy does within windows: what is slower is no line
@@ -82,7 +83,7 @@ def trend(level: np.ndarray) -> tuple[float, float, float]:
 
 
 def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
-    """Levels of 25 windows, or of as few as 15 where those hold five periods each.
+    """Levels of 25 windows, or of as few as 15 where those hold five periods each, 7 if three.
 
     The periods are those of the slowest line of the energy: the loudest line of a torque may be a
     harmonic. The weight within a window is sin^4, so that what it cuts off a period is not seen.
@@ -103,6 +104,8 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
     trend = np.interp(np.arange(rows), middle, np.log(level / level.max()))
     slow, line = _periods(energy / level.max() ** 2 * np.exp(-2 * trend))
     count = int(np.clip(slow / WINDOW_PERIODS, few, min(most, rows)))
+    if line < FINE_PERIODS * count:  # a record of few periods
+        count = max(FEWEST, int(line / FINE_PERIODS))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
     burst = count if np.isnan(line) else max(count, int(0.5 * line / BURST_PERIODS))
     return Windows(
