@@ -2,7 +2,7 @@
 
 Run:  python studies/benchmarks/class_truth.py [--seed 3] [--share 1.0] [--families belt hoffmann]
 
-Thresholds were tuned on seeds 1 and 2; seed 3 judges. A share of the runs takes that share of the time.
+Thresholds were tuned on seeds 1 and 2; seed 3 judges. A share of the runs takes that share of time.
 
 Random designs of the belt, of Hoffmann's oscillator and of the coarse brake in a small basis, on
 both sides of onsets and folds, kicked a little and much, at damping ratios of 1e-5 to 1e-2. Each is

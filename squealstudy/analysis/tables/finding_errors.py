@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from squealstudy.analysis.tables.run_classes import LEVELLED
+from squealstudy.analysis.tables.run_classes import LEVELLED, UNDECIDED
 
 LIGHT = 0.05  # damping ratio of the modes that are judged
 PAIRED = 0.05  # relative distance within which two roots are one mode
@@ -22,6 +22,7 @@ QUIET = 1e-3  # of the static torque: levels below are compared on this scale
 SLOW = 1.0  # 1/s: growth rates below are compared on this scale
 EARLY = 1e-2  # of the searched range: onsets below are compared on this scale
 FAINT = 1e-3  # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
+COMPARED = (*LEVELLED, UNDECIDED)  # classes whose levels over the same time say something
 
 
 class FoundError(NamedTuple):
@@ -136,21 +137,21 @@ def run_errors(
     """Errors of a run; a run that squeals where the reference does not, or conversely, counts.
 
     Lines in the spectrum are compared where both vibrate, levels where the reference has one: a
-    run that still grows, or may still decay, has none.
+    run that still grows has none.
     """
     level = QUIET * abs(truth["torque_static"])
     slow = max(SLOW, FAINT * 2 * np.pi * truth["predicted_frequency_hz"])
     scales = {"growth_rate": slow, "torque_rms": level, "torque_mean": level}
     loud, loud_ref = (_upper(f, "torque_rms") > level for f in (found, truth))
     left_out: tuple[str, ...] = () if loud and loud_ref else ("dominant_frequency",)
-    left_out += () if truth["class"] in LEVELLED else ("torque_rms",)
+    left_out += () if truth["class"] in COMPARED else ("torque_rms",)
     errors = []
     for name, numbers in truth["values"].items():
         if name in left_out:
             continue
         error = _interval_error(name, found["values"][name], numbers, scales.get(name, 0.0))
         errors += [error] if error is not None else []
-    if loud and loud_ref and truth["class"] in LEVELLED:
+    if loud and loud_ref and truth["class"] in COMPARED:
         errors += _share_errors(found["energy_share"], truth["energy_share"])
     return errors, Miscount(int(loud_ref and not loud), int(loud and not loud_ref))
 
