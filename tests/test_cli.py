@@ -127,7 +127,7 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
     monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail_above)
     for _ in range(2):
         assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
-        assert "4 failed (4 not_converged; see message in points)" in capsys.readouterr().out
+        assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out
     results = open_results("results/lockin")
     assert repr(results) == (
         "<Results 'results/lockin': complex_modes of hulten over friction: 13 points, 4 failed>"
