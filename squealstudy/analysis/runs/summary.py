@@ -313,13 +313,22 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     of which growth is predicted decay too, and where nothing ever moved while growth is predicted.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
-    found = classify(run.time, energy, initial, round_off(run))
+    found = classify(run.time, energy, initial, round_off(run), driven=_driven(run))
     if found.name != STABLE:
         return found
     if energy.max() <= round_off(run) and run.point.modes.n_unstable + run.point.modes.n_above:
         return Verdict(UNDECIDED, np.inf)
     until = max((_shows_growth(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
     return Verdict(UNDECIDED, until) if until > 0 else found
+
+
+def _driven(run: ModalRun) -> bool:
+    """Whether a followed mode of which growth is predicted is in the motion at the end."""
+    rows, unstable = len(run.time), run.point.modes.n_unstable
+    if rows < JUDGED_ROWS or not (unstable and len(run.point.modes.lam)):
+        return False
+    shares = level_shares(run, slice(round(0.6 * rows), None))
+    return bool((shares[:unstable] >= EXPRESSED).any())
 
 
 def _shows_growth(run: ModalRun, k: int) -> float:
