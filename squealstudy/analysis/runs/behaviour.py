@@ -49,6 +49,7 @@ CLEAR = 5.0  # times the drift that is left
 LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
 CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
 STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
+SLOWED = 0.5  # of its pace before, for what is left of the way from growth to a cycle
 VANISHED = 1e-3  # of the transient before: the same
 NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
 LATE = 6  # windows of a plateau in the last fifth
@@ -291,7 +292,8 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
         return True
     if drift <= min(STILL, VANISHED * found.transient):
         return True
-    return found.grew and found.driven and drift <= TREND
+    slows = abs(course.end) <= SLOWED * abs(course.begin)
+    return found.grew and found.driven and slows and drift <= TREND
 
 
 def _vanishes(course: Course) -> bool:
