@@ -40,6 +40,10 @@ from squealstudy.analysis.tables.run_classes import (  # noqa: E402
     LASTING,
     UNDECIDED,
 )
+from squealstudy.models.operating import (  # noqa: E402
+    REGULARISATION_SHARE,
+    REGULARISATION_SPEED,
+)
 from squealstudy.study.definition import parse_study  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.runner import build_structures, kind_of  # noqa: E402
@@ -77,6 +81,11 @@ values = {values}
 """
 
 
+def _sliding(speed: np.ndarray) -> dict[str, np.ndarray]:
+    """Each run regularises friction as a study of its own does, not as the slowest of all."""
+    return {"sliding_speed": speed, REGULARISATION_SPEED.name: REGULARISATION_SHARE * speed}
+
+
 @dataclass(frozen=True)
 class Family:
     """Random designs of one model.
@@ -107,12 +116,12 @@ class Family:
             onset = 0.5 * np.log(0.5 / zeta)
             near, slow = onset * rng.uniform(0.7, 2.2, count), rng.uniform(0.3, 2.0, count)
             speed = np.where(rng.random(count) < 0.75, near, slow)
-            return {"damping_ratio": zeta, "sliding_speed": speed}
+            return {"damping_ratio": zeta, **_sliding(speed)}
         if self.name == "hoffmann":  # flutter above 0.75; falling friction makes it subcritical
             return {
                 "damping_ratio": zeta,
                 "friction": rng.uniform(0.5, 1.0, count),
-                "sliding_speed": rng.uniform(0.05, 0.4, count),
+                **_sliding(rng.uniform(0.05, 0.4, count)),
                 "friction_law.static_ratio": np.where(rng.random(count) < 0.5, 1.0, 1.3),
             }
         return {
