@@ -2,7 +2,7 @@
 
 Run:  python studies/benchmarks/class_truth.py [--jobs 2] [--seed 5] [--share 1.0]
 
-Rules were tuned on seeds 1 and 2, looked at with seed 3, and are judged by seed 5. A share of the
+Rules were tuned on seeds 1 and 2 and looked at with seed 3; seed 5 judges. A share of the
 runs takes that share of the time: all 200 take about 10 CPU-minutes.
 
 Random designs of the belt, of Hoffmann's oscillator and of the coarse brake in a small basis, on
