@@ -213,6 +213,32 @@ def test_bursts_are_irregular(spread):
     assert found["irregular"] + found["undecided"] == 60
 
 
+def test_a_modulation_that_dies_away_is_not_irregular():
+    """A light beat about a cycle that growth has reached: at ten times the length it is gone."""
+    for fall in (1.0, 1.5, 2.5):  # of the logarithm of the modulation, over the record
+        beat = np.exp(1.5 * np.exp(-fall * TIME / TIME[-1]) * np.sin(2 * np.pi * 310 * TIME / 6))
+        assert named(stuart_landau(1e3) * ripple() * beat, 1e-6)[0] in ("undecided", "limit_cycle")
+    beat = np.exp(0.9 * np.sin(2 * np.pi * 310 * TIME / 6))  # lasts
+    assert named(stuart_landau(1e3) * ripple() * beat, 1e-6)[0] == "irregular"
+
+
+def test_a_second_growth_in_the_judged_part_is_not_irregular():
+    """A level that is reached, wavers, and is left for one three times as high."""
+    step = np.sqrt(stuart_landau(1e3)) * (1 + 2 / (1 + np.exp(-(TIME / TIME[-1] - 0.85) / 0.03)))
+    wavers = 1 + 0.2 * np.sin(2 * np.pi * TIME / TIME[-1] * 7)
+    assert named((step * wavers) ** 2 * ripple(), 1e-6)[0] in ("undecided", "growing")
+
+
+def test_predicted_growth_tells_a_cycle_from_a_beat():
+    """Three times what was put in, and still on its way down to a cycle, by 1 % of the level."""
+    energy = (1 - 8 / 9 * np.exp(-300 * TIME) + 0.1 * np.exp(-20 * TIME)) * ripple()
+    assert classify(TIME, energy, 1 / 9, driven=True).name == "limit_cycle"
+    assert classify(TIME, energy, 1 / 9).name == "undecided"
+    slow = 0.02 / TIME[-1]  # where its pace stays, a cycle may lie anywhere below
+    energy = (1 - 8 / 9 * np.exp(-300 * TIME)) * np.exp(-2 * slow * TIME) * ripple()
+    assert classify(TIME, energy, 1 / 9, driven=True).name != "limit_cycle"
+
+
 def test_weak_wandering_is_a_limit_cycle():
     found = 0
     for seed in range(60):

@@ -49,11 +49,12 @@ CLEAR = 5.0  # times the drift that is left
 LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
 CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
 STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
-SATURATED = 0.02  # of the growth before: a rise that is left of it
+SLOWED = 0.5  # of its pace before, for what is left of the way from growth to a cycle
 VANISHED = 1e-3  # of the transient before: the same
 NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
 LATE = 6  # windows of a plateau in the last fifth
 BURSTS = 6  # windows of ten periods in which irregular motion must show
+DYING = 0.7  # times: less scatter in the second half of a level than in the first dies away
 LONGER = 1.25  # times: the least duration that is asked for
 
 
@@ -119,17 +120,22 @@ def _stationary(found: Windows) -> bool:
 
 
 def classify(
-    time: np.ndarray, energy: np.ndarray, initial: float = 0.0, noise: float = 0.0
+    time: np.ndarray,
+    energy: np.ndarray,
+    initial: float = 0.0,
+    noise: float = 0.0,
+    *,
+    driven: bool = False,
 ) -> Verdict:
-    """Class of a finished run, from its motion alone.
+    """Class of a finished run, from its motion.
 
     ``stable``: the level is gone (1e-5 of the largest, or `noise`), below 1 % of the largest and
     still falls, or falls so steadily that a limit cycle under it would lie below a tenth of the
     largest level, by the laws by which cycles are approached. ``limit_cycle``: the level was
     reached by a transient and drifts less than the lightest decay would (a plateau after growth:
     less than 15 %), or all but stops. ``growing``: it rises at a constant pace, or grew and rises
-    still. ``irregular``: levels of ten periods each scatter by more than 10 %, without a trend.
-    ``undecided``: none of these can be told yet.
+    still. ``irregular``: levels of ten periods each scatter by more than 10 %, without a trend, and
+    by no less in the end than before. ``undecided``: none of these can be told yet.
 
     Parameters
     ----------
@@ -139,11 +145,14 @@ def classify(
         Energy that the perturbation put in, J, or zero for the continuation of a motion.
     noise : float
         Energy of round-off, J.
+    driven : bool
+        A mode of which growth is predicted is in the motion at the end: a level twice what was put
+        in was then reached by that growth. Otherwise only one twenty times as high was.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
         return Verdict(UNDECIDED, LONGER * span * WINDOWS[0] / max(len(time) - 1, 1))
-    found = Envelope.of(windows(time, energy), initial)
+    found = Envelope.of(windows(time, energy), initial, driven)
     course = found.windows.course(LAST)
     if found.gone(noise) and not _rises(course):
         return Verdict(STABLE)
@@ -176,6 +185,8 @@ class Envelope:
     transient : float
         By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
         is less than those differ among themselves.
+    driven : bool
+        A mode of which growth is predicted is in the motion at the end.
     """
 
     windows: Windows
@@ -184,15 +195,16 @@ class Envelope:
     reached: bool
     growth: float
     transient: float
+    driven: bool
 
     @property
     def grew(self) -> bool:
         """Whether an instability made the level, not a beat of stable modes."""
-        return self.growth >= GREW
+        return self.growth >= (RISEN if self.driven else GREW)
 
     @staticmethod
-    def of(found: Windows, initial: float) -> Envelope:
-        """From the levels and the energy that was put in [J]."""
+    def of(found: Windows, initial: float, driven: bool) -> Envelope:
+        """From the levels, the energy that was put in [J] and whether an instability drives."""
         fine, level = logarithm(found.fine), logarithm(found.level)
         now = float(level[found.judged :].mean())
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
@@ -201,7 +213,7 @@ class Envelope:
         transient = max(_beyond(level), _beyond(fine))
         ratio = float(np.exp(level[-1] - level.max()))
         reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
-        return Envelope(found, ratio, initial <= 0, reached, growth, transient)
+        return Envelope(found, ratio, initial <= 0, reached, growth, transient, driven)
 
     def gone(self, noise: float) -> bool:
         """Whether the last level is round-off, of the largest or of the system."""
@@ -213,6 +225,16 @@ class Envelope:
         judged = last_part(self.windows.burst, LAST)
         scatter = trend(judged)[2]
         return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
+
+    def lasting_scatter(self) -> bool:
+        """Whether that of the level, once it is reached, has no trend and does not die away."""
+        burst = self.windows.burst
+        judged = last_part(burst, LAST)
+        rise, error, _ = trend(judged)
+        reached = int(np.argmax(burst >= 0.5 * judged.mean()))
+        level = burst[min(reached, len(burst) - len(judged)) :]
+        first, second = (trend(half)[2] for half in np.array_split(level, 2))
+        return abs(rise) <= max(DRIFT, CHANCE * error) and second >= DYING * first
 
     def lightest_fall(self, share: float) -> float:
         """Fall of the logarithm over a share of the record at `LEAST_DAMPING`; NaN if unknown."""
@@ -270,8 +292,8 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
         return True
     if drift <= min(STILL, VANISHED * found.transient):
         return True
-    on = found.grew and course.rise > 0 and course.end >= -course.end_error
-    return on and drift <= min(TREND, SATURATED * found.growth)
+    slows = abs(course.end) <= SLOWED * abs(course.begin)
+    return found.grew and found.driven and slows and drift <= TREND
 
 
 def _vanishes(course: Course) -> bool:
@@ -339,9 +361,11 @@ def _steady(course: Course, ratio: float) -> bool:
 
 def _irregular(found: Envelope, course: Course) -> bool:
     scatter, error, count = found.scatter()
-    steady = abs(course.rise) <= max(course.error, DRIFT)
-    lasts = steady if found.grew else abs(course.rise) + course.error <= found.lightest_fall(LAST)
-    return lasts and count >= BURSTS and scatter - 1.645 * error > SCATTER
+    if count < BURSTS or scatter - 1.645 * error <= SCATTER or not found.lasting_scatter():
+        return False
+    if found.growth >= GREW:
+        return abs(course.rise) <= max(course.error, DRIFT)
+    return abs(course.rise) + course.error <= found.lightest_fall(LAST)
 
 
 def _times_longer(found: Envelope, course: Course) -> float:

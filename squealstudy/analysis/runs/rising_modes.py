@@ -8,6 +8,8 @@ import numpy as np
 
 from squealstudy.analysis.transient.point import TransientPoint
 
+JUDGED_ROWS = 40  # of a history whose modes are watched
+HORIZON = 1e3  # times a duration: what is later is not foreseen
 LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
 
@@ -39,6 +41,22 @@ def hann(rows: int) -> np.ndarray:
     """Weights (rows,)."""
     weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
     return weight
+
+
+def grows_until(run: Followed, k: int) -> float:
+    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
+    rows = len(run.time)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
+    if share > 0 and rate < -error:
+        return 0.0
+    pace = rate if rate > error else float(run.point.modes.lam[k].real)
+    if not (share > 0 and pace > 0):
+        return np.inf
+    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
+    until = float(run.time[-1]) + ahead
+    return until if until <= HORIZON * run.time[-1] else np.inf
 
 
 def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, float]:

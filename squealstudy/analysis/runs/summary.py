@@ -22,7 +22,7 @@ from squealstudy.analysis.runs.modal_energies import (
     static_energy,
     vibration_energy,
 )
-from squealstudy.analysis.runs.rising_modes import mode_course
+from squealstudy.analysis.runs.rising_modes import JUDGED_ROWS, grows_until
 from squealstudy.analysis.runs.transfer import transfer
 from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE, UNDECIDED
 from squealstudy.analysis.transient.mode_planes import DEGENERATE, coordinates
@@ -32,9 +32,7 @@ from squealstudy.analysis.transient.settings import TransientResult
 
 HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
 LEAST_ROWS = 10  # of a history that says anything
-JUDGED_ROWS = 40  # of one whose modes are watched
 NOISE = 3e-21  # of the work of friction: energy of round-off
-HORIZON = 1e3  # times a duration: what is later is not foreseen
 EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
 
 
@@ -313,29 +311,22 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     of which growth is predicted decay too, and where nothing ever moved while growth is predicted.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
-    found = classify(run.time, energy, initial, round_off(run))
+    found = classify(run.time, energy, initial, round_off(run), driven=_driven(run))
     if found.name != STABLE:
         return found
     if energy.max() <= round_off(run) and run.point.modes.n_unstable + run.point.modes.n_above:
         return Verdict(UNDECIDED, np.inf)
-    until = max((_shows_growth(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
+    until = max((grows_until(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
     return Verdict(UNDECIDED, until) if until > 0 else found
 
 
-def _shows_growth(run: ModalRun, k: int) -> float:
-    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
-    rows = len(run.time)
-    if rows < JUDGED_ROWS:
-        return np.inf
-    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
-    if share > 0 and rate < -error:
-        return 0.0
-    pace = rate if rate > error else float(run.point.modes.lam[k].real)
-    if not (share > 0 and pace > 0):
-        return np.inf
-    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
-    until = float(run.time[-1]) + ahead
-    return until if until <= HORIZON * run.time[-1] else np.inf
+def _driven(run: ModalRun) -> bool:
+    """Whether a followed mode of which growth is predicted is in the motion at the end."""
+    rows, unstable = len(run.time), run.point.modes.n_unstable
+    if rows < JUDGED_ROWS or not (unstable and len(run.point.modes.lam)):
+        return False
+    shares = level_shares(run, slice(round(0.6 * rows), None))
+    return bool((shares[:unstable] >= EXPRESSED).any())
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
