@@ -307,16 +307,19 @@ def round_off(run: ModalRun) -> float:
 def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     """Class of what a run has done, from its `moving_energy`.
 
-    A run that seems to decay is undecided while the motion does not show that all followed modes
-    of which growth is predicted decay too, and where nothing ever moved while growth is predicted.
+    A run that seems to decay is undecided while the motion does not show that all modes of which
+    growth is predicted decay too: those that are followed may still be seen to, those that are not
+    (above the band, or too many) and those of a run that nothing moved never.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
     found = classify(run.time, energy, initial, round_off(run), driven=_driven(run))
     if found.name != STABLE:
         return found
-    if energy.max() <= round_off(run) and run.point.modes.n_unstable + run.point.modes.n_above:
+    modes = run.point.modes
+    unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
+    if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
         return Verdict(UNDECIDED, np.inf)
-    until = max((grows_until(run, k) for k in range(run.point.modes.n_followed)), default=0.0)
+    until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
     return Verdict(UNDECIDED, until) if until > 0 else found
 
 
