@@ -185,7 +185,7 @@ SOFT = f'"{NAME}" = 0.02'  # of a slope that errs
 @pytest.fixture(scope="module")
 def cycles(tmp_path_factory):
     """Stick-slip at 0.9 m/s, grown from steady sliding, and a point that stays silent."""
-    return solved(plan_of([0.9, 1.9], SOFT, 0.4, 1.0), tmp_path_factory.mktemp("slope") / "belt")
+    return solved(plan_of([0.9, 1.9], SOFT, 1.0, 1.0), tmp_path_factory.mktemp("slope") / "belt")
 
 
 def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
@@ -195,7 +195,7 @@ def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
     assert points["sliding_speed"][pilot["point_id"]] == 0.9
     told = pilot["errors"]["torque_rms"]
     assert told["value"] == points["torque_rms"][pilot["point_id"]]
-    far = solved(plan_of([0.9], f'"{NAME}" = 5e-4', 0.4, 1.0, NEVER), tmp_path / "far").points
+    far = solved(plan_of([0.9], f'"{NAME}" = 5e-4', 1.0, 1.0, NEVER), tmp_path / "far").points
     true = abs(told["value"] / float(far["torque_rms"].iloc[0]) - 1)
     assert true > 0.02
     assert 0.5 * true < told["error"] < 1.5 * true
@@ -203,7 +203,7 @@ def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
 
 def test_the_pilot_is_not_part_of_a_point(cycles, tmp_path):
     """Switched off it says so, and the points are the same ones."""
-    again = plan_of([0.9, 1.9], SOFT, 0.4, 1.0, NEVER)
+    again = plan_of([0.9, 1.9], SOFT, 1.0, 1.0, NEVER)
     report = run_study(again, cycles.directory, jobs=1)
     assert report.n_reused == 2
     assert report.manifest["regularisation"]["pilot"]["status"] == "skipped"
