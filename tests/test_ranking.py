@@ -12,7 +12,7 @@ from squealstudy.analysis.tables.mode_ranking import (
     rank_modes,
     selection,
 )
-from squealstudy.cli import screen
+from squealstudy.cli import mode_screen
 from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"
@@ -315,7 +315,9 @@ def test_unknown_orders_and_parameters():
 def screen_of(capsys, points, modes, where=None, failed=0, along="friction"):
     table = rank_modes(points, modes, along, where=where)
     counted = int(selection(points, modes, point_codes(points, modes), where)[0].sum())
-    screen.ranking(table, along, "", screen.Scope(counted, failed, False, where is not None))
+    mode_screen.ranking(
+        table, along, "", mode_screen.Scope(counted, failed, False, where is not None)
+    )
     return " ".join(capsys.readouterr().out.split())
 
 
