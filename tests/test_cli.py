@@ -233,7 +233,7 @@ def test_check_counts_and_estimates(study, monkeypatch, capsys, tmp_path):
     assert command(monkeypatch, "check", "study.toml") == 0
     screen = capsys.readouterr().out
     assert "13 points" in screen
-    assert "s a point" in screen
+    assert "an exact point takes" in screen
     assert not (tmp_path / "results").exists()
 
 

@@ -258,8 +258,13 @@ def write_results(directory, kind, points, modes, growth=None, model="disc_brake
     pq.write_table(onsets_arrow(None), directory / "onsets.parquet")
     if growth is not None:
         growth.to_parquet(directory / "growth.parquet")
-    content = {"name": directory.name, "kind": kind, "model": model, "status": "finished"}
-    content |= {"sweeps": []} | manifest
+    content = {
+        "name": "n",
+        "kind": kind,
+        "model": model,
+        "status": "finished",
+        "sweeps": [],
+    } | manifest
     (directory / "manifest.json").write_text(json.dumps(content))
     return directory
 

@@ -12,7 +12,7 @@ from squealstudy.analysis.runs.transfer import transfer
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.mode_planes import coordinates, mode_planes
 from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.settings import TransientResult
+from squealstudy.analysis.transient.settings import EnergyBalance, TransientResult
 
 TIME = np.arange(0.0, 0.1, 2e-5)
 OMEGA = 2 * np.pi * np.array([1000.0, 1010.0, 1700.0])
@@ -101,7 +101,22 @@ def recorded(q, v, n_unstable=2, lam=LAM, right=RIGHT):
     growth = np.zeros_like(rows)
     point = TransientPoint(None, modes, growth, np.ones(len(lam)), 1.0, rows, overlap)
     result = TransientResult(
-        "ok", "", TIME[-1], q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, None, 1
+        "ok",
+        "",
+        TIME[-1],
+        q[-1],
+        v[-1],
+        history,
+        q,
+        v,
+        q[:0],
+        1.0,
+        1,
+        0,
+        0,
+        0.0,
+        EnergyBalance(*6 * [0.0]),
+        1,
     )
     sensors = point.sensor_rows.T
     return ModalRun(result, point, np.arange(3) + 1, OMEGA, q, v, q @ sensors, v @ sensors)

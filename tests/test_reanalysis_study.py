@@ -256,7 +256,7 @@ def test_without_a_basis_auto_solves_all_points_exactly(tmp_path, monkeypatch):
     def windows_anyway(study, *_):
         return Method("windows", study.definition.modes.tolerance, "for the test")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", refuse)
+    monkeypatch.setattr("squealstudy.study.complex_modes.bases.make_basis", refuse)
     monkeypatch.setattr("squealstudy.study.method._cheapest", windows_anyway)
     text = HULTEN.replace("num = 41", "num = 17") + "tolerance = 3.7e-5\n"  # a box of its own
     results = run(text, tmp_path)
@@ -327,7 +327,7 @@ def test_a_box_without_a_basis_names_the_way_out(tmp_path, monkeypatch):
     def fail(*arguments):
         raise ConvergenceError("working_point", "most of the box has no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", fail)
+    monkeypatch.setattr("squealstudy.study.complex_modes.bases.make_basis", fail)
     with pytest.raises(StudyFileError, match=r"key 'modes.method': no sweep basis .*dense"):
         run(HULTEN + 'method = "windows"\n', tmp_path)
 
@@ -344,7 +344,9 @@ def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     (task,) = basis_tasks(plan)
     unbuilt = replace(task, key="0" * 16)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("squealstudy.study.complex_modes.kind.basis_tasks", lambda _: [unbuilt])
+        patch.setattr(
+            "squealstudy.study.complex_modes.window_tasks.basis_tasks", lambda _: [unbuilt]
+        )
         ComplexModes().prepare(plan, lambda *_: None, 1)
     assert not unbuilt.path.is_file()
     build_structures(plan, 1, lambda *_: None)

@@ -207,20 +207,24 @@ def test_tables_of_a_study(tmp_path):
 
 
 def test_growth_within_its_error_is_no_instability(tmp_path):
-    """The raw growth rate stays in the table; without an estimate, or beyond the tolerance, its
-    sign counts."""
+    """The raw growth rate stays in the table; without an estimate its sign counts, and beyond the
+    tolerance, where the point is inaccurate and has no count."""
     plan = plan_of(2, 1)
-    modes = modes_of(np.random.default_rng(4), 5)
-    beyond = 2.0 * plan.method.tolerance * np.abs(modes.lam[4])
-    errors = np.array([0.2, 0.05, np.nan, 0.2, beyond])
+    modes, beyond = (modes_of(np.random.default_rng(4), 5) for _ in range(2))
+    errors = np.array([0.2, 0.05, np.nan, 0.2, 0.05])
     object.__setattr__(modes, "error_estimate", errors)
-    modes.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
-    write(tmp_path, plan, {0: modes, 1: modes})
+    errors = errors.copy()
+    errors[4] = 2.0 * plan.method.tolerance * np.abs(beyond.lam[4])
+    object.__setattr__(beyond, "error_estimate", errors)
+    for one in (modes, beyond):
+        one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
+    write(tmp_path, plan, {0: modes, 1: beyond})
     points, _ = build_tables(plan, tmp_path, 1, lambda *_: None)
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["unstable"].tolist() == 2 * [False, True, True, False, True]
     assert table["growth_rate"].tolist() == 2 * [0.1, 0.1, 0.1, -0.1, 0.1]
-    assert points["n_unstable"].tolist() == [3, 3]
+    assert points["status"].tolist() == ["ok", "inaccurate"]
+    assert points["n_unstable"].tolist() == [3, pd.NA]
     ids = {task.point_id for task in plan.tasks}
     counts = read_unstable_counts(tmp_path, ids, 0.0, plan.method.tolerance)
     assert set(counts.values()) == {3}

@@ -236,7 +236,9 @@ def test_a_final_state_goes_on(tmp_path, finished):
     more, all_of_it = Results.open(tmp_path / "more"), Results.open(tmp_path / "whole")
     end = more.history(more.points["point_id"][0])["torque"].to_numpy()
     same = all_of_it.history(all_of_it.points["point_id"][0])["torque"].to_numpy()
-    np.testing.assert_allclose(end, same[-len(end) :], atol=1e-3 * np.ptp(same))
+    # the torque of the first row is that of an instant, of all others a mean over the last step
+    np.testing.assert_allclose(end[1:], same[1 - len(end) :], atol=1e-3 * np.ptp(same))
+    np.testing.assert_allclose(end[0], same[-len(end)], rtol=0.01)
     assert more.points["perturbation"][0] == 0.0
 
 

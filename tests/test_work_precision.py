@@ -395,7 +395,7 @@ def test_onset_of_hulten_by_each_method(onsets):
     assert basis["high"] * LOCK_IN <= 4.1e-4  # that of root finding, of both
     read_off = onset_of(onsets, "interpolated")
     assert read_off["error"] == pytest.approx(abs(read_off["value"] / reference["value"] - 1))
-    assert read_off["error"] > 0.1
+    assert read_off["value"] == 0.3  # nothing is damped before: the first point that is unstable
     assert read_off["high"] >= abs(read_off["value"] / LOCK_IN - 1)  # somewhere between two points
 
 
