@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -85,14 +89,30 @@ def pytest_configure(config):
 
 
 def pytest_unconfigure(config):
+    if hasattr(config, "compiling"):
+        config.compiling.terminate()  # of a selection that needed no kernels
+        config.compiling.wait()
     if not is_worker(config) and SHARED in os.environ:
         shutil.rmtree(os.environ[SHARED], ignore_errors=True)
 
 
-@pytest.fixture(scope="session", autouse=True)
+@cache
+def needs_kernels(path: Path) -> bool:
+    """Whether the tests of a file integrate in time, as far as its words tell."""
+    return bool(re.search("transient|newmark|hybrid|integrat|belt|simulate", path.read_text()))
+
+
+def pytest_sessionstart(session):
+    """Kernels are compiled beside the tests that need none, which come first."""
+    if session.config.getoption("numprocesses", 0) and not session.config.option.collectonly:
+        code = "from squealstudy.analysis.transient.warmup import warm_kernels; warm_kernels()"
+        session.config.compiling = subprocess.Popen([sys.executable, "-c", code])
+
+
+@pytest.fixture(scope="module", autouse=True)
 def compiled_kernels(request):
-    """One worker compiles the kernels, the others wait and load them."""
-    if is_worker(request.config):
+    """Waits for the kernels where they are being compiled, and loads them."""
+    if is_worker(request.config) and needs_kernels(request.path):
         warm_kernels()
 
 
@@ -107,6 +127,8 @@ def shared(name: str, make: Callable[[], Any]) -> Any:
 
 def pytest_collection_modifyitems(config, items):
     """Full-size validation runs only where it is asked for: ``pytest -m full_size``."""
+    if is_worker(config):
+        items.sort(key=lambda item: needs_kernels(item.path))
     if config.option.markexpr:
         return
     slow = [item for item in items if item.get_closest_marker("full_size")]

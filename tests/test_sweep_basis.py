@@ -228,12 +228,12 @@ def test_lift_off_of_part_of_the_contact(prepared, middle, half, share, change):
     """
     problem = BrakeProblem(prepared, 1, lifting_off(middle, half), BAND)
     basis = build_sweep_basis(problem, TOLERANCE / 3)
-    theta = np.linspace(-1, 1, 40)[:, None]
+    theta = np.linspace(-1, 1, 20)[:, None]
     found = list(Windows(problem, basis, TOLERANCE).solve(whole_box(1), theta))
     opened = [p.sample.working_point.open_share for p in found]
     assert max(opened) > share
     assert max(opened) - min(opened) > change
-    true, estimate = compared(prepared, problem, theta, found[::6], TOLERANCE)
+    true, estimate = compared(prepared, problem, theta, found[::4], TOLERANCE)
     assert true.max() <= 2 * TOLERANCE
     covered(true, estimate, 1e-7)
 
