@@ -11,7 +11,13 @@ from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.analysis.tables.comparison import COLUMNS, _partners, compare
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.cli.compare import compare_command, compare_results, summary
+from squealstudy.cli.compare import (
+    TITLES,
+    compare_command,
+    compare_results,
+    show_comparison,
+    summary,
+)
 from squealstudy.errors import ResultsError
 from squealstudy.study.complex_modes.onsets import onsets_arrow
 from squealstudy.study.results import Results
@@ -300,6 +306,18 @@ def test_the_command_prints_a_table_and_a_summary(studies, capsys):
     assert "315 to 321" in text
     assert "growing, 3175 Hz" in text
     assert CALIPER not in text
+
+
+def test_the_screen_cuts_neither_figures_nor_names(capsys):
+    """Runs that nothing predicts have long lines, which took the place of all other columns."""
+    freq = freq_points()
+    quiet = freq_modes(freq, ((3, 5240.0, -4.0),))
+    table = compared(time_points((0.3, 0.4)), GROWTH.iloc[:0], freq, quiet)
+    show_comparison(table, ["friction"], {"friction": "a unit"})
+    words = capsys.readouterr().out.split()
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in word for word in words)
+    expected = {*" ".join(TITLES).split(), "limit_cycle,", "growing,", "followed", "0.3", "0.4"}
+    assert expected <= set(words)
 
 
 def test_the_order_of_the_directories_does_not_matter(studies, capsys):

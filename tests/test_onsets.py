@@ -338,6 +338,28 @@ def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, mo
     assert row["bracket_low"] < row["onset"] <= row["bracket_high"]
 
 
+def test_a_mode_that_only_changes_its_number_has_no_onset(tmp_path):
+    """Numbers run along damping first: at 0.76 the growing mode got another one than at 0.74."""
+    text = study("hoffmann", num=2).replace(
+        "start = 0.0\nstop = 0.6\nnum = 2", "values = [0.0, 0.01]"
+    )
+    text = text.replace('"friction"', '"damping_ratio"')
+    second = '[[sweep]]\nparameter = "friction"\nvalues = [0.5, 0.74, 0.76, 0.9]\n'
+    results = run(text + second, tmp_path / "r")
+    damped = results.onsets[results.onsets["damping_ratio"] > 0]
+    (onset,) = damped.loc[damped["status"].isin(["refined", "cubic"]), "onset"]
+    gone = damped[damped["status"] == "renumbered"]
+    assert sorted(gone["direction"]) == ["in", "out"]
+    assert gone["onset"].isna().all()
+    assert len(damped) == 3
+    modes = results.modes.set_index(["point_id", "track"])
+    for row in gone.to_dict("records"):
+        for end in ("point_before", "point_after"):
+            assert modes.loc[(row[end], row["track"]), "track_ambiguous"]
+    ranked = results.rank().set_index("track")["threshold"].sort_values()
+    assert ranked.to_numpy() == pytest.approx([onset, 0.75], abs=1e-4)  # undamped at 0.75
+
+
 def test_tables_do_not_depend_on_the_workers(tmp_path):
     sweep = '[[sweep]]\nparameter = "damping_ratio"\nstart = 0.0\nstop = 0.02\nnum = 9\n'
     one, two = (run(study(num=6) + sweep, tmp_path / str(jobs), jobs) for jobs in (1, 2))

@@ -571,6 +571,12 @@ def test_the_plane_of_most_unstable_modes_is_shown():
     alike = modes.assign(unstable=modes["track"] == 1)
     title = stability_map(points, alike, "friction", "pressure").axes[0].get_title(loc="left")
     assert title == "speed = 1, of 2 slices one of the 2 with most unstable modes"
+    long = points.rename(columns={"speed": "caliper.modes[12-14].frequency_scale"})
+    solved = np.ones(len(points), dtype=bool)
+    figure = stability_map(long, alike, "friction", "pressure", solved=solved)
+    drawn(figure)
+    assert figure.axes[0].get_title(loc="left").endswith("nodes solved (dots)")
+    assert figure.axes[0]._left_title.get_window_extent().x1 <= figure.bbox.x1
     calm = stability_map(points, modes.assign(unstable=False), "friction", "pressure")
     assert "one of 2 slices, none with an unstable mode" in calm.axes[0].get_title(loc="left")
     plane = study_plane(points, modes, ("friction", "pressure"), {"speed": 1.0}, None, "count")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -17,8 +18,9 @@ from squealstudy.analysis.robust.saltelli import saltelli_rows
 from squealstudy.analysis.robust.sobol_table import saltelli_estimate, sobol_table
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
+from squealstudy.cli.pictures import draw_pictures
 from squealstudy.cli.robust import show_indices
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.plots.files import save_figure
 from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.study.definition import parse_study
@@ -402,3 +404,19 @@ def test_bars_show_what_the_tables_say(tmp_path):
     np.testing.assert_allclose(shown, [*largest["first"], *largest["total"]])
     assert len(others) == 1  # mode 1 is found too rarely for indices
     save_figure(figure, tmp_path / "r.png")
+
+
+def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch):
+    """`plot` ended in the error of the probabilities, without any picture."""
+
+    def fail(*_):
+        raise ConvergenceError("not_converged", "no working point")
+
+    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail)
+    with contextlib.suppress(ResultsError):  # run says that every point failed
+        run(tmp_path / "r", "latin_hypercube", 8)
+    names = [
+        path.stem for path in draw_pictures(squealstudy.open_results(tmp_path / "r"), tmp_path)
+    ]
+    assert "stability_diagram" in names
+    assert "robust" not in names

@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from transient_tables import modes_table, points_table
 
+from squealstudy.analysis.tables.energy_ranking import rank_energy
 from squealstudy.cli.app import main
+from squealstudy.cli.transient_screen import ranking
 
 BELT = """[study]
 name = "belt"
@@ -191,6 +194,21 @@ def test_rank_where_chooses_points(there, monkeypatch, capsys):
     assert as_table(capsys.readouterr())["points"].iloc[0] == 1
     assert command(monkeypatch, "rank", "results/belt", "--where", "sliding_speed > 1.2") == 0
     assert "No design point keeps vibrating" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kinds", "told"),
+    [
+        (("undecided", "undecided"), "is known to keep vibrating; 2 undecided runs left out."),
+        (("undecided", "stable"), "is known to keep vibrating; 1 undecided run left out."),
+        (("stable", "stable"), "No design point keeps vibrating."),
+        (("limit_cycle", "undecided"), "where it has most; 1 undecided run left out"),
+    ],
+)
+def test_rank_says_which_runs_may_yet_vibrate(capsys, kinds, told):
+    points = points_table({"friction": [0.4, 0.5]}, kinds)
+    ranking(rank_energy(points, modes_table({"p0": {44: 0.6}, "p1": {44: 0.6}})))
+    assert told in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(

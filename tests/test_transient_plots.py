@@ -332,6 +332,18 @@ def test_growth_comparison_has_both_panels():
     }
 
 
+def test_the_title_of_the_growth_comparison_fits_the_picture():
+    more = growth_table([("p1", 3, 6100.0, 1e-3, 1.1e-3, 0.0), ("p1", 4, 6200.0, 8.0, None, 0.0)])
+    growth = pd.concat([GROWTH, more], ignore_index=True)
+    figure = growth_comparison(growth, points_table({"friction": MU[:2]}, ["limit_cycle"] * 2))
+    drawn(figure)
+    (title,) = [text for text in figure.findobj(Text) if "fitted growth rates" in text.get_text()]
+    assert "nearly neutral" in title.get_text()
+    assert "2 predicted without a fit" in title.get_text()
+    box = title.get_window_extent()
+    assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+
+
 def test_every_fitted_rate_of_growth_is_counted_once():
     """The least stable mode of a stable point is in the growth table: it was drawn twice."""
     points = points_table({"friction": MU[:2]}, ["stable", "growing"], n_unstable=[0, 1])
@@ -356,7 +368,7 @@ def test_neither_neutral_modes_nor_wide_bounds_blank_the_comparison(bound):
     assert sorted(c.lines[0].get_xdata()[0] for c in upper.containers) == [0.0, 80.0]
     assert 1.25 < lower.get_ylim()[1] < 10.0
     assert any(
-        "deviation 1.2 % (median), 1.25 % (largest); 1 nearly neutral" in t for t in drawn(figure)
+        "deviation 1.2 % (median), 1.25 % (largest)\n1 nearly neutral" in t for t in drawn(figure)
     )
 
 

@@ -30,6 +30,7 @@ from squealstudy.study.results import Results
 FREQUENCY, TIME = "complex_modes", "transient"
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
+MOTION = 13  # least width of what happens in time: its words stay whole
 
 
 def compare_command(freq: Path, time: Path, csv: bool) -> None:
@@ -113,10 +114,10 @@ def show_comparison(table: pd.DataFrame, parameters: list[str], units: dict[str,
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for name in varied:
         title = f"{name} {units[name]}" if units.get(name) else name
-        grid.add_column(title, justify="right", overflow="fold")
+        grid.add_column(title, justify="right", overflow="fold", min_width=screen.NARROW)
     for title in TITLES:
         grid.add_column(title, justify="right", no_wrap=True)
-    grid.add_column("in time", no_wrap=True)
+    grid.add_column("in time", min_width=MOTION)  # it gives way first: figures are never cut
     for row in table.to_dict("records"):
         grid.add_row(*(f"{row[n]:.6g}" for n in varied), *_cells(row))
     if len(table):

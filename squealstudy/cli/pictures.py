@@ -88,7 +88,7 @@ def _figures(results: Results, along: str | None) -> dict[str, Figure]:
                 along=results.along,
                 solved=solved,
             )
-    if results.design in RANDOM_DESIGNS:
+    if results.design in RANDOM_DESIGNS and (points["status"] == "ok").any():
         figures["robust"] = _robust(results)
     return figures
 

@@ -11,6 +11,7 @@ from rich.table import Table
 from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.run_classes import FAILED, UNDECIDED
 from squealstudy.cli import screen
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,8 +130,11 @@ def _legend(table: pd.DataFrame, varied: Sequence[str]) -> None:
 
 def ranking(table: pd.DataFrame) -> None:
     """Print which assembly modes carry the energy."""
+    undecided = table.attrs["undecided"]
+    left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
     if not len(table):
-        screen.console.print("No design point keeps vibrating.")
+        known = "is known to keep" if undecided else "keeps"
+        screen.console.print(f"No design point {known} vibrating{left_out}.")
         return
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("mode", "Hz", "energy %", "most %", "leads at"):
@@ -152,7 +156,7 @@ def ranking(table: pd.DataFrame) -> None:
     screen.console.print(grid)
     screen.console.print(
         "energy: share of the mechanical energy, mean over the points that keep vibrating; leads "
-        "at: number of points where it has most",
+        f"at: number of points where it has most{left_out}",
         style="dim",
     )
 

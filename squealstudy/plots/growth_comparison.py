@@ -152,11 +152,13 @@ def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
     """How many, how far off, and what has no fit."""
     deviation = table.loc[sizeable(table), "deviation"].abs()
     text = plural(len(table), "fitted growth rate")
+    rest = []
     if len(deviation):
         text += (
             f", deviation {deviation.median():.2g} % (median), {deviation.max():.3g} % (largest)"
         )
     if len(deviation) < len(table):
-        text += f"; {len(table) - len(deviation)} nearly neutral, not in these"
+        rest.append(f"{len(table) - len(deviation)} nearly neutral, not in these")
     missing = int((growth["fitted_growth_rate"].isna() & growth["unstable"].astype(bool)).sum())
-    return text + (f"; {missing} predicted without a fit" if missing else "")
+    rest += [f"{missing} predicted without a fit"] if missing else []
+    return "\n".join([text, *(["; ".join(rest)] if rest else [])])

@@ -88,8 +88,10 @@ class StudyPlane:
     def triangles(self, values: np.ndarray) -> Triangulation | None:
         """Triangles between the points with a value; None where they span no area."""
         known = np.isfinite(values)
+        if self.others_vary or known.sum() < 3:
+            return None
         place = [q.stretched(v[known]) for q, v in ((self.across, self.x), (self.up, self.y))]
-        if self.others_vary or known.sum() < 3 or np.linalg.matrix_rank(_centred(place), 1e-6) < 2:
+        if np.linalg.matrix_rank(_centred(place), 1e-6) < 2:
             return None
         return Triangulation(self.x[known], self.y[known], Triangulation(*place).triangles)
 

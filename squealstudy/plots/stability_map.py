@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
 MOST_CLASSES = 12  # counts beyond share colours
+TITLE = 90  # characters in a line of the title
 
 
 def stability_map(
@@ -90,7 +92,8 @@ def stability_map(
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
     ]
     parts += [] if plane.unstable.any() else ["no unstable mode"]
-    axes.set_title("; ".join(part for part in parts if part), fontsize=10, loc="left")
+    title = fill("; ".join(part for part in parts if part), TITLE)
+    axes.set_title(title, fontsize=10, loc="left")
     return figure
 
 

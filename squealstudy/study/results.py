@@ -255,8 +255,9 @@ class Results:
         solved = rank_modes(
             self.points, self.modes, self.along, "growth", None, where, self.onsets
         ).set_index("track")
+        known = table["track"].isin(solved.index)
         for name in ("at", "threshold", "threshold_kind"):
-            table[name] = table["track"].map(solved[name]).fillna(table[name])
+            table[name] = table["track"].map(solved[name]).where(known, table[name])
         return table
 
     @property

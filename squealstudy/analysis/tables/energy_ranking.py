@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.tables import mode_ranking
-from squealstudy.analysis.tables.run_classes import LASTING
+from squealstudy.analysis.tables.run_classes import LASTING, UNDECIDED
 from squealstudy.errors import ResultsError
 
 CLASS = "class"
@@ -44,7 +44,8 @@ def rank_energy(
         first window) are means over the `points` that count, 0 where a mode is not sensed;
         `dominant_points`, `gained_points` and `lost_points` say at how many of them the mode leads,
         has taken over, has been taken over from; `worst` is the design of the largest product of
-        share and torque RMS; components are those of most elastic energy in the mode.
+        share and torque RMS; components are those of most elastic energy in the mode. `attrs`
+        counts the points that are ``undecided``, of those the query holds.
 
     Raises
     ------
@@ -63,7 +64,9 @@ def rank_energy(
     energies = kept.groupby("mode")[component_columns(kept)].mean()
     table = table.join(mode_ranking.main_components(energies))
     table = table.sort_values(["energy_share", "mode"], ascending=[False, True])
-    return table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
+    ranking = table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
+    ranking.attrs["undecided"] = int((counted & (points[CLASS] == UNDECIDED).to_numpy(bool)).sum())
+    return ranking
 
 
 def transient_parameters(points: pd.DataFrame, varied: bool = False) -> list[str]:

@@ -24,6 +24,7 @@ from squealstudy.errors import ResultsError
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
+RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
 DIVERGENCE, UNTRACKED = -1, -2
@@ -130,7 +131,8 @@ def rank_modes(
             line,
             refined,
         )
-        table["threshold"], table["threshold_kind"] = found["value"], found["kind"]
+        table["threshold"] = found["value"]
+        table["threshold_kind"] = found["kind"].reindex(table.index).fillna("")
     table["order"] = table[key]
     table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
     table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])
@@ -275,10 +277,12 @@ def _thresholds(
     if refined and crossed.any():
         ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
         keys = zip(found.loc[crossed, "track"], *ends, strict=True)
-        better = np.array([refined.get(key, np.nan) for key in keys])
-        rows = found.index[crossed][~np.isnan(better)]
-        found.loc[rows, "value"] = better[~np.isnan(better)]
-        found.loc[rows, "kind"] = REFINED
+        pairs = zip(found.index[crossed], keys, strict=True)
+        better = pd.Series({row: refined[key] for row, key in pairs if key in refined}, dtype=float)
+        found = found.drop(better.index[better.isna()])
+        better = better.dropna()
+        found.loc[better.index, "value"] = better
+        found.loc[better.index, "kind"] = REFINED
     found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
     return found.sort_values("value").drop_duplicates("track").set_index("track")
 
@@ -293,10 +297,12 @@ def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
 def _refined_onsets(
     points: pd.DataFrame, onsets: pd.DataFrame | None
 ) -> dict[tuple[int, int, int], float]:
-    """Refined onsets by track and the rows in `points` of both ends of their brackets."""
+    """Refined onsets by track and the rows in `points` of both ends; NaN where one is none."""
     if onsets is None:
         return {}
-    kept = onsets[onsets["status"].isin([REFINED, CUBIC]) & (onsets["direction"] == INTO)]
+    kept = onsets[
+        onsets["status"].isin([REFINED, CUBIC, RENUMBERED]) & (onsets["direction"] == INTO)
+    ]
     index = pd.Index(points["point_id"])
     ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
     return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))

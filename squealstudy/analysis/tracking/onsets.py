@@ -14,6 +14,7 @@ from squealstudy.errors import ConvergenceError
 
 MOST_ITERATIONS = 40
 JUMP = 0.1  # change of zeta across the root, as a share of its size over the bracket
+NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
 ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
 
 
@@ -142,7 +143,8 @@ def refine_onset(
     Raises
     ------
     ConvergenceError
-        Where the mode cannot be followed, or a point has no modes.
+        Where the mode cannot be followed, or a point has no modes; of status NO_CROSSING where the
+        unstable mode does not turn stable between the points.
     """
     before = len(samples.values)
     low, high = (samples.at(x).lam[i] for x, i in ((samples.low, at_low), (samples.high, at_high)))
@@ -174,7 +176,9 @@ def _root(
     signs = np.sign([excess[x] for x in known])
     changes = np.flatnonzero(signs[:-1] * signs[1:] <= 0)
     if not len(changes):
-        raise ConvergenceError("lost", "the damping ratio does not cross zero between the points")
+        raise ConvergenceError(
+            NO_CROSSING, "the damping ratio does not cross zero between the points"
+        )
     a, b = known[changes[0]], known[changes[0] + 1]
     value = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
     around = np.array([excess[x] for x in sorted(excess) if a <= x <= b])

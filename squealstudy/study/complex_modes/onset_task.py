@@ -10,6 +10,8 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.process import watch_parent
 
+FAILED = "failed"
+
 
 @dataclass(frozen=True)
 class OnsetTask:
@@ -41,8 +43,8 @@ class OnsetTask:
     parent: int
 
 
-def refine_task(task: OnsetTask) -> list[tuple[int, Onset | None]]:
-    """Refined onsets by row of the table, None where a mode could not be followed."""
+def refine_task(task: OnsetTask) -> list[tuple[int, Onset | str]]:
+    """Refined onsets by row of the table, or why there is none: the status of an error."""
     watch_parent(task.parent)
     start = task.between.x
 
@@ -52,12 +54,12 @@ def refine_task(task: OnsetTask) -> list[tuple[int, Onset | None]]:
         return task.between.solve(x)
 
     samples = Samples(float(start[task.column]), task.low, task.end, task.high, solve)
-    found: list[tuple[int, Onset | None]] = []
+    found: list[tuple[int, Onset | str]] = []
     for row, places in zip(task.rows, task.places, strict=True):
         try:
             onset = refine_onset(samples, *places, task.tolerance, task.precision)
-        except SquealstudyError:
-            found.append((row, None))
+        except SquealstudyError as error:
+            found.append((row, getattr(error, "status", FAILED)))
         else:
             found.append((row, onset))
     return found

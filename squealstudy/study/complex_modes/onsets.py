@@ -19,16 +19,17 @@ from squealstudy.analysis.tables.crossings import (
 from squealstudy.analysis.tables.mode_ranking import (
     CUBIC,
     REFINED,
+    RENUMBERED,
     line_codes,
     parameter_columns,
 )
 from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
-from squealstudy.analysis.tracking.onsets import Onset
+from squealstudy.analysis.tracking.onsets import NO_CROSSING, Onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.study.complex_modes.counts import damping_ratios
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
-from squealstudy.study.complex_modes.onset_task import OnsetTask, refine_task
+from squealstudy.study.complex_modes.onset_task import FAILED, OnsetTask, refine_task
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
@@ -37,7 +38,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.structures import patience
 
 PRECISION = 1e-4
-FAILED, INTERPOLATED = "failed", "interpolated"
+INTERPOLATED = "interpolated"
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
 EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
 EXPECTED = 8  # evaluations an onset
@@ -53,6 +54,7 @@ class OnsetSearch:
     plan : Plan
     follower : Follower
     tracks : Tracks
+        A mode that turns out to change its number between two points is marked ambiguous at both.
     points : DataFrame
         The points' table.
     along : str
@@ -82,6 +84,7 @@ class OnsetSearch:
         self._point = np.repeat(np.arange(len(counts)), counts)
         self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
         self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
+        self._ambiguous = tracks.ambiguous
         self._lam, self._zeta = lam, damping_ratios(lam)
         self._any = np.zeros(len(counts), dtype=bool)  # points with an unstable mode
         self._any[self._point[self._zeta < -self._tolerance]] = True
@@ -100,9 +103,11 @@ class OnsetSearch:
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
         "interpolated" linearly, or put at a point that grows by less than its error, "failed"
-        refinement of such a value or the next, "bracketed" where nothing is damped on the stable
-        side: put at the unstable end, "below_range" for a mode that is unstable at the beginning
-        of a line: NaN, "first_seen" for a track that begins unstable: an upper bound),
+        refinement of such a value or the next, "renumbered" where refinement finds that the
+        unstable mode stays so and only its number changes: NaN, "bracketed" where nothing is damped
+        on the stable side: put at the unstable end, "below_range" for a mode that is unstable at
+        the beginning of a line: NaN, "first_seen" for a track that begins unstable: an upper
+        bound),
         ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
         errors of the roots make of it; NaN where there is none), ``evaluations``,
         ``point_before``, ``point_after``. Lines of one point have none.
@@ -113,6 +118,7 @@ class OnsetSearch:
         if refine and len(table):
             self._interpolate(events, table)
             self._refine(events, table, jobs, report)
+            self._mark_renumbered(events[(table["status"] == RENUMBERED).to_numpy()])
         status = table["status"].value_counts()
         summary = {
             "along": self._along,
@@ -320,10 +326,18 @@ class OnsetSearch:
         shift: np.ndarray = np.abs(worse * step / np.where(steep == 0, np.inf, steep))
         return np.minimum(shift, np.abs(step))
 
-    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | None, event: pd.Series) -> int:
+    def _mark_renumbered(self, events: pd.DataFrame) -> None:
+        """Mark the modes at both ends of these events as ambiguous."""
+        for row in events[["before", "after"]].to_numpy().ravel():
+            self._ambiguous[self._point[row]][self._place[row]] = True
+
+    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | str, event: pd.Series) -> int:
         """Write a refined onset to its row; the number of evaluations."""
-        if onset is None:
-            table.loc[row, "status"] = FAILED
+        if isinstance(onset, str):
+            renumbered = onset == NO_CROSSING
+            table.loc[row, "status"] = RENUMBERED if renumbered else FAILED
+            if renumbered:
+                table.loc[row, "onset"] = np.nan
             return 0
         ends = np.array([[event["before"]], [event["after"]]])
         error = 2.0 * self._precision() + float(self._shift(*ends)[0])
