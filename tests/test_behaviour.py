@@ -232,11 +232,23 @@ def test_a_second_growth_in_the_judged_part_is_not_irregular():
 def test_predicted_growth_tells_a_cycle_from_a_beat():
     """Three times what was put in, and still on its way down to a cycle, by 1 % of the level."""
     energy = (1 - 8 / 9 * np.exp(-300 * TIME) + 0.1 * np.exp(-20 * TIME)) * ripple()
-    assert classify(TIME, energy, 1 / 9, driven=True).name == "limit_cycle"
+    little = 0.1 / TIME[-1]
+    assert classify(TIME, energy, 1 / 9, growth=little).name == "limit_cycle"
     assert classify(TIME, energy, 1 / 9).name == "undecided"
     slow = 0.02 / TIME[-1]  # where its pace stays, a cycle may lie anywhere below
     energy = (1 - 8 / 9 * np.exp(-300 * TIME)) * np.exp(-2 * slow * TIME) * ripple()
-    assert classify(TIME, energy, 1 / 9, driven=True).name != "limit_cycle"
+    assert classify(TIME, energy, 1 / 9, growth=little).name != "limit_cycle"
+
+
+def test_a_level_that_stays_where_growth_is_predicted_is_a_cycle():
+    """A kick straight onto it has no transient; that the level does not grow shows it."""
+    energy = ripple() * np.ones_like(TIME)
+    assert classify(TIME, energy, energy[0]).name == "undecided"
+    assert classify(TIME, energy, energy[0], growth=2.0 / TIME[-1]).name == "limit_cycle"
+    assert classify(TIME, energy, energy[0], growth=0.2 / TIME[-1]).name == "undecided"
+    # one that grows bends the level
+    rising = np.exp(np.maximum(TIME / TIME[-1] - 0.7, 0.0) ** 2) * ripple()
+    assert classify(TIME, rising, rising[0], growth=2.0 / TIME[-1]).name != "limit_cycle"
 
 
 def test_weak_wandering_is_a_limit_cycle():

@@ -217,12 +217,14 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) ->
     none = np.zeros((2, len(lam)), dtype=complex)
     none_lost = EnergyBalance(*6 * [0.0])
     modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
-    point = TransientPoint(None, modes, None, np.full(len(lam), 0.5), 300.0)
+    m = len(lam)
+    point = TransientPoint(None, modes, None, np.full(m, 0.5), 300.0, plane_overlap=np.eye(2 * m))
     result = TransientResult(
         "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, none_lost, 1
     )
-    seen = np.zeros((len(time), 4 * len(lam)))
-    seen[:, ::4], seen[:, 1::4] = xi.real.T, xi.imag.T
+    seen = np.zeros((len(time), 8 * m))
+    seen[:, : 4 * m : 4], seen[:, 1 : 4 * m : 4] = xi.real.T, xi.imag.T
+    seen[:, 4 * m :: 4], seen[:, 4 * m + 1 :: 4] = v, omega * q
     numbers = np.arange(len(sizes)) + 1
     return ModalRun(result, point, numbers, omega, q, v, 0 * seen, seen)
 

@@ -44,6 +44,8 @@ QUICKENS = 0.5  # relative change of pace per e-fold of level, of a fall that is
 RISEN = float(np.log(2.0))  # of the logarithm, over the start: a level that was reached by growth
 GREW = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
 FALLEN = float(np.log(1.5))  # under what was put in: it lost energy faster than it does now
+OUTGROWN = 0.5  # of the logarithm: predicted growth that a level which stays has stopped
+SATURATED = 0.02  # of the logarithm: drift of such a level, at most
 SEEN = 2e-3  # of the logarithm: the least transient that shows how a level was reached
 CLEAR = 5.0  # times the drift that is left
 LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
@@ -125,7 +127,7 @@ def classify(
     initial: float = 0.0,
     noise: float = 0.0,
     *,
-    driven: bool = False,
+    growth: float = 0.0,
 ) -> Verdict:
     """Class of a finished run, from its motion.
 
@@ -145,14 +147,16 @@ def classify(
         Energy that the perturbation put in, J, or zero for the continuation of a motion.
     noise : float
         Energy of round-off, J.
-    driven : bool
-        A mode of which growth is predicted is in the motion at the end: a level twice what was put
-        in was then reached by that growth. Otherwise only one twenty times as high was.
+    growth : float
+        Rate at which the level would rise at the end by the predicted growth of what moves there,
+        1/s; zero where nothing of it is predicted to grow. Where something is, a level twice what
+        was put in was reached by that growth, otherwise only one twenty times as high; and a level
+        that stays while growth would have raised it by half is a cycle wherever it began.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
         return Verdict(UNDECIDED, LONGER * span * WINDOWS[0] / max(len(time) - 1, 1))
-    found = Envelope.of(windows(time, energy), initial, driven)
+    found = Envelope.of(windows(time, energy), initial, growth * LAST * span)
     course = found.windows.course(LAST)
     if found.gone(noise) and not _rises(course):
         return Verdict(STABLE)
@@ -185,8 +189,8 @@ class Envelope:
     transient : float
         By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
         is less than those differ among themselves.
-    driven : bool
-        A mode of which growth is predicted is in the motion at the end.
+    predicted : float
+        By how much, of the logarithm, predicted growth would have raised the judged levels.
     """
 
     windows: Windows
@@ -195,16 +199,16 @@ class Envelope:
     reached: bool
     growth: float
     transient: float
-    driven: bool
+    predicted: float
 
     @property
     def grew(self) -> bool:
         """Whether an instability made the level, not a beat of stable modes."""
-        return self.growth >= (RISEN if self.driven else GREW)
+        return self.growth >= (RISEN if self.predicted > 0 else GREW)
 
     @staticmethod
-    def of(found: Windows, initial: float, driven: bool) -> Envelope:
-        """From the levels, the energy that was put in [J] and whether an instability drives."""
+    def of(found: Windows, initial: float, predicted: float) -> Envelope:
+        """From the levels, the energy that was put in [J] and the growth that is predicted."""
         fine, level = logarithm(found.fine), logarithm(found.level)
         now = float(level[found.judged :].mean())
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
@@ -213,7 +217,7 @@ class Envelope:
         transient = max(_beyond(level), _beyond(fine))
         ratio = float(np.exp(level[-1] - level.max()))
         reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
-        return Envelope(found, ratio, initial <= 0, reached, growth, transient, driven)
+        return Envelope(found, ratio, initial <= 0, reached, growth, transient, predicted)
 
     def gone(self, noise: float) -> bool:
         """Whether the last level is round-off, of the largest or of the system."""
@@ -259,6 +263,10 @@ def _levels_off(found: Envelope, course: Course) -> bool:
         drift = abs(course.rise) + course.error
         if _flat(found, course, LAST) and _shown(found, drift):
             return True
+        if found.predicted >= OUTGROWN and max(drift, abs(course.begin), abs(course.end)) <= (
+            SATURATED
+        ):
+            return True
         if _vanishes(course) and _shown(found, abs(course.thirds[2])):
             return True
     late = logarithm(last_part(found.windows.fine, SHORT))
@@ -293,7 +301,7 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
     if drift <= min(STILL, VANISHED * found.transient):
         return True
     slows = abs(course.end) <= SLOWED * abs(course.begin)
-    return found.grew and found.driven and slows and drift <= TREND
+    return found.grew and found.predicted > 0 and slows and drift <= TREND
 
 
 def _vanishes(course: Course) -> bool:

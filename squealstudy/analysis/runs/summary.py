@@ -312,7 +312,7 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     (above the band, or too many) and those of a run that nothing moved never.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
-    found = classify(run.time, energy, initial, round_off(run), driven=_driven(run))
+    found = classify(run.time, energy, initial, round_off(run), growth=_predicted_pace(run))
     if found.name != STABLE:
         return found
     modes = run.point.modes
@@ -323,13 +323,17 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     return Verdict(UNDECIDED, until) if until > 0 else found
 
 
-def _driven(run: ModalRun) -> bool:
-    """Whether a followed mode of which growth is predicted is in the motion at the end."""
-    rows, unstable = len(run.time), run.point.modes.n_unstable
-    if rows < JUDGED_ROWS or not (unstable and len(run.point.modes.lam)):
-        return False
-    shares = level_shares(run, slice(round(0.6 * rows), None))
-    return bool((shares[:unstable] >= EXPRESSED).any())
+def _predicted_pace(run: ModalRun) -> float:
+    """Rate at which the level of the final motion would rise by predicted growth alone, 1/s.
+
+    That of each followed unstable mode times its share of the energy, of those that are in it.
+    """
+    rows, unstable = len(run.time), run.point.modes.n_followed
+    if rows < JUDGED_ROWS or not unstable:
+        return 0.0
+    shares = level_shares(run, slice(round(0.6 * rows), None))[:unstable]
+    rates = np.asarray(run.point.modes.lam[:unstable]).real
+    return float((shares * rates)[shares >= EXPRESSED].sum())
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
