@@ -133,7 +133,7 @@ class Family:
 
 BELT = Family("belt", 'name = "belt"', "[10.0, 1000.0]", (1e-3, 0.3, 3.0, 8.0), 3.0, 1e-4, 80)
 HOFFMANN = Family(
-    "hoffmann", 'name = "hoffmann"', "[10.0, 1000.0]", (1e-3, 3e-2, 0.3, 2.0), 6.0, 2e-4, 80
+    "hoffmann", 'name = "hoffmann"', "[10.0, 1000.0]", (1e-3, 3e-2, 0.3, 2.0), 6.0, 1e-4, 80
 )
 BRAKE = Family(
     "brake",
@@ -141,7 +141,7 @@ BRAKE = Family(
     "stiffness_damping = 1.5e-7",
     "[500.0, 8000.0]",
     (1e-2, 0.1, 0.5, 1.0),
-    0.15,
+    0.3,
     4e-6,
     40,
     "modes_below = 6e3\npod_vectors = 30\npod_step = 2e-6\npod_duration = 0.02",

@@ -18,7 +18,7 @@ DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to
 EXACT_LIMIT = 4e-3
 BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
 EXPLODED = 0.5  # of the energy of the vibration, from nowhere in the last row: no impact does so
-ROUND_OFF = 1e-9  # of the work of friction
+ROUND_OFF = 1e-9  # of the work of friction and of the energy that is stored
 
 
 def energy_drift(result: TransientResult) -> float:
@@ -35,7 +35,7 @@ def energy_drift(result: TransientResult) -> float:
     imbalance = work - (h["stored"] - h["stored"][0])
     medians = [float(np.median(part)) for part in np.array_split(imbalance, BLOCKS)]
     size = h["modal_energy"].max() + h["dissipated_damping"][-1]
-    size += ROUND_OFF * abs(h["dissipated_friction"][-1])
+    size += ROUND_OFF * (abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max()))
     if not size > 0.0:
         return 0.0
     last = abs(float(imbalance[-1])) / float(size)
