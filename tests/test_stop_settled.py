@@ -12,7 +12,7 @@ import pytest
 
 from squealstudy.analysis.runs.outcome import known_outcome, level_drift
 from squealstudy.analysis.runs.rising_modes import expected_rise
-from squealstudy.analysis.runs.summary import ModalRun, run_levels
+from squealstudy.analysis.runs.summary import ModalRun, moving_energy, run_levels, run_verdict
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.settings import (
@@ -342,6 +342,17 @@ def test_what_is_not_followed_may_still_come():
     for changes in ({"n_above": 1}, {"n_unstable": 7}):
         point = replace(run.point, modes=replace(run.point.modes, **changes))
         assert known_outcome(replace(run, point=point), DURATION, TOLERANCE) == ""
+
+
+def test_a_decay_beside_what_nobody_follows_is_not_known_to_be_one():
+    """A mode above the band may come up after the motion that is seen has gone."""
+    run = recorded(0.1, [-100.0], decaying(-100.0))
+    assert run_verdict(run, moving_energy(run)).name == "stable"
+    for changes in ({"n_above": 1}, {"n_unstable": 7}):
+        point = replace(run.point, modes=replace(run.point.modes, **changes))
+        beside = replace(run, point=point)
+        found = run_verdict(beside, moving_energy(beside))
+        assert (found.name, found.until) == ("undecided", np.inf)
 
 
 # -- studies -------------------------------------------------------------------------------------

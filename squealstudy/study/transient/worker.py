@@ -30,8 +30,8 @@ from squealstudy.study.transient.start import save_state
 from squealstudy.study.validity import open_reason
 from squealstudy.study.working_points import NewGaps
 
-# stick number beyond which a stuck contact rings at the step: levels of a belt at .3 to 1.1 m/s err
-# by .8 % at 26, 3 % at 52 and 12 % at 210
+# stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
+# 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
 RINGS = 30.0
 STUCK = 0.5  # share of the contact area that sticks at a time
 
