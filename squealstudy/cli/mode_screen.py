@@ -17,7 +17,8 @@ from squealstudy.study.results import Results
 
 ONSETS = {
     CROSSING: "~ before an onset: interpolated between two design points, not refined",
-    FIRST_SEEN: "<= before an onset: unstable at the first point where the mode was found",
+    FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
+    "track was found",
     BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }

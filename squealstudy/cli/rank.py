@@ -21,4 +21,4 @@ def rank_command(path: Path, by: str, top: int | None, where: str | None, csv: b
     else:
         unit = results.manifest["units"].get(results.along, "")
         mode_screen.ranking(table, results.along, unit, mode_screen.Scope.of(results, where))
-    mode_screen.outside_validity(results.points)
+    mode_screen.outside_validity(results.points, "of the whole study: " if where else "")
