@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy
 from squealstudy.analysis.runs.outcome import known_outcome, level_drift
 from squealstudy.analysis.runs.rising_modes import expected_rise
-from squealstudy.analysis.runs.summary import ModalRun, moving_energy, run_levels, run_verdict
+from squealstudy.analysis.runs.summary import run_levels
+from squealstudy.analysis.runs.verdict import run_verdict
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.settings import (

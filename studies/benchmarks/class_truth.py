@@ -29,11 +29,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from squealstudy.analysis.runs.summary import (  # noqa: E402
-    ModalRun,
-    moving_energy,
-    run_verdict,
-)
+from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy  # noqa: E402
+from squealstudy.analysis.runs.verdict import run_verdict  # noqa: E402
 from squealstudy.analysis.tables.run_classes import (  # noqa: E402
     FAILED,
     GROWING,

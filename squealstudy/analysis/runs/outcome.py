@@ -11,14 +11,10 @@ import numpy as np
 from squealstudy.analysis.runs.behaviour import settled
 from squealstudy.analysis.runs.growth import fit_growth
 from squealstudy.analysis.runs.levels import LEAST_PERIODS
+from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy, round_off
 from squealstudy.analysis.runs.rising_modes import expected_rise, hann
-from squealstudy.analysis.runs.summary import (
-    ModalRun,
-    moving_energy,
-    round_off,
-    run_levels,
-    run_verdict,
-)
+from squealstudy.analysis.runs.summary import run_levels
+from squealstudy.analysis.runs.verdict import run_verdict
 from squealstudy.analysis.tables.run_classes import LEVELLED, STABLE
 
 SETTLED, DECAYED = "settled", "decayed"

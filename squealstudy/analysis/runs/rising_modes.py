@@ -2,39 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
-from squealstudy.analysis.transient.point import TransientPoint
+from squealstudy.analysis.runs.modal_run import ModalRun
 
 JUDGED_ROWS = 40  # of a history whose modes are watched
 HORIZON = 1e3  # times a duration: what is later is not foreseen
 LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
-
-
-class Followed(Protocol):
-    """A run whose complex modes are followed (`summary.ModalRun`)."""
-
-    @property
-    def point(self) -> TransientPoint:
-        """With the modes and their energies."""
-        ...
-
-    @property
-    def time(self) -> np.ndarray:
-        """S, (rows,)."""
-        ...
-
-    @property
-    def energy(self) -> np.ndarray:
-        """Mechanical energy (rows,), J."""
-        ...
-
-    def xi(self, k: int) -> np.ndarray:
-        """Complex amplitude (rows,) of the followed mode `k`."""
-        ...
 
 
 def hann(rows: int) -> np.ndarray:
@@ -43,7 +18,7 @@ def hann(rows: int) -> np.ndarray:
     return weight
 
 
-def grows_until(run: Followed, k: int) -> float:
+def grows_until(run: ModalRun, k: int) -> float:
     """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
     rows = len(run.time)
     if rows < JUDGED_ROWS:
@@ -59,7 +34,7 @@ def grows_until(run: Followed, k: int) -> float:
     return until if until <= HORIZON * run.time[-1] else np.inf
 
 
-def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, float]:
+def mode_course(run: ModalRun, k: int, window: slice) -> tuple[float, float, float]:
     """How the followed mode `k` goes on through the rows of a window, 16 or more.
 
     It is seen through its left vector, around its own frequency: there the lines of a limit cycle
@@ -79,14 +54,14 @@ def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, flo
     return energy / max(float(run.energy[window].mean()), 1e-300), rate, error
 
 
-def expected_rise(run: Followed, window: slice, duration: float) -> float:
+def expected_rise(run: ModalRun, window: slice, duration: float) -> float:
     """Largest energy that a followed complex mode would gain until `duration`, over all energy.
 
     Its growth over the window, where that is beyond its standard error, is taken to go on.
 
     Parameters
     ----------
-    run : Followed
+    run : ModalRun
     window : slice
         Rows that are judged, 16 or more.
     duration : float

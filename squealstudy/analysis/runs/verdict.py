@@ -1,0 +1,44 @@
+"""Class of a run: that of its motion, unless a predicted instability may still change it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.analysis.runs.behaviour import Verdict, classify
+from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, round_off
+from squealstudy.analysis.runs.rising_modes import JUDGED_ROWS, grows_until
+from squealstudy.analysis.tables.run_classes import STABLE, UNDECIDED
+
+EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
+
+
+def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
+    """Class of what a run has done, from its `moving_energy`.
+
+    A run that seems to decay is undecided while the motion does not show that all modes of which
+    growth is predicted decay too: those that are followed may still be seen to, those that are not
+    (above the band, or too many) and those of a run that nothing moved never.
+    """
+    initial = 0.0 if run.continued else float(run.energy[0])
+    found = classify(run.time, energy, initial, round_off(run), growth=_predicted_pace(run))
+    if found.name != STABLE:
+        return found
+    modes = run.point.modes
+    unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
+    if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
+        return Verdict(UNDECIDED, np.inf)
+    until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
+    return Verdict(UNDECIDED, until) if until > 0 else found
+
+
+def _predicted_pace(run: ModalRun) -> float:
+    """Rate at which the level of the final motion would rise by predicted growth alone, 1/s.
+
+    That of each followed unstable mode times its share of the energy, of those that are in it.
+    """
+    rows, unstable = len(run.time), run.point.modes.n_followed
+    if rows < JUDGED_ROWS or not unstable:
+        return 0.0
+    shares = level_shares(run, slice(round(0.6 * rows), None))[:unstable]
+    rates = np.asarray(run.point.modes.lam[:unstable]).real
+    return float((shares * rates)[shares >= EXPRESSED].sum())
