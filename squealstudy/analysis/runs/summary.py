@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.runs.behaviour import settled
+from squealstudy.analysis.runs.behaviour import Verdict, too_short
 from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
 from squealstudy.analysis.runs.levels import last_window, torque_levels
 from squealstudy.analysis.runs.modal_energies import (
@@ -20,6 +20,7 @@ from squealstudy.analysis.runs.modal_energies import (
     mode_energies,
 )
 from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, moving_energy, round_off
+from squealstudy.analysis.runs.settling import settled
 from squealstudy.analysis.runs.transfer import transfer
 from squealstudy.analysis.runs.verdict import EXPRESSED, run_verdict
 from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE
@@ -41,14 +42,15 @@ class Summary:
 def summarise(run: ModalRun) -> Summary:
     """What a run did, in numbers.
 
-    A failed run is summarised up to where it got, with the class ``failed``.
+    A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
+    than ten rows nothing is said but how the integration went and what is predicted.
     """
-    if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
-        return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
+    energy = moving_energy(run)
+    verdict = _class(run, energy)
+    if len(run.time) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
+        return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
     levels, window = run_levels(run)
-    behaviour = _behaviour(run)
-    if run.result.outcome != "ok":
-        behaviour |= {"class": FAILED, "undecided_until": np.nan}
+    behaviour = _behaviour(run, energy, verdict)
     growth = growth_rows(run, behaviour["class"], window)
     energies = mode_energies(run.q, run.v, run.omega)
     shares = modal_shares(energies[window], run.energy[window])
@@ -186,15 +188,26 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _behaviour(run: ModalRun) -> dict[str, Any]:
+def _class(run: ModalRun, energy: np.ndarray) -> Verdict:
+    """Class of a run, failed ones included."""
+    if run.result.outcome != "ok" or not np.isfinite(run.energy).all():
+        return Verdict(FAILED)
+    if len(run.time) < LEAST_ROWS:
+        return too_short(run.result.time, len(run.time))
+    return run_verdict(run, energy)
+
+
+def _class_columns(verdict: Verdict) -> dict[str, Any]:
+    return {"class": verdict.name, "undecided_until": verdict.until}
+
+
+def _behaviour(run: ModalRun, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
-    energy = moving_energy(run)
-    verdict = run_verdict(run, energy)
-    calm, since = settled(run.time, energy, verdict.name)
+    torque = run.result.history["torque"]
+    calm, since = settled(run.time, energy, torque, verdict.name)
     first, last, when = transfer(run.time, run.v**2, run.modes, held_energies(run))
     return {
-        "class": verdict.name,
-        "undecided_until": verdict.until,
+        **_class_columns(verdict),
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,
