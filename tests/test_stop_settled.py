@@ -251,9 +251,12 @@ def test_a_limit_cycle_is_known_once_the_last_window_is_clear_of_its_growth():
     assert found == ["", "", "", "", "settled", "settled"]
 
 
-@pytest.mark.parametrize(("rate", "outcome"), [(0.0, "settled"), (5.0, "settled"), (40.0, "")])
+@pytest.mark.parametrize(("rate", "outcome"), [(0.0, "settled"), (5.0, ""), (40.0, "")])
 def test_a_second_instability_that_rises_keeps_the_run_going(rate, outcome):
-    """At 0.02 of the first it has 4e-4 of the energy: the torque does not show it yet."""
+    """At 0.02 of the first it has 4e-4 of the energy: the torque does not show it yet.
+
+    However late it matters: a run that ended now would be undecided.
+    """
 
     def slow(time):
         return 0.02 * np.exp(rate * (time - 0.1))
@@ -265,7 +268,25 @@ def test_a_second_instability_that_rises_keeps_the_run_going(rate, outcome):
     rise = expected_rise(run, window, DURATION)
     middle = 0.02**2 * np.exp(-2 * rate * 0.005)  # of the last of four stretches
     assert rise == pytest.approx(middle * np.expm1(2 * rate * 0.1), rel=0.05, abs=1e-6)
-    assert known_outcome(run, 0.11, TOLERANCE) == "settled"  # too late to matter
+    assert known_outcome(run, 0.11, TOLERANCE) == outcome
+
+
+@pytest.mark.parametrize("rate", [-5.0, 0.0, 5.0, 40.0])
+def test_a_limit_cycle_behind_which_an_instability_rises_is_undecided(rate):
+    """Its level may change once that has come up, which `undecided_until` foresees."""
+
+    def slow(time):
+        return 0.02 * np.exp(rate * (time - 0.1))
+
+    run = recorded(0.1, [250.0, 60.0], fast, slow)
+    found = run_verdict(run, moving_energy(run))
+    if rate <= 0:
+        assert found.name == "limit_cycle"
+        return
+    assert found.name == "undecided"
+    assert found.until == pytest.approx(0.1 + np.log(50) / rate, rel=0.1)
+    stable = recorded(0.1, [250.0, -60.0], fast, slow)  # forced by the first: nothing of its own
+    assert run_verdict(stable, moving_energy(stable)).name == "limit_cycle"
 
 
 def test_forced_motion_at_other_lines_is_no_growth_of_a_mode():

@@ -163,7 +163,7 @@ def ranking(table: pd.DataFrame) -> None:
 
 def _findings(row: dict[Any, Any]) -> list[str]:
     if row["class"] == FAILED:
-        why = row["status"] if row["status"] != "ok" else "too short a run to judge"
+        why = row["status"] if row["status"] != "ok" else "its energy is not finite"
         return [f"failed: {why}", *[""] * 8]
     transfer = ""
     if row["transfer_to"]:

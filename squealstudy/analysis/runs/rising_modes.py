@@ -7,6 +7,8 @@ import numpy as np
 from squealstudy.analysis.runs.modal_run import ModalRun
 
 JUDGED_ROWS = 40  # of a history whose modes are watched
+EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
+CHANCE = 3.0  # standard errors that a rise behind another motion must exceed
 HORIZON = 1e3  # times a duration: what is later is not foreseen
 LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
@@ -29,9 +31,29 @@ def grows_until(run: ModalRun, k: int) -> float:
     pace = rate if rate > error else float(run.point.modes.lam[k].real)
     if not (share > 0 and pace > 0):
         return np.inf
-    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
-    until = float(run.time[-1]) + ahead
-    return until if until <= HORIZON * run.time[-1] else np.inf
+    return _foreseen(run, share, pace)
+
+
+def rises_until(run: ModalRun, k: int) -> float:
+    """When an unstable mode that rises behind another motion would have all the energy, s.
+
+    Infinite where its rise is not three standard errors, is too slow to be foreseen, or where it
+    is part of the motion already: the level tells how that goes on.
+    """
+    rows = len(run.time)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
+    if not (0 < share < EXPRESSED and rate > CHANCE * error):
+        return np.inf
+    return _foreseen(run, share, rate)
+
+
+def _foreseen(run: ModalRun, share: float, rate: float) -> float:
+    """When a share of the energy would be all of it, s; infinite beyond the horizon."""
+    end = float(run.time[-1])
+    until = end + max(0.0, -0.5 * float(np.log(share)) / rate)
+    return until if until <= HORIZON * end else np.inf
 
 
 def mode_course(run: ModalRun, k: int, window: slice) -> tuple[float, float, float]:

@@ -20,9 +20,10 @@ from squealstudy.analysis.runs.modal_energies import (
     mode_energies,
 )
 from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, moving_energy, round_off
+from squealstudy.analysis.runs.rising_modes import EXPRESSED
 from squealstudy.analysis.runs.settling import settled
 from squealstudy.analysis.runs.transfer import transfer
-from squealstudy.analysis.runs.verdict import EXPRESSED, run_verdict
+from squealstudy.analysis.runs.verdict import run_verdict
 from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE
 from squealstudy.analysis.transient.mode_planes import DEGENERATE
 

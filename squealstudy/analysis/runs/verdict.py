@@ -6,10 +6,8 @@ import numpy as np
 
 from squealstudy.analysis.runs.behaviour import Verdict, classify
 from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, round_off
-from squealstudy.analysis.runs.rising_modes import JUDGED_ROWS, grows_until
-from squealstudy.analysis.tables.run_classes import STABLE, UNDECIDED
-
-EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
+from squealstudy.analysis.runs.rising_modes import EXPRESSED, JUDGED_ROWS, grows_until, rises_until
+from squealstudy.analysis.tables.run_classes import LIMIT_CYCLE, STABLE, UNDECIDED
 
 
 def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
@@ -17,13 +15,17 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
 
     A run that seems to decay is undecided while the motion does not show that all modes of which
     growth is predicted decay too: those that are followed may still be seen to, those that are not
-    (above the band, or too many) and those of a run that nothing moved never.
+    (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
+    undecided while a followed instability that is not part of it is seen to rise.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
     found = classify(run.time, energy, initial, round_off(run), growth=_predicted_pace(run))
+    modes = run.point.modes
+    if found.name == LIMIT_CYCLE:
+        until = min((rises_until(run, k) for k in range(modes.n_followed)), default=np.inf)
+        return Verdict(UNDECIDED, until) if np.isfinite(until) else found
     if found.name != STABLE:
         return found
-    modes = run.point.modes
     unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
     if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
         return Verdict(UNDECIDED, np.inf)
