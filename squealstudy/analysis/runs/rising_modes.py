@@ -1,14 +1,20 @@
-"""How the amplitudes of followed complex modes go on at the end of a run."""
+"""How the amplitudes of modes go on at the end of a run."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.analysis.runs.levels import LAST
 from squealstudy.analysis.runs.modal_run import ModalRun
 
 JUDGED_ROWS = 40  # of a history whose modes are watched
 EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
-CHANCE = 3.0  # standard errors that a rise behind another motion must exceed
+SILENT = 1e-10  # of the energy: what is smaller may be round-off of contact forces
+RISE_LINES = 8  # the same, where a rise behind another motion is looked for
+CHANCE = 5.0  # standard errors that such a rise must exceed: many modes are looked at
+RISE = 0.1  # of its logarithm over the window, at least
+LASTS = 0.6  # of the rise in the first half, that in the second must be
+SMALLEST = 1e-300
 HORIZON = 1e3  # times a duration: what is later is not foreseen
 LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
@@ -34,17 +40,48 @@ def grows_until(run: ModalRun, k: int) -> float:
     return _foreseen(run, share, pace)
 
 
-def rises_until(run: ModalRun, k: int) -> float:
-    """When an unstable mode that rises behind another motion would have all the energy, s.
+def rises_until(run: ModalRun) -> float:
+    """The duration after which what rises behind the motion that leads would have its level, s.
 
-    Infinite where its rise is not three standard errors, is too slow to be foreseen, or where it
-    is part of the motion already: the level tells how that goes on.
+    It may be a followed unstable mode, or a sensed one of which no growth is predicted: a limit
+    cycle may shed into modes whose frequencies add up to its own. The part that is judged begins
+    where that would have all the energy. Infinite where nothing is seen to rise, or too slowly to
+    be foreseen.
     """
     rows = len(run.time)
     if rows < JUDGED_ROWS:
         return np.inf
-    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
-    if not (0 < share < EXPRESSED and rate > CHANCE * error):
+    window = slice(round(0.6 * rows), None)
+    energy = max(float(run.energy[window].mean()), SMALLEST)
+    modes = run.point.modes
+    until = np.inf
+    for k in range(modes.n_followed):
+        scale = float(run.point.mode_energy[k]) / energy
+        until = min(until, _rises(run, window, run.xi(k), float(abs(modes.lam[k])), scale))
+    for v, omega in zip(run.v.T, run.omega, strict=True):
+        until = min(until, _rises(run, window, v, float(omega), 1 / energy))
+    return until / (1 - LAST)
+
+
+def _rises(
+    run: ModalRun, window: slice, amplitude: np.ndarray, omega: float, scale: float
+) -> float:
+    """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
+
+    What has a twentieth of the energy is part of the motion, whose level tells how it goes on.
+    """
+    time = run.time[window]
+    size = line_sizes(time, amplitude[window], omega / (2 * np.pi), RISE_LINES)
+    share = scale * float(size[-1]) ** 2
+    if not SILENT < share < EXPRESSED:
+        return np.inf
+    length = float(time[-1] - time[0])
+    rate, error = _growth(length / RISE_LINES, size)
+    if rate <= CHANCE * error or rate * length < RISE:
+        return np.inf
+    y = np.log(np.maximum(size, SMALLEST))
+    half = RISE_LINES // 2
+    if y[-1] - y[half] < LASTS * (y[half - 1] - y[0]):  # a forced line on its way to a level
         return np.inf
     return _foreseen(run, share, rate)
 
@@ -73,7 +110,7 @@ def mode_course(run: ModalRun, k: int, window: slice) -> tuple[float, float, flo
     size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
     rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
     energy = float(run.point.mode_energy[k] * size[-1] ** 2)
-    return energy / max(float(run.energy[window].mean()), 1e-300), rate, error
+    return energy / max(float(run.energy[window].mean()), SMALLEST), rate, error
 
 
 def expected_rise(run: ModalRun, window: slice, duration: float) -> float:
@@ -98,14 +135,16 @@ def expected_rise(run: ModalRun, window: slice, duration: float) -> float:
     return worst
 
 
-def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> np.ndarray:
-    """RMS of a complex amplitude (rows,) near a frequency, in successive stretches (LINES,).
+def line_sizes(
+    time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = LINES
+) -> np.ndarray:
+    """RMS of an amplitude (rows,) near a frequency, in successive stretches (lines,).
 
     Hann-windowed, within `WIDTH` of the frequency on either side of zero.
     """
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    rows = len(time) // LINES
-    cut = amplitude[len(amplitude) - LINES * rows :].reshape(LINES, rows)
+    rows = len(time) // lines
+    cut = amplitude[len(amplitude) - lines * rows :].reshape(lines, rows)
     weight = hann(rows)
     power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
     distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
@@ -116,7 +155,7 @@ def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> 
 
 def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
     """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
-    y = np.log(np.maximum(size, 1e-300))
+    y = np.log(np.maximum(size, SMALLEST))
     x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
     rate = float(x @ y / (x @ x))
     rest = y - y.mean() - rate * x

@@ -16,13 +16,13 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     A run that seems to decay is undecided while the motion does not show that all modes of which
     growth is predicted decay too: those that are followed may still be seen to, those that are not
     (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
-    undecided while a followed instability that is not part of it is seen to rise.
+    undecided while a mode that is not part of it is seen to rise.
     """
     initial = 0.0 if run.continued else float(run.energy[0])
     found = classify(run.time, energy, initial, round_off(run), growth=_predicted_pace(run))
     modes = run.point.modes
     if found.name == LIMIT_CYCLE:
-        until = min((rises_until(run, k) for k in range(modes.n_followed)), default=np.inf)
+        until = rises_until(run)
         return Verdict(UNDECIDED, until) if np.isfinite(until) else found
     if found.name != STABLE:
         return found
