@@ -253,6 +253,10 @@ def test_a_level_that_stays_where_growth_is_predicted_is_a_cycle():
     assert classify(TIME, energy, energy[0]).name == "undecided"
     assert classify(TIME, energy, energy[0], growth=2.0 / TIME[-1]).name == "limit_cycle"
     assert classify(TIME, energy, energy[0], growth=0.2 / TIME[-1]).name == "undecided"
+    decay = -2e-2 / TIME[-1]  # over the record, far more than this level drifts
+    assert classify(TIME, energy, energy[0], growth=decay).name == "limit_cycle"
+    falls = energy * np.exp(2 * 0.3 * decay * TIME)  # at a third of its pace
+    assert classify(TIME, falls, energy[0], growth=decay).name == "undecided"
     # one that grows bends the level
     rising = np.exp(np.maximum(TIME / TIME[-1] - 0.7, 0.0) ** 2) * ripple()
     assert classify(TIME, rising, rising[0], growth=2.0 / TIME[-1]).name != "limit_cycle"

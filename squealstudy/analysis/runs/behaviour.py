@@ -103,9 +103,11 @@ def classify(
         Energy of round-off, J.
     growth : float
         Rate at which the level would rise at the end by the predicted growth of what moves there,
-        1/s; zero where nothing of it is predicted to grow. Where something is, a level twice what
-        was put in was reached by that growth, otherwise only one twenty times as high; and a level
-        that stays while growth would have raised it by half is a cycle wherever it began.
+        1/s; negative where all that moves is predicted to decay, zero where that is not known.
+        Where something is to grow, a level twice what was put in was reached by that growth,
+        otherwise only one twenty times as high; and a level that stays while growth would have
+        raised it by half, or decay lowered it by much more than it drifts, is a cycle wherever it
+        began.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
@@ -149,7 +151,8 @@ class Envelope:
         By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
         is less than those differ among themselves.
     predicted : float
-        By how much, of the logarithm, predicted growth would have raised the judged levels.
+        By how much, of the logarithm, predicted growth would have raised the judged levels;
+        negative for predicted decay.
     """
 
     windows: Windows
@@ -237,8 +240,9 @@ def _levels_off(found: Envelope, course: Course) -> bool:
 
 
 def _shown(found: Envelope, drift: float) -> bool:
-    """Whether the start shows how the level was reached."""
-    return found.reached or found.transient >= max(SEEN, CLEAR * drift)
+    """Whether the start shows how the level was reached, or it stays where decay is predicted."""
+    least = max(SEEN, CLEAR * drift)
+    return found.reached or found.transient >= least or -found.predicted >= least
 
 
 def _quiet(course: Course) -> bool:

@@ -9,6 +9,8 @@ from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, round_of
 from squealstudy.analysis.runs.rising_modes import EXPRESSED, JUDGED_ROWS, grows_until, rises_until
 from squealstudy.analysis.tables.run_classes import LIMIT_CYCLE, STABLE, UNDECIDED
 
+NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
+
 
 def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
     """Class of what a run has done, from its `moving_energy`.
@@ -34,13 +36,17 @@ def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
 
 
 def _predicted_pace(run: ModalRun) -> float:
-    """Rate at which the level of the final motion would rise by predicted growth alone, 1/s.
+    """Rate at which the level of the final motion would go by the complex modes alone, 1/s.
 
-    That of each followed unstable mode times its share of the energy, of those that are in it.
+    Of instabilities, that of each followed one times its share of the energy, of those that are in
+    it. Where there are none, the decay of the lightest mode if that has nearly all of the energy.
     """
-    rows, unstable = len(run.time), run.point.modes.n_followed
-    if rows < JUDGED_ROWS or not unstable:
+    rows, modes = len(run.time), run.point.modes
+    if rows < JUDGED_ROWS or not len(modes.lam):
         return 0.0
-    shares = level_shares(run, slice(round(0.6 * rows), None))[:unstable]
-    rates = np.asarray(run.point.modes.lam[:unstable]).real
-    return float((shares * rates)[shares >= EXPRESSED].sum())
+    shares = level_shares(run, slice(round(0.6 * rows), None))
+    rates = np.asarray(modes.lam).real
+    if modes.n_unstable or modes.n_above:
+        unstable = np.arange(len(rates)) < modes.n_followed
+        return float((shares * rates)[unstable & (shares >= EXPRESSED)].sum())
+    return min(float(rates[0]), 0.0) if shares[0] >= NEARLY_ALL else 0.0
