@@ -296,7 +296,7 @@ def test_forced_motion_that_follows_a_cycle_to_its_level_does_not_rise_behind_it
     """The second mode is moved by the first, at a line near its own, and bends with it."""
 
     def late(time):
-        return 0.02 * saturating(time, 60.0, 0.3)
+        return 0.02 * saturating(time, 40.0, 0.1)
 
     run = recorded(0.1, [250.0, 60.0], fast, late)
     assert run_verdict(run, moving_energy(run)).name == "limit_cycle"

@@ -11,6 +11,7 @@ JUDGED_ROWS = 40  # of a history whose modes are watched
 EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
 SILENT = 1e-10  # of the energy: what is smaller may be round-off of contact forces
 RISE_LINES = 8  # the same, where a rise behind another motion is looked for
+RISE_PERIODS = 4.0  # of the mode in each of them, at least
 CHANCE = 5.0  # standard errors that such a rise must exceed: many modes are looked at
 RISE = 0.1  # of its logarithm over the window, at least
 LASTS = 0.6  # of the rise in the first half, that in the second must be
@@ -70,12 +71,14 @@ def _rises(
 
     What has a twentieth of the energy is part of the motion, whose level tells how it goes on.
     """
-    time = run.time[window]
-    size = line_sizes(time, amplitude[window], omega / (2 * np.pi), RISE_LINES)
+    time, frequency = run.time[window], omega / (2 * np.pi)
+    length = float(time[-1] - time[0])
+    if frequency * length < RISE_LINES * RISE_PERIODS:  # a drift, a line cannot be told from it
+        return np.inf
+    size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
     share = scale * float(size[-1]) ** 2
     if not SILENT < share < EXPRESSED:
         return np.inf
-    length = float(time[-1] - time[0])
     rate, error = _growth(length / RISE_LINES, size)
     if rate <= CHANCE * error or rate * length < RISE:
         return np.inf
