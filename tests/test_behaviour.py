@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.runs.behaviour import classify, settled, windows
+from squealstudy.analysis.runs.behaviour import classify
+from squealstudy.analysis.runs.envelope import windows
+from squealstudy.analysis.runs.settling import settled
 from squealstudy.analysis.runs.transfer import transfer
 
 TIME = np.arange(10000) * 1e-5
@@ -26,10 +28,15 @@ def stuart_landau(a, start=1e-6):
     return 1 / (1 + (1 / start - 1) * np.exp(-2 * a * TIME))
 
 
+def torque_of(time, energy):
+    """About 300 N m, with the vibration in it."""
+    return 300 + np.sqrt(energy) * np.cos(2 * np.pi * LINE * time)
+
+
 def named(energy, initial=0.0, noise=0.0):
     """Class of an energy over TIME, and whether it has settled."""
     name = classify(TIME, energy, initial, noise).name
-    return name, settled(TIME, energy, name)
+    return name, settled(TIME, energy, torque_of(TIME, energy), name)
 
 
 @pytest.mark.parametrize("rate", [-5.0, -50.0, -500.0])
@@ -58,7 +65,7 @@ def test_a_light_decay_is_undecided_until_it_has_fallen(damping):
     assert 2 * time[-1] < found.until < 20 * time[-1]
     longer = np.linspace(0, found.until, 100000)
     assert classify(longer, decay(longer), 1.0).name == "stable"
-    assert not settled(time, decay(time), found.name)[0]
+    assert not settled(time, decay(time), torque_of(time, decay(time)), found.name)[0]
 
 
 @settings(max_examples=60, deadline=None)
@@ -246,6 +253,10 @@ def test_a_level_that_stays_where_growth_is_predicted_is_a_cycle():
     assert classify(TIME, energy, energy[0]).name == "undecided"
     assert classify(TIME, energy, energy[0], growth=2.0 / TIME[-1]).name == "limit_cycle"
     assert classify(TIME, energy, energy[0], growth=0.2 / TIME[-1]).name == "undecided"
+    decay = -2e-2 / TIME[-1]  # over the record, far more than this level drifts
+    assert classify(TIME, energy, energy[0], growth=decay).name == "limit_cycle"
+    falls = energy * np.exp(2 * 0.3 * decay * TIME)  # at a third of its pace
+    assert classify(TIME, falls, energy[0], growth=decay).name == "undecided"
     # one that grows bends the level
     rising = np.exp(np.maximum(TIME / TIME[-1] - 0.7, 0.0) ** 2) * ripple()
     assert classify(TIME, rising, rising[0], growth=2.0 / TIME[-1]).name != "limit_cycle"
@@ -265,7 +276,7 @@ def test_records_that_cannot_be_judged():
     assert short.name == "undecided"
     assert short.until > TIME[4]
     assert classify(TIME, np.full(len(TIME), np.nan)).name == "undecided"
-    assert settled(TIME[:5], np.ones(5), "limit_cycle")[0] is False
+    assert settled(TIME[:5], np.ones(5), np.ones(5), "limit_cycle")[0] is False
     assert classify(TIME[:15], np.exp(np.arange(15.0))).name == "growing"
 
 
@@ -289,7 +300,9 @@ def test_scale_and_time_do_not_matter(scale, shift, rate):
     energy = (1e-7 * np.exp(2 * rate * TIME) if rate < 0 else stuart_landau(rate)) * ripple()
     name = classify(TIME, energy).name
     assert classify(TIME + shift, scale * energy).name == name
-    one, two = settled(TIME, energy, name), settled(TIME + shift, scale * energy, name)
+    torque = torque_of(TIME, energy)
+    one = settled(TIME, energy, torque, name)
+    two = settled(TIME + shift, scale * energy, np.sqrt(scale) * torque, name)
     assert two[0] == one[0]
     np.testing.assert_allclose(two[1] - shift, one[1], atol=1e-9)
 

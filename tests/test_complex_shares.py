@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from squealstudy.analysis.runs.complex_shares import complex_shares
 from squealstudy.analysis.runs.modal_energies import mode_energies
-from squealstudy.analysis.runs.summary import ModalRun, growth_rows, held_energies, level_shares
+from squealstudy.analysis.runs.modal_run import ModalRun, level_shares
+from squealstudy.analysis.runs.summary import growth_rows, held_energies
 from squealstudy.analysis.runs.transfer import transfer
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.mode_planes import coordinates, mode_planes

@@ -102,7 +102,7 @@ def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):
     transient_screen.points(results.points, results.parameters)
     printed = " ".join(console.export_text().split())
     until = results.points["undecided_until"].max()
-    assert "1 of 2 runs are too short to tell rest from vibration" in printed
+    assert "1 of 2 runs are too short to tell what they come to" in printed
     assert f"a duration of about {until:.2g} s would decide them" in printed
 
 

@@ -224,7 +224,12 @@ def test_of_few_points_of_a_meshed_model_there_is_none(monkeypatch):
         ("limit_cycle", "limit_cycle", "ok", ""),
         ("limit_cycle", "stable", "undecided", "limit_cycle at k_t, stable at 2 k_t"),
         ("irregular", "irregular", "undecided", "by chance too"),
-        ("undecided", "undecided", "undecided", "both runs are undecided"),
+        (
+            "undecided",
+            "undecided",
+            "undecided",
+            "both runs are undecided: neither is known to have reached its level",
+        ),
         ("limit_cycle", "", "failed", "at 2 k_t: not_converged: why"),
     ],
 )

@@ -6,13 +6,16 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy
 from squealstudy.analysis.runs.outcome import known_outcome, level_drift
 from squealstudy.analysis.runs.rising_modes import expected_rise
-from squealstudy.analysis.runs.summary import ModalRun, moving_energy, run_levels, run_verdict
+from squealstudy.analysis.runs.summary import run_levels, summarise
+from squealstudy.analysis.runs.verdict import run_verdict
 from squealstudy.analysis.transient.growing_modes import GrowingModes
 from squealstudy.analysis.transient.point import TransientPoint
 from squealstudy.analysis.transient.settings import (
@@ -197,11 +200,13 @@ def saturating(time, rate, start=1e-3):
     return 1 / np.sqrt(1 + (1 / start**2 - 1) * np.exp(-2 * rate * time))
 
 
-def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) -> ModalRun:
+def recorded(
+    until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0, more=None
+) -> ModalRun:
     """A run as far as `until`: modes of predicted `rates`, their amplitudes functions of time.
 
     The first one's second harmonic is seen by the others too. `heard` is what each does to the
-    torque, whose mean changes by `drag` a second.
+    torque, whose mean changes by `drag` a second and to which `more`, a function of time, is added.
     """
     time = np.arange(0.0, until, 2e-5)
     omega = 2 * np.pi * np.array([LINE, OTHER])[: len(sizes)]
@@ -211,6 +216,7 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) ->
     v, q = (a * np.cos(np.outer(omega, time))).T, (a * np.sin(np.outer(omega, time))).T / omega
     energy = 0.5 * (a**2).sum(axis=0)
     torque = 300 + drag * time + v @ heard[: len(sizes)] + 4 * a[0] * np.cos(2 * omega[0] * time)
+    torque = torque if more is None else torque + more(time)
     known = {"time": time, "torque": torque, "modal_energy": energy}
     history = {name: known.get(name, 0 * time) for name in HISTORY}
     lam = np.array(rates) + 1j * omega
@@ -218,7 +224,8 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0) ->
     none_lost = EnergyBalance(*6 * [0.0])
     modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
     m = len(lam)
-    point = TransientPoint(None, modes, None, np.full(m, 0.5), 300.0, plane_overlap=np.eye(2 * m))
+    design = SimpleNamespace(speed=1.0)
+    point = TransientPoint(design, modes, None, np.full(m, 0.5), 300.0, plane_overlap=np.eye(2 * m))
     result = TransientResult(
         "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, none_lost, 1
     )
@@ -244,9 +251,12 @@ def test_a_limit_cycle_is_known_once_the_last_window_is_clear_of_its_growth():
     assert found == ["", "", "", "", "settled", "settled"]
 
 
-@pytest.mark.parametrize(("rate", "outcome"), [(0.0, "settled"), (5.0, "settled"), (40.0, "")])
+@pytest.mark.parametrize(("rate", "outcome"), [(0.0, "settled"), (5.0, ""), (40.0, "")])
 def test_a_second_instability_that_rises_keeps_the_run_going(rate, outcome):
-    """At 0.02 of the first it has 4e-4 of the energy: the torque does not show it yet."""
+    """At 0.02 of the first it has 4e-4 of the energy: the torque does not show it yet.
+
+    However late it matters: a run that ended now would be undecided.
+    """
 
     def slow(time):
         return 0.02 * np.exp(rate * (time - 0.1))
@@ -258,7 +268,38 @@ def test_a_second_instability_that_rises_keeps_the_run_going(rate, outcome):
     rise = expected_rise(run, window, DURATION)
     middle = 0.02**2 * np.exp(-2 * rate * 0.005)  # of the last of four stretches
     assert rise == pytest.approx(middle * np.expm1(2 * rate * 0.1), rel=0.05, abs=1e-6)
-    assert known_outcome(run, 0.11, TOLERANCE) == "settled"  # too late to matter
+    assert known_outcome(run, 0.11, TOLERANCE) == outcome
+
+
+@pytest.mark.parametrize("predicted", [60.0, -60.0])
+@pytest.mark.parametrize("rate", [-5.0, 0.0, 5.0, 40.0])
+def test_a_limit_cycle_behind_which_a_mode_rises_is_undecided(rate, predicted):
+    """Its level may change once that has come up, which `undecided_until` foresees.
+
+    A mode that is stable at steady sliding may rise too: limit cycles shed into pairs of modes
+    whose frequencies add up to their own.
+    """
+
+    def slow(time):
+        return 0.02 * np.exp(rate * (time - 0.1))
+
+    run = recorded(0.1, [250.0, predicted], fast, slow)
+    found = run_verdict(run, moving_energy(run))
+    if rate <= 0:
+        assert found.name == "limit_cycle"
+        return
+    assert found.name == "undecided"
+    assert 0.6 * found.until == pytest.approx(0.1 + np.log(50) / rate, rel=0.1)
+
+
+def test_forced_motion_that_follows_a_cycle_to_its_level_does_not_rise_behind_it():
+    """The second mode is moved by the first, at a line near its own, and bends with it."""
+
+    def late(time):
+        return 0.02 * saturating(time, 40.0, 0.1)
+
+    run = recorded(0.1, [250.0, 60.0], fast, late)
+    assert run_verdict(run, moving_energy(run)).name == "limit_cycle"
 
 
 def test_forced_motion_at_other_lines_is_no_growth_of_a_mode():
@@ -316,6 +357,51 @@ def test_drift_does_not_see_where_windows_cut_periods():
     assert level_drift(50 + (1 + 0.1 * t) * np.cos(2 * np.pi * 31.4 * t)) == pytest.approx(
         0.1 * 2 / 3 / 1.05, rel=0.05
     )
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        lambda t: 10 * np.exp(-t / 5e-3) * np.cos(2 * np.pi * 700 * t),  # its RMS and peaks
+        lambda t: 100 * np.exp(-t / 5e-3),  # its mean
+        lambda t: np.where((t > 0.019) & (t < 0.0201), 60.0 * np.sin(2e4 * t), 0.0),  # its peaks
+    ],
+)
+def test_the_settled_time_is_that_of_the_torque_too(more):
+    """The vibration continues a limit cycle; the torque has a transient of its own, of 20 ms."""
+    run = recorded(0.1, [250.0], np.ones_like, more=more)
+    run = replace(run, continued=True)
+    told = summarise(run).point
+    assert (told["class"], told["settled"]) == ("limit_cycle", True)
+    assert 0.01 < told["settled_time"] < 0.04
+    rest = run.result.history["torque"][run.time >= told["settled_time"]]
+    assert rest.mean() == pytest.approx(told["torque_mean"], rel=0.01)
+    assert rest.std() == pytest.approx(told["torque_rms"], rel=0.05)
+    assert np.ptp(rest) == pytest.approx(told["torque_peak_to_peak"], rel=0.1)
+    calm = summarise(replace(recorded(0.1, [250.0], np.ones_like), continued=True)).point
+    assert (calm["settled"], calm["settled_time"]) == (True, 0.0)
+
+
+def test_a_torque_that_still_falls_has_not_settled():
+    run = recorded(0.1, [250.0], np.ones_like, more=lambda t: 60 * np.sin(9e3 * t) * np.exp(-9 * t))
+    told = summarise(replace(run, continued=True)).point
+    assert told["class"] == "limit_cycle"
+    assert not told["settled"]
+    assert np.isnan(told["settled_time"])
+
+
+@pytest.mark.parametrize("rows", [1, 2, 9, 10, 14])
+def test_a_run_of_few_rows_is_undecided(rows):
+    """It has not failed: it ended where it was asked to, before anything can be told."""
+    until = (rows - 0.5) * 2e-5
+    told = summarise(recorded(until, [250.0], np.ones_like)).point
+    assert told["class"] == "undecided"
+    assert told["undecided_until"] > 14 * min(until, 2e-5)
+    assert told["undecided_until"] < 40 * 2e-5
+    failed = recorded(until, [250.0], np.ones_like)
+    failed = replace(failed, result=replace(failed.result, outcome="not_converged"))
+    assert summarise(failed).point["class"] == "failed"
+    assert not np.isfinite(summarise(failed).point.get("undecided_until", np.nan))
 
 
 def decaying(rate):

@@ -59,12 +59,12 @@ def undecided(table: pd.DataFrame) -> None:
     if not len(until):
         return
     known = until[np.isfinite(until)]
-    text = f"undecided: {len(until)} of {len(table)} runs are too short to tell rest from vibration"
+    text = f"undecided: {len(until)} of {len(table)} runs are too short to tell what they come to"
     if len(known):
         text += f"; a duration of about {known.max():.2g} s would decide "
         text += "them" if len(known) == len(until) else f"{len(known)} of them"
     if len(known) < len(until):
-        text += f"; {len(until) - len(known)} need another perturbation"
+        text += f"; of {len(until) - len(known)} no duration is known that would"
     screen.console.print(text)
 
 
@@ -163,7 +163,7 @@ def ranking(table: pd.DataFrame) -> None:
 
 def _findings(row: dict[Any, Any]) -> list[str]:
     if row["class"] == FAILED:
-        why = row["status"] if row["status"] != "ok" else "too short a run to judge"
+        why = row["status"] if row["status"] != "ok" else "its energy is not finite"
         return [f"failed: {why}", *[""] * 8]
     transfer = ""
     if row["transfer_to"]:

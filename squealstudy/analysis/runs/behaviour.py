@@ -23,7 +23,6 @@ from squealstudy.analysis.runs.levels import LAST
 from squealstudy.analysis.tables.run_classes import (
     GROWING,
     IRREGULAR,
-    LEVELLED,
     LIMIT_CYCLE,
     STABLE,
     UNDECIDED,
@@ -33,7 +32,6 @@ TREND = 0.05  # rise of the RMS over the judged part; less is none
 DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
 CHANCE = 3.0  # standard errors that a trend must exceed
 SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
-BAND = 0.05  # least half-width of the band within which levels agree
 REST = 1e-2  # of the largest RMS: what is smaller and falls is at rest
 GONE = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
 STEADY = 0.25  # of the pace over the whole record, at which a fall must end
@@ -77,50 +75,6 @@ class Verdict:
     until: float = np.nan
 
 
-def settled(time: np.ndarray, energy: np.ndarray, name: str) -> tuple[bool, float]:
-    """Whether the levels of the last 40 % agree, and the earliest time from which all do.
-
-    Those of a limit cycle or an irregular motion agree where their RMS neither trends (5 %, beyond
-    three standard errors) nor scatters (10 % about the trend); those of a stable run where all are
-    at rest: below 1 % of the largest. Other runs have not settled. The same part of the record
-    gives the torque's levels (`levels.last_window`).
-
-    Parameters
-    ----------
-    time, energy
-        As of `envelope.windows`.
-    name : str
-        Class of the run.
-
-    Returns
-    -------
-    settled : bool
-    time : float
-        Start of the first window from which all levels stay near those judged, s; NaN where the run
-        has not settled.
-    """
-    if len(time) < WINDOWS[0]:
-        return False, np.nan
-    found = windows(time, energy)
-    level, judged = found.level, found.level[found.judged :]
-    rest = REST * level.max()
-    if name == STABLE and judged.max() <= rest:
-        away = level > rest
-    elif name in LEVELLED and _stationary(found):
-        mean = float(judged.mean())
-        band = max(BAND, 1.01 * float(np.abs(judged / mean - 1).max()))
-        away = np.abs(level - mean) > band * mean
-    else:
-        return False, np.nan
-    first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
-    return True, float(found.start[first])
-
-
-def _stationary(found: Windows) -> bool:
-    rise, error, scatter = found.trend()
-    return scatter <= SCATTER and (abs(rise) <= TREND or abs(rise) <= CHANCE * error)
-
-
 def classify(
     time: np.ndarray,
     energy: np.ndarray,
@@ -149,13 +103,15 @@ def classify(
         Energy of round-off, J.
     growth : float
         Rate at which the level would rise at the end by the predicted growth of what moves there,
-        1/s; zero where nothing of it is predicted to grow. Where something is, a level twice what
-        was put in was reached by that growth, otherwise only one twenty times as high; and a level
-        that stays while growth would have raised it by half is a cycle wherever it began.
+        1/s; negative where all that moves is predicted to decay, zero where that is not known.
+        Where something is to grow, a level twice what was put in was reached by that growth,
+        otherwise only one twenty times as high; and a level that stays while growth would have
+        raised it by half, or decay lowered it by much more than it drifts, is a cycle wherever it
+        began.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
-        return Verdict(UNDECIDED, LONGER * span * WINDOWS[0] / max(len(time) - 1, 1))
+        return too_short(span, len(time))
     found = Envelope.of(windows(time, energy), initial, growth * LAST * span)
     course = found.windows.course(LAST)
     if found.gone(noise) and not _rises(course):
@@ -169,6 +125,11 @@ def classify(
     if _falls(found, course):
         return Verdict(STABLE)
     return Verdict(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
+
+
+def too_short(duration: float, rows: int) -> Verdict:
+    """Of a run whose record has too few rows to be judged: until it has enough."""
+    return Verdict(UNDECIDED, LONGER * duration * WINDOWS[0] / max(rows - 1, 1))
 
 
 @dataclass(frozen=True)
@@ -190,7 +151,8 @@ class Envelope:
         By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
         is less than those differ among themselves.
     predicted : float
-        By how much, of the logarithm, predicted growth would have raised the judged levels.
+        By how much, of the logarithm, predicted growth would have raised the judged levels;
+        negative for predicted decay.
     """
 
     windows: Windows
@@ -278,8 +240,9 @@ def _levels_off(found: Envelope, course: Course) -> bool:
 
 
 def _shown(found: Envelope, drift: float) -> bool:
-    """Whether the start shows how the level was reached."""
-    return found.reached or found.transient >= max(SEEN, CLEAR * drift)
+    """Whether the start shows how the level was reached, or it stays where decay is predicted."""
+    least = max(SEEN, CLEAR * drift)
+    return found.reached or found.transient >= least or -found.predicted >= least
 
 
 def _quiet(course: Course) -> bool:

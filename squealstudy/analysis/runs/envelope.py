@@ -120,13 +120,18 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
 
 def _levels(energy: np.ndarray, count: int) -> np.ndarray:
     """Weighted RMS of `count` windows at the end of a record."""
-    rows = len(energy) // count
+    found: np.ndarray = np.sqrt(window_means(energy, count))
+    return found
+
+
+def window_means(values: np.ndarray, count: int) -> np.ndarray:
+    """Weighted means of `count` equal windows at the end of a record."""
+    rows = len(values) // count
     weight = np.ones(rows)
     if rows >= LEAST_ROWS:
         weight = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 4
-    cut = energy[len(energy) - count * rows :].reshape(count, rows)
-    levels: np.ndarray = np.sqrt(cut @ weight / weight.sum())
-    return levels
+    means: np.ndarray = values[len(values) - count * rows :].reshape(count, rows) @ weight
+    return means / weight.sum()
 
 
 def _periods(ripple: np.ndarray) -> tuple[float, float]:

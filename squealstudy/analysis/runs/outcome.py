@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.runs.behaviour import settled
 from squealstudy.analysis.runs.growth import fit_growth
 from squealstudy.analysis.runs.levels import LEAST_PERIODS
+from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy, round_off
 from squealstudy.analysis.runs.rising_modes import expected_rise, hann
-from squealstudy.analysis.runs.summary import (
-    ModalRun,
-    moving_energy,
-    round_off,
-    run_levels,
-    run_verdict,
-)
+from squealstudy.analysis.runs.settling import settled
+from squealstudy.analysis.runs.summary import run_levels
+from squealstudy.analysis.runs.verdict import run_verdict
 from squealstudy.analysis.tables.run_classes import LEVELLED, STABLE
 
 SETTLED, DECAYED = "settled", "decayed"
@@ -83,6 +79,7 @@ def _has_settled(
     run: ModalRun, energy: np.ndarray, name: str, duration: float, tolerance: float
 ) -> bool:
     """The cheap tests first."""
+    torque = run.result.history["torque"]
     levels, window = run_levels(run)
     frequency, rms = levels["dominant_frequency_hz"], levels["torque_rms"]
     length = float(run.time[-1] - run.time[window][0])
@@ -90,9 +87,9 @@ def _has_settled(
         return False
     if 0.5 * (levels["torque_rms_high"] - levels["torque_rms_low"]) > tolerance * rms:
         return False
-    if level_drift(run.result.history["torque"][window]) > tolerance:
+    if level_drift(torque[window]) > tolerance:
         return False
-    if not settled(run.time, energy, name)[0]:
+    if not settled(run.time, energy, torque, name)[0]:
         return False
     return expected_rise(run, window, duration) <= 2 * tolerance  # energy is a level squared
 

@@ -1,40 +1,24 @@
-"""How the amplitudes of followed complex modes go on at the end of a run."""
+"""How the amplitudes of modes go on at the end of a run."""
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
-from squealstudy.analysis.transient.point import TransientPoint
+from squealstudy.analysis.runs.levels import LAST
+from squealstudy.analysis.runs.modal_run import ModalRun
 
 JUDGED_ROWS = 40  # of a history whose modes are watched
+EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
+SILENT = 1e-10  # of the energy: what is smaller may be round-off of contact forces
+RISE_LINES = 8  # the same, where a rise behind another motion is looked for
+RISE_PERIODS = 4.0  # of the mode in each of them, at least
+CHANCE = 5.0  # standard errors that such a rise must exceed: many modes are looked at
+RISE = 0.1  # of its logarithm over the window, at least
+LASTS = 0.6  # of the rise in the first half, that in the second must be
+SMALLEST = 1e-300
 HORIZON = 1e3  # times a duration: what is later is not foreseen
 LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
-
-
-class Followed(Protocol):
-    """A run whose complex modes are followed (`summary.ModalRun`)."""
-
-    @property
-    def point(self) -> TransientPoint:
-        """With the modes and their energies."""
-        ...
-
-    @property
-    def time(self) -> np.ndarray:
-        """S, (rows,)."""
-        ...
-
-    @property
-    def energy(self) -> np.ndarray:
-        """Mechanical energy (rows,), J."""
-        ...
-
-    def xi(self, k: int) -> np.ndarray:
-        """Complex amplitude (rows,) of the followed mode `k`."""
-        ...
 
 
 def hann(rows: int) -> np.ndarray:
@@ -43,7 +27,7 @@ def hann(rows: int) -> np.ndarray:
     return weight
 
 
-def grows_until(run: Followed, k: int) -> float:
+def grows_until(run: ModalRun, k: int) -> float:
     """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
     rows = len(run.time)
     if rows < JUDGED_ROWS:
@@ -54,12 +38,65 @@ def grows_until(run: Followed, k: int) -> float:
     pace = rate if rate > error else float(run.point.modes.lam[k].real)
     if not (share > 0 and pace > 0):
         return np.inf
-    ahead = max(0.0, -0.5 * float(np.log(share)) / pace)
-    until = float(run.time[-1]) + ahead
-    return until if until <= HORIZON * run.time[-1] else np.inf
+    return _foreseen(run, share, pace)
 
 
-def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, float]:
+def rises_until(run: ModalRun) -> float:
+    """The duration after which what rises behind the motion that leads would have its level, s.
+
+    It may be a followed unstable mode, or a sensed one of which no growth is predicted: a limit
+    cycle may shed into modes whose frequencies add up to its own. The part that is judged begins
+    where that would have all the energy. Infinite where nothing is seen to rise, or too slowly to
+    be foreseen.
+    """
+    rows = len(run.time)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    window = slice(round(0.6 * rows), None)
+    energy = max(float(run.energy[window].mean()), SMALLEST)
+    modes = run.point.modes
+    until = np.inf
+    for k in range(modes.n_followed):
+        scale = float(run.point.mode_energy[k]) / energy
+        until = min(until, _rises(run, window, run.xi(k), float(abs(modes.lam[k])), scale))
+    for v, omega in zip(run.v.T, run.omega, strict=True):
+        until = min(until, _rises(run, window, v, float(omega), 1 / energy))
+    return until / (1 - LAST)
+
+
+def _rises(
+    run: ModalRun, window: slice, amplitude: np.ndarray, omega: float, scale: float
+) -> float:
+    """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
+
+    What has a twentieth of the energy is part of the motion, whose level tells how it goes on.
+    """
+    time, frequency = run.time[window], omega / (2 * np.pi)
+    length = float(time[-1] - time[0])
+    if frequency * length < RISE_LINES * RISE_PERIODS:  # a drift, a line cannot be told from it
+        return np.inf
+    size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
+    share = scale * float(size[-1]) ** 2
+    if not SILENT < share < EXPRESSED:
+        return np.inf
+    rate, error = _growth(length / RISE_LINES, size)
+    if rate <= CHANCE * error or rate * length < RISE:
+        return np.inf
+    y = np.log(np.maximum(size, SMALLEST))
+    half = RISE_LINES // 2
+    if y[-1] - y[half] < LASTS * (y[half - 1] - y[0]):  # a forced line on its way to a level
+        return np.inf
+    return _foreseen(run, share, rate)
+
+
+def _foreseen(run: ModalRun, share: float, rate: float) -> float:
+    """When a share of the energy would be all of it, s; infinite beyond the horizon."""
+    end = float(run.time[-1])
+    until = end + max(0.0, -0.5 * float(np.log(share)) / rate)
+    return until if until <= HORIZON * end else np.inf
+
+
+def mode_course(run: ModalRun, k: int, window: slice) -> tuple[float, float, float]:
     """How the followed mode `k` goes on through the rows of a window, 16 or more.
 
     It is seen through its left vector, around its own frequency: there the lines of a limit cycle
@@ -76,17 +113,17 @@ def mode_course(run: Followed, k: int, window: slice) -> tuple[float, float, flo
     size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
     rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
     energy = float(run.point.mode_energy[k] * size[-1] ** 2)
-    return energy / max(float(run.energy[window].mean()), 1e-300), rate, error
+    return energy / max(float(run.energy[window].mean()), SMALLEST), rate, error
 
 
-def expected_rise(run: Followed, window: slice, duration: float) -> float:
+def expected_rise(run: ModalRun, window: slice, duration: float) -> float:
     """Largest energy that a followed complex mode would gain until `duration`, over all energy.
 
     Its growth over the window, where that is beyond its standard error, is taken to go on.
 
     Parameters
     ----------
-    run : Followed
+    run : ModalRun
     window : slice
         Rows that are judged, 16 or more.
     duration : float
@@ -101,14 +138,16 @@ def expected_rise(run: Followed, window: slice, duration: float) -> float:
     return worst
 
 
-def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> np.ndarray:
-    """RMS of a complex amplitude (rows,) near a frequency, in successive stretches (LINES,).
+def line_sizes(
+    time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = LINES
+) -> np.ndarray:
+    """RMS of an amplitude (rows,) near a frequency, in successive stretches (lines,).
 
     Hann-windowed, within `WIDTH` of the frequency on either side of zero.
     """
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    rows = len(time) // LINES
-    cut = amplitude[len(amplitude) - LINES * rows :].reshape(LINES, rows)
+    rows = len(time) // lines
+    cut = amplitude[len(amplitude) - lines * rows :].reshape(lines, rows)
     weight = hann(rows)
     power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
     distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
@@ -119,7 +158,7 @@ def line_sizes(time: np.ndarray, amplitude: np.ndarray, frequency_hz: float) -> 
 
 def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
     """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
-    y = np.log(np.maximum(size, 1e-300))
+    y = np.log(np.maximum(size, SMALLEST))
     x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
     rate = float(x @ y / (x @ x))
     rest = y - y.mean() - rate * x

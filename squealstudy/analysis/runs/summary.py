@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.runs.behaviour import Verdict, classify, settled
-from squealstudy.analysis.runs.complex_shares import complex_shares
+from squealstudy.analysis.runs.behaviour import Verdict, too_short
 from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
 from squealstudy.analysis.runs.levels import last_window, torque_levels
 from squealstudy.analysis.runs.modal_energies import (
@@ -19,73 +18,17 @@ from squealstudy.analysis.runs.modal_energies import (
     first_window,
     modal_shares,
     mode_energies,
-    static_energy,
-    vibration_energy,
 )
-from squealstudy.analysis.runs.rising_modes import JUDGED_ROWS, grows_until
+from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, moving_energy, round_off
+from squealstudy.analysis.runs.rising_modes import EXPRESSED
+from squealstudy.analysis.runs.settling import settled
 from squealstudy.analysis.runs.transfer import transfer
-from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE, UNDECIDED
-from squealstudy.analysis.transient.mode_planes import DEGENERATE, coordinates
-from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.reference_modes import projection
-from squealstudy.analysis.transient.settings import TransientResult
+from squealstudy.analysis.runs.verdict import run_verdict
+from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE
+from squealstudy.analysis.transient.mode_planes import DEGENERATE
 
 HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
 LEAST_ROWS = 10  # of a history that says anything
-NOISE = 3e-21  # of the work of friction: energy of round-off
-EXPRESSED = 0.05  # share of the energy from which on a predicted instability is in the motion
-
-
-@dataclass(frozen=True)
-class ModalRun:
-    """A result with what its sensors are.
-
-    Attributes
-    ----------
-    result : TransientResult
-    point : TransientPoint
-    modes : ndarray (ns,) of int
-        Sensed assembly modes, from 1.
-    omega : ndarray (ns,)
-        rad/s.
-    q, v : ndarray (rows, ns)
-        Their modal displacement and velocity.
-    growth_q, growth_v : ndarray (rows, 8 m)
-        Products of `TransientPoint.sensor_rows`.
-    continued : bool
-        The run goes on from another; otherwise its first energy is that of the perturbation.
-    """
-
-    result: TransientResult
-    point: TransientPoint
-    modes: np.ndarray
-    omega: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    growth_q: np.ndarray
-    growth_v: np.ndarray
-    continued: bool = False
-
-    @property
-    def time(self) -> np.ndarray:
-        """S, (rows,)."""
-        return self.result.history["time"]
-
-    @property
-    def energy(self) -> np.ndarray:
-        """Mechanical energy of all modes (rows,), J."""
-        return self.result.history["modal_energy"]
-
-    def xi(self, k: int) -> np.ndarray:
-        """Complex amplitude (rows,) of the followed mode `k` through its left vector."""
-        rows = slice(4 * k, 4 * k + 4)
-        return projection(self.growth_q[:, rows], self.growth_v[:, rows])
-
-    def plane(self, k: int) -> np.ndarray:
-        """Coordinates (rows, 2) on the plane of the followed mode `k`, sqrt(J)."""
-        first = 4 * (len(self.point.modes.lam) + k)
-        rows = slice(first, first + 4)
-        return coordinates(self.growth_q[:, rows], self.growth_v[:, rows])
 
 
 @dataclass(frozen=True)
@@ -100,14 +43,15 @@ class Summary:
 def summarise(run: ModalRun) -> Summary:
     """What a run did, in numbers.
 
-    A failed run is summarised up to where it got, with the class ``failed``.
+    A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
+    than ten rows nothing is said but how the integration went and what is predicted.
     """
-    if len(run.time) < LEAST_ROWS or not np.isfinite(run.energy).all():
-        return Summary(_course(run) | _forecast(run) | {"class": FAILED}, [], [])
+    energy = moving_energy(run)
+    verdict = _class(run, energy)
+    if len(run.time) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
+        return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
     levels, window = run_levels(run)
-    behaviour = _behaviour(run)
-    if run.result.outcome != "ok":
-        behaviour |= {"class": FAILED, "undecided_until": np.nan}
+    behaviour = _behaviour(run, energy, verdict)
     growth = growth_rows(run, behaviour["class"], window)
     energies = mode_energies(run.q, run.v, run.omega)
     shares = modal_shares(energies[window], run.energy[window])
@@ -202,25 +146,6 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     return kind in LEVELLED and share >= EXPRESSED
 
 
-def level_shares(run: ModalRun, window: slice) -> np.ndarray:
-    """Share (m,) of each followed complex mode in the energy of the vibration over a window."""
-    states = [run.plane(k)[window] for k in range(len(run.point.modes.lam))]
-    energy = float(run.energy[window].mean()) - static_energy(run.q[window], run.omega)
-    return complex_shares(np.hstack(states), run.point.plane_overlap, energy)
-
-
-def moving_energy(run: ModalRun) -> np.ndarray:
-    """Energy of the vibration (rows,), J: twice the kinetic energy of the sensed modes.
-
-    That is blind to static shifts; where the sensors miss most of the energy, all of it is taken.
-    """
-    last = slice(round(0.6 * len(run.time)), None)
-    sensed = mode_energies(run.q, run.v, run.omega)[last].sum()
-    if sensed < 0.5 * run.energy[last].sum():
-        return run.energy
-    return vibration_energy(run.v)
-
-
 def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
     if run.energy.max() <= round_off(run):
@@ -264,15 +189,26 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _behaviour(run: ModalRun) -> dict[str, Any]:
+def _class(run: ModalRun, energy: np.ndarray) -> Verdict:
+    """Class of a run, failed ones included."""
+    if run.result.outcome != "ok" or not np.isfinite(run.energy).all():
+        return Verdict(FAILED)
+    if len(run.time) < LEAST_ROWS:
+        return too_short(run.result.time, len(run.time))
+    return run_verdict(run, energy)
+
+
+def _class_columns(verdict: Verdict) -> dict[str, Any]:
+    return {"class": verdict.name, "undecided_until": verdict.until}
+
+
+def _behaviour(run: ModalRun, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
-    energy = moving_energy(run)
-    verdict = run_verdict(run, energy)
-    calm, since = settled(run.time, energy, verdict.name)
+    torque = run.result.history["torque"]
+    calm, since = settled(run.time, energy, torque, verdict.name)
     first, last, when = transfer(run.time, run.v**2, run.modes, held_energies(run))
     return {
-        "class": verdict.name,
-        "undecided_until": verdict.until,
+        **_class_columns(verdict),
         "settled": calm,
         "settled_time": since,
         "transfer_from": first,
@@ -297,43 +233,6 @@ def held_energies(run: ModalRun) -> np.ndarray:
         axes = axes[:, size > DEGENERATE * size[0]]
         held[:, k] = ((run.v @ axes) ** 2).sum(axis=1)
     return held
-
-
-def round_off(run: ModalRun) -> float:
-    """Energy below which nothing moves, J: of the work of friction, which scales as it does."""
-    return NOISE * abs(run.result.energy.friction)
-
-
-def run_verdict(run: ModalRun, energy: np.ndarray) -> Verdict:
-    """Class of what a run has done, from its `moving_energy`.
-
-    A run that seems to decay is undecided while the motion does not show that all modes of which
-    growth is predicted decay too: those that are followed may still be seen to, those that are not
-    (above the band, or too many) and those of a run that nothing moved never.
-    """
-    initial = 0.0 if run.continued else float(run.energy[0])
-    found = classify(run.time, energy, initial, round_off(run), growth=_predicted_pace(run))
-    if found.name != STABLE:
-        return found
-    modes = run.point.modes
-    unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
-    if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
-        return Verdict(UNDECIDED, np.inf)
-    until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
-    return Verdict(UNDECIDED, until) if until > 0 else found
-
-
-def _predicted_pace(run: ModalRun) -> float:
-    """Rate at which the level of the final motion would rise by predicted growth alone, 1/s.
-
-    That of each followed unstable mode times its share of the energy, of those that are in it.
-    """
-    rows, unstable = len(run.time), run.point.modes.n_followed
-    if rows < JUDGED_ROWS or not unstable:
-        return 0.0
-    shares = level_shares(run, slice(round(0.6 * rows), None))[:unstable]
-    rates = np.asarray(run.point.modes.lam[:unstable]).real
-    return float((shares * rates)[shares >= EXPRESSED].sum())
 
 
 def _contact(run: ModalRun, window: slice) -> dict[str, Any]:

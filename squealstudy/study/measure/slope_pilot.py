@@ -29,6 +29,10 @@ from squealstudy.study.transient_section import PILOT_POINTS
 FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
 CYCLE = "limit_cycle"
 DECIDED = ("stable", CYCLE, "growing")  # classes of which one run tells about another
+UNTOLD = {  # why two runs of a class cannot tell
+    "irregular": ": levels differ by chance too",
+    "undecided": ": neither is known to have reached its level",
+}
 QUANTITIES = ("torque_rms", "growth_rate", "torque_mean", "dominant_frequency")
 OK, UNDECIDED, FAILED, SKIPPED = "ok", "undecided", "failed", "skipped"
 
@@ -124,7 +128,7 @@ def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]
     if own != double:
         return {"status": UNDECIDED, "message": f"{own} at k_t, {double} at 2 k_t"}
     if own not in DECIDED:
-        return {"status": UNDECIDED, "message": f"both runs are {own}: levels differ by chance too"}
+        return {"status": UNDECIDED, "message": f"both runs are {own}{UNTOLD.get(own, '')}"}
     if not errors:
         return {"status": UNDECIDED, "message": f"both runs are {own} and have nothing to compare"}
     return {}

@@ -17,7 +17,7 @@ from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign
 from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.runs.summary import ModalRun
+from squealstudy.analysis.runs.modal_run import ModalRun
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.reduction.cmt import component_modes

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from squealstudy.analysis.runs.modal_run import ModalRun
 from squealstudy.analysis.runs.outcome import known_outcome
-from squealstudy.analysis.runs.summary import ModalRun
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
