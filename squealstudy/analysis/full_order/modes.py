@@ -121,7 +121,7 @@ def full_order_system(
     C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz)
         omega, phi = _changed_modes(omega, phi, *K_low)
         zeta = state.assembly_damping_ratios(len(omega))
         C_low = (
