@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from squealstudy import open_results
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.study.complex_modes import full_rung
+from squealstudy.study.complex_modes import bases, full_rung
 from squealstudy.study.complex_modes.bases import split_boxes
 from squealstudy.study.complex_modes.chart import chart_of
 from squealstudy.study.complex_modes.kind import ComplexModes
@@ -380,3 +380,19 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
     assert first[1] == {}
     assert rung.assembly(point("pad.modes[7]"))[1] == {"pad": 1.0}
     assert len(made) == 2
+
+
+@pytest.mark.parametrize(("tolerance", "trained"), [(1e-2, 1e-4), (1e-4, 1e-4), (1e-6, 1e-6)])
+def test_a_looser_tolerance_has_no_dearer_basis(tmp_path, monkeypatch, tolerance, trained):
+    """A shorter cut would ask for more training points: that of 1e-4 serves looser ones."""
+    asked = []
+    made = bases.build_sweep_basis
+
+    def watched(problem, to, **more):
+        asked.append(to)
+        return made(problem, to, **more)
+
+    monkeypatch.setattr(bases, "build_sweep_basis", watched)
+    text = HULTEN.replace("stop = 0.6", "stop = 0.61")  # a box of its own
+    run(text + f'method = "sweep_basis"\ntolerance = {tolerance}\n', tmp_path)
+    assert asked == [pytest.approx(bases.SHARE * trained)]
