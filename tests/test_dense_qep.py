@@ -7,6 +7,8 @@ import pytest
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
 from squealstudy.analysis.quadratic import backward_error, companion_roots, dense_roots
+from squealstudy.analysis.reanalysis.eigen import pairs_inside
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.linalg import dense_qep
 from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
 
@@ -74,3 +76,20 @@ def test_a_shift_that_is_a_root():
         assert (roots_inside(C, K, TOP) is None) == (len(shares) == 2)
         p = Problem(C, K, (0.01 * TOP, TOP))
         assert difference(p, dense_roots(*p)[0]) == ""
+
+
+@pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)
+def test_left_vectors_belong_to_their_roots(kind):
+    for number in (kind, kind + len(KINDS)):
+        C, K, band = problem = random_problem(number, LEAST)
+        found = pairs_inside(C, K, band[1])
+        pairs = found.take(in_band(found.lam, band, 1.0))
+        assert difference(problem, pairs.lam) == ""
+        Y = pairs.Y / np.linalg.norm(pairs.Y, axis=0)
+        R = Y * pairs.lam.conj() ** 2 + (C.T @ Y) * pairs.lam.conj() + K.T @ Y
+        size = np.abs(pairs.lam) ** 2 + np.abs(pairs.lam) * np.linalg.norm(C) + np.linalg.norm(K)
+        assert (np.linalg.norm(R, axis=0) / size).max(initial=0.0) < 1e-12
+        products = np.einsum("ij,ij->j", pairs.Y.conj(), 2 * pairs.lam * pairs.X + C @ pairs.X)
+        lengths = np.linalg.norm(pairs.X, axis=0) * np.linalg.norm(pairs.Y, axis=0)
+        clear = lengths * np.abs(pairs.lam) < 1e6  # of a coalescence
+        np.testing.assert_allclose(products[clear], 1.0, atol=1e-7)

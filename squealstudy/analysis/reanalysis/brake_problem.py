@@ -14,7 +14,7 @@ from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import assembly_damping, component_frequencies
 from squealstudy.analysis.parametric import DAMPING, ParametricSystem, Term, Weights
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, pairs_inside
 from squealstudy.analysis.reanalysis.modal_damping_field import (
     ModalDampingField,
     modal_damping_field,
@@ -239,13 +239,13 @@ class BrakeProblem:
         return sample.weights
 
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
-        """Exact pairs by the dense companion form."""
+        """Exact pairs of the dense problem."""
         weights = self.weights(theta)
         if self.modal_damping is None:
             _, C, K = self.system.matrices(weights)
         else:
             C, K = self._with_exact_damping(theta, weights)
-        found = all_pairs(C, K)
+        found = pairs_inside(C, K, reach * self.band[1])
         return weights, found.take(in_band(found.lam, self.band, reach))
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
