@@ -10,6 +10,7 @@ import pytest
 from conftest import CUTOFF, NOMINAL, TOP, build_model
 
 from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order import modes as full_order
 from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
 from squealstudy.analysis.full_order.solution import expected_roots
 from squealstudy.analysis.linearise import component_frequencies, linearise
@@ -170,6 +171,24 @@ def small_model(name, operating=None, **values):
     modes = component_modes(assembly, 1e9)
     model, _ = reduce_cmt(assembly, modes, point, BasisSettings(1e9, 1e9, 0.0))
     return assembly, modes, model, point, operating
+
+
+def test_full_order_solves_are_refined_where_the_roots_without_are_not_accurate(monkeypatch):
+    """Solves that are off by 1e-6 spoil the roots: it is seen in their residuals, and mended."""
+    frictionless = OperatingPoint(0.0, 1.0, 0.5, ContactLaw("bilateral"))
+    assembly, modes, _, point, operating = small_model("hoffmann", frictionless)
+    exact = full_order_modes(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
+    asked, found = [], full_order._roots_to
+
+    def spoiled(*arguments):
+        asked.append(arguments[-1])
+        lam, psi = found(*arguments)
+        return (lam if asked[-1] else lam * (1 + 1e-6)), psi
+
+    monkeypatch.setattr(full_order, "_roots_to", spoiled)
+    mended = full_order_modes(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
+    assert asked == [False, True]
+    np.testing.assert_array_equal(mended.lam, exact.lam)
 
 
 def damping_of(name, **fields):

@@ -16,6 +16,7 @@ from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.parametric import (
     DAMPING,
+    MANY,
     MASS,
     STIFFNESS,
     ParametricSystem,
@@ -168,6 +169,22 @@ def test_terms_that_do_not_fit():
     system = ParametricSystem(2, (Term(MASS), Term(STIFFNESS)))
     with pytest.raises(ValueError, match="zip"):
         system.matrices((1.0,))
+
+
+@pytest.mark.parametrize("count", [2, MANY, MANY + 1, 9])
+def test_many_whole_matrices_are_summed_first(count):
+    rng = np.random.default_rng(count)
+    n, lam = 5, rng.standard_normal(4) + 1j * rng.standard_normal(4)
+    matrices, w = rng.standard_normal((count, n, n)), rng.standard_normal(count)
+    X, Y = rng.standard_normal((2, n, 4)) + 1j * rng.standard_normal((2, n, 4))
+    system = ParametricSystem(n, (Term(MASS), *(Term(DAMPING, None, A) for A in matrices)))
+    weights = (1.0, *w)
+    C = np.tensordot(w, matrices, 1)
+    np.testing.assert_allclose(system.apply(weights, lam, X), X * lam**2 + C @ X * lam)
+    adjoint = Y * lam.conj() ** 2 + C.T @ Y * lam.conj()
+    np.testing.assert_allclose(system.apply_adjoint(weights, lam, Y), adjoint)
+    slope = np.einsum("ij,ij->j", Y.conj(), 2 * lam * X + C @ X)
+    np.testing.assert_allclose(system.slopes(weights, lam, X, Y), slope)
 
 
 # -- all roots with both vectors ---------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from squealstudy import open_results
 from squealstudy.errors import ConvergenceError, StudyFileError
+from squealstudy.study.complex_modes import bases, full_rung
 from squealstudy.study.complex_modes.bases import split_boxes
 from squealstudy.study.complex_modes.chart import chart_of
 from squealstudy.study.complex_modes.kind import ComplexModes
@@ -23,6 +25,7 @@ from squealstudy.study.estimate import Estimate, _timed, run_seconds
 from squealstudy.study.method import Method
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
+from squealstudy.study.tasks import PointTask
 
 HULTEN = """
 [study]
@@ -352,3 +355,44 @@ def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     build_structures(plan, 1, lambda *_: None)
     ComplexModes().prepare(plan, lambda *_: None, 1)
     assert task.path.is_file()
+
+
+def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_changes(monkeypatch):
+    """Two studies of one structure in one process, the second with component modes."""
+    made = []
+
+    class Model:
+        def build(self, options, values):
+            made.append(values)
+            return object()
+
+    def point(*modes):
+        design = SimpleNamespace(
+            model=Model(), mode_parameters=lambda: modes, plain_values=lambda: modes
+        )
+        return PointTask("", design, "key")
+
+    monkeypatch.setattr(full_rung, "_built", {})
+    monkeypatch.setattr(full_rung, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
+    rung = full_rung.FullRung({}, SimpleNamespace(component_cutoff=1.0))
+    first = rung.assembly(point())
+    assert rung.assembly(point()) is first
+    assert first[1] == {}
+    assert rung.assembly(point("pad.modes[7]"))[1] == {"pad": 1.0}
+    assert len(made) == 2
+
+
+@pytest.mark.parametrize(("tolerance", "trained"), [(1e-2, 1e-4), (1e-4, 1e-4), (1e-6, 1e-6)])
+def test_a_looser_tolerance_has_no_dearer_basis(tmp_path, monkeypatch, tolerance, trained):
+    """A shorter cut would ask for more training points: that of 1e-4 serves looser ones."""
+    asked = []
+    made = bases.build_sweep_basis
+
+    def watched(problem, to, **more):
+        asked.append(to)
+        return made(problem, to, **more)
+
+    monkeypatch.setattr(bases, "build_sweep_basis", watched)
+    text = HULTEN.replace("stop = 0.6", "stop = 0.61")  # a box of its own
+    run(text + f'method = "sweep_basis"\ntolerance = {tolerance}\n', tmp_path)
+    assert asked == [pytest.approx(bases.SHARE * trained)]

@@ -213,6 +213,23 @@ def test_modal_damping_over_friction_and_pressure(prepared):
     assert np.abs(exact.lam[:, None] - point).min(axis=1).max() < 1e-8 * problem.band[1]
 
 
+def damped_box(theta):
+    """Modal damping over friction, pressure and speed, itself a parameter too."""
+    state = friction_pressure(theta)
+    operating = replace(state.operating, sliding_speed=0.1 * 30 ** ((theta[2] + 1) / 2))
+    return replace(state, operating=operating, damping_ratio=0.005 + 0.001 * theta[3])
+
+
+def test_modal_damping_is_interpolated_over_what_stiffens_the_brake(prepared):
+    """Neither the speed nor the damping itself does: more nodes are left for the others."""
+    problem = BrakeProblem(prepared, 4, damped_box, BAND)
+    assert problem.modal_damping_error() < 0.1 * 1e-4
+    theta = random_points(1, 4, seed=2)
+    weights = problem.modal_damping.weights
+    np.testing.assert_array_equal(weights(theta), weights(theta * [1, 1, 0, 0]))
+    assert np.abs(weights(theta) - weights(theta * [0.9, 1, 1, 1])).max() > 0
+
+
 def test_undamped_problems_have_no_modal_damping(map_problem):
     assert map_problem.modal_damping is None
     assert map_problem.modal_damping_error() == 0.0

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
+MANY = 3  # whole matrices of one order, beyond which their sum is less work than their products
 Matrix = Any  # ndarray or scipy sparse matrix
 Weights = tuple[Any, ...]  # of float, ndarray (k,), or ndarray (n, n) for dense terms
 
@@ -122,7 +123,7 @@ class ParametricSystem:
         """y_j^H Q'(lam_j) x_j for every pair of columns (m,)."""
         right, left = columns(X), columns(Y)
         total = np.zeros(len(lam), dtype=complex)
-        for term, w in zip(self.terms, weights, strict=True):
+        for term, w in self._gathered(weights):
             if term.order == STIFFNESS or _vanishes(w):
                 continue
             seen, seen_left = right.through(term.right), left.through(term.left)
@@ -130,6 +131,25 @@ class ParametricSystem:
             moved = np.einsum("ij,ij->j", seen_left.conj(), seen)
             total += moved if term.order == DAMPING else 2.0 * lam * moved
         return total
+
+    def _gathered(self, weights: Weights) -> list[tuple[Term, Any]]:
+        """Terms and weights; many whole matrices of one order are summed before any product."""
+        pairs: list[tuple[Term, Any]] = []
+        whole: dict[int, list[tuple[np.ndarray, float]]] = {STIFFNESS: [], DAMPING: [], MASS: []}
+        for term, w in zip(self.terms, weights, strict=True):
+            if term.left is None and isinstance(term.right, np.ndarray) and not np.ndim(w):
+                whole[term.order].append((term.right, w))
+            else:
+                pairs.append((term, w))
+        for order, found in whole.items():
+            if len(found) <= MANY:
+                pairs += [(Term(order, None, A), w) for A, w in found]
+                continue
+            total = np.zeros((self.n, self.n))
+            for A, w in found:
+                total += w * A
+            pairs.append((Term(order, dense=True), total))
+        return pairs
 
     def _sum(
         self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, left: bool
@@ -140,7 +160,7 @@ class ParametricSystem:
         """
         total = np.zeros(X.values.shape, dtype=complex)
         before: dict[int, tuple[Matrix, np.ndarray]] = {}
-        for term, w in zip(self.terms, weights, strict=True):
+        for term, w in self._gathered(weights):
             if _vanishes(w):
                 continue
             factor = factors[term.order]

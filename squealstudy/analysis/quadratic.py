@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.linalg.dense_qep import roots_inside
+
 
 class QuadraticSolver(Protocol):
     """Roots and right vectors of lambda^2 I + lambda C + K."""
@@ -21,7 +23,7 @@ class QuadraticSolver(Protocol):
 def dense_roots(
     C: np.ndarray, K: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All roots by the companion form in scaled time and LAPACK's balanced `geev`.
+    """All roots in a band: by `roots_inside`, or by `companion_roots` where that cannot be certain.
 
     Parameters
     ----------
@@ -38,6 +40,16 @@ def dense_roots(
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     """
+    found = roots_inside(C, K, band[1])
+    if found is None:
+        return companion_roots(C, K, band)
+    return _in_band(*found, band)
+
+
+def companion_roots(
+    C: np.ndarray, K: np.ndarray, band: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same out of all 2n roots, by the companion form in scaled time and LAPACK's `geev`."""
     n = len(K)
     scale = np.sqrt(np.linalg.norm(K) / np.sqrt(n)) or 1.0
     A = np.zeros((2 * n, 2 * n))
@@ -45,12 +57,17 @@ def dense_roots(
     A[n:, :n] = K / -(scale**2)
     A[n:, n:] = C / -scale
     lam, z = la.eig(A, overwrite_a=True, check_finite=False)
-    lam = lam * scale
+    return _in_band(lam * scale, z[:n], band)
+
+
+def _in_band(
+    lam: np.ndarray, psi: np.ndarray, band: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """One of each pair, ascending in modulus, and unit vectors."""
     size = np.abs(lam)
     kept = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
     kept = kept[np.argsort(size[kept])]
-    psi = z[:n, kept]
-    return lam[kept], psi / np.linalg.norm(psi, axis=0)
+    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)
 
 
 def backward_error(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:

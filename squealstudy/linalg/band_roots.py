@@ -13,13 +13,11 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
-from squealstudy.linalg.root_error import RootErrors, root_errors
+from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 
 FIRST_ROOTS = 60  # asked for where nothing is known
 SHIFT = 0.02  # of the band's top: where K itself is singular
-ACCURATE = 1e-8  # relative error of a root below which no other attempt is made
-AT_ROUND_OFF = 10.0  # errors within this times that of round-off: no attempt would do better
 LARGEST_DENSE = 2000  # degrees of freedom that LAPACK takes where most of the roots are wanted
 
 
@@ -106,21 +104,13 @@ def roots_in_band(
         errors = root_errors(M, C, K, lam, psi)
         told = errors.resolved(lam, band[1])
         found = BandRoots(lam[told], psi[:, told], below, errors.error[told])
-        if (worst := _doubt(lam, errors)) <= 1.0:
+        if (worst := errors.doubt(lam)) <= 1.0:
             return found
         if worst < least:
             best, least = found, worst
     if best is None:
         raise failure
     return best
-
-
-def _doubt(lam: np.ndarray, errors: RootErrors) -> float:
-    """Largest error over the one at which no other attempt is made; above 1 one is."""
-    allowed = np.maximum(ACCURATE * np.abs(lam), AT_ROUND_OFF * errors.round_off)
-    with np.errstate(invalid="ignore"):  # infinite over infinite
-        doubt = errors.error / np.where(allowed > 0, allowed, 1.0)
-    return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
 
 def pair_residuals(

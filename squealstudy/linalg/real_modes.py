@@ -7,18 +7,20 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.factor import factorise, lean_solve, symmetric_lu
 
 # The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
 # at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
 # times larger (1e-10 against 3e-14 on the coarse pad), at the same time.
 SHIFT_SHARE = 1 / 6  # of the cutoff
 DENSE_LIMIT = 400
+SPACE, LEAST_MORE = 1.4, 20  # Lanczos vectors a mode, and beside the modes: more cost more
+FIRST_GUESS = 40  # modes asked for where they cannot be counted
 RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far above round-off
 
 
 def real_modes(
-    M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float, guess: int = 40
+    M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float, guess: int | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """All modes up to `cutoff_hz`, mass-normalised and ascending.
 
@@ -28,8 +30,8 @@ def real_modes(
         Positive definite and positive semi-definite.
     cutoff_hz : float
         Modes above are dropped.
-    guess : int
-        First number of modes asked for; it grows until the cutoff is passed.
+    guess : int or None
+        First number of modes asked for; it grows until the cutoff is passed. None counts them.
 
     Returns
     -------
@@ -47,15 +49,28 @@ def real_modes(
     factor = factorise(K - shift * M)
     # unrefined: what Lanczos' residuals lack is mended below
     inverse = spla.LinearOperator((n, n), matvec=factor.solve_once, dtype=float)
-    k = min(guess, n - 2)
+    k = min((modes_below(M, K, limit) if guess is None else guess) + 1, n - 2)
     while True:
         rng = np.random.default_rng(0)  # a fixed start: the same model gives the same basis
-        w2, phi = spla.eigsh(K, k=k, M=M, sigma=shift, OPinv=inverse, v0=rng.standard_normal(n))
+        v0, space = rng.standard_normal(n), min(max(int(SPACE * k), k + LEAST_MORE), n - 1)
+        w2, phi = spla.eigsh(K, k=k, M=M, sigma=shift, OPinv=inverse, v0=v0, ncv=space)
         if w2.max() > limit or k == n - 2:
             phi = phi[:, np.argsort(w2)]
-            return _clip(*_refine(M, K, factor.solve(M @ phi)), limit)
+            return _clip(*_refine(M, K, lean_solve(factor, K - shift * M)(M @ phi)), limit)
         growth = np.sqrt(limit / max(w2.max(), limit / 100))
         k = min(int(1.1 * k * growth) + 10, 2 * k + 20, n - 2)
+
+
+def modes_below(M: sp.spmatrix, K: sp.spmatrix, limit: float) -> int:
+    """How many modes have omega^2 < limit, by Sylvester's law: the negative pivots of K - limit M.
+
+    Without pivoting: round-off may change the count where a pivot is close to zero.
+    """
+    try:
+        factor = symmetric_lu(K - limit * M)
+    except RuntimeError:  # a pivot is zero
+        return FIRST_GUESS
+    return int((factor.U.diagonal() < 0).sum())
 
 
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:

@@ -18,6 +18,8 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 EPS = float(np.finfo(float).eps)
 BIN = 4.0  # ratio of moduli that share a scale of time
+ACCURATE = 1e-8  # relative error of a root below which no other attempt is made
+AT_ROUND_OFF = 10.0  # errors within this times that of round-off: no attempt would do better
 TOLD = 10.0  # errors of round-off that a root must be away from zero
 RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
 TINY = float(np.finfo(float).tiny)
@@ -36,6 +38,13 @@ class RootErrors(NamedTuple):
 
     error: np.ndarray
     round_off: np.ndarray
+
+    def doubt(self, lam: np.ndarray) -> float:
+        """Largest error over the one at which no other attempt is made; above 1 one is."""
+        allowed = np.maximum(ACCURATE * np.abs(lam), AT_ROUND_OFF * self.round_off)
+        with np.errstate(invalid="ignore"):  # infinite over infinite
+            doubt = self.error / np.where(allowed > 0, allowed, 1.0)
+        return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
         """Which roots (m,) of a band up to `top` [rad/s] are more than motion of a free body.

@@ -11,10 +11,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
+from squealstudy.linalg.factor import Factor, factorise, lean_solve
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
-PLAIN_RESIDUAL = 1e-11  # |b - A x| / |b| of an unrefined solve that Arnoldi's method may use
 
 
 class LowRankSum:
@@ -45,11 +44,10 @@ class WoodburyFactor:
 
     def __init__(self, A: LowRankSum, refined: bool = True) -> None:
         self._factor = factorise(A.sparse)
-        plain = not refined and plain_residual(self._factor, A.sparse) <= PLAIN_RESIDUAL
-        self._once = self._factor.solve_once if plain else self._factor.solve
+        self._once = self._factor.solve if refined else lean_solve(self._factor, A.sparse)
         self._A = A
         if len(A.d):
-            self._X = self._factor.solve(A.U)
+            self._X = self._once(A.U)
             core = np.eye(len(A.d)) + A.d[:, None] * (A.U.T @ self._X)
             self._core = np.linalg.solve(core, np.diag(A.d))
 
@@ -59,12 +57,6 @@ class WoodburyFactor:
         if len(self._A.d):
             x = x - self._X @ (self._core @ (self._A.U.T @ x))
         return x
-
-
-def plain_residual(factor: RefinedFactor, A: sp.spmatrix) -> float:
-    """Largest |b - A x| over largest |b| of an unrefined solve of some b."""
-    b = np.random.default_rng(0).standard_normal(A.shape[0])
-    return float(np.abs(b - A @ factor.solve_once(b)).max() / np.abs(b).max())
 
 
 def smallest_roots(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.factor import factorise, lean_solve
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
@@ -159,7 +159,7 @@ def reduce_cmt(
     c = assembly.contact
     K = assembly.K_el + assembly.K_springs()
     K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
-    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, guess=150)
+    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, K, nominal, others, loaded)
     blocks, diagonals = [], []
@@ -196,8 +196,8 @@ def _load_responses(
         c.T.T @ ((c.frictional * k_n)[:, None] * normal),
         *(c.N.T @ ((c.area * w.tangent - k_n)[:, None] * normal) for w in others),
     ]
-    factor = factorise(K)
-    return np.hstack([_match_size(factor.solve(load), phi) for load in loads])
+    solve = lean_solve(factorise(K), K)
+    return np.hstack([_match_size(solve(load), phi) for load in loads])
 
 
 def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import SINGULAR, Factor, factorise
+from squealstudy.linalg.factor import SINGULAR, Factor, factorise, lean_solve
 from squealstudy.models.assembly import Assembly
 
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
@@ -105,8 +105,9 @@ def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> Contact
     K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc()
     factor = factorise(K0)
     _check_held(K0, factor)
-    X_N = factor.solve(c.N.T.toarray())
-    X_U = factor.solve(shapes) if shapes.shape[1] else shapes
+    solve = lean_solve(factor, K0)
+    X_N = solve(c.N.T.toarray())
+    X_U = solve(shapes) if shapes.shape[1] else shapes
     loads = np.column_stack([assembly.load, assembly.constant_load])
     H_NN = c.N @ X_N
     return ContactSpace(

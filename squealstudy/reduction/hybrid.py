@@ -142,11 +142,11 @@ def hybrid_model(
     c = assembly.contact
     K = assembly_stiffness(assembly, point)
     if modes is None:
-        modes = real_modes(assembly.M, K, settings.trace_cutoff, guess=150)
+        modes = real_modes(assembly.M, K, settings.trace_cutoff)
     static = static_state(assembly, point, operating)
     basis = hybrid_basis(assembly, K, modes[1], static, settings.layers, settings.by_component)
     M_h, K_h = basis.project(assembly.M), basis.project(K)
-    omega, phi = real_modes(M_h, K_h, settings.damping_cutoff, guess=150)
+    omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
     normal = c.area * point.pressure
     drag = -operating.mu_steady * c.frictional * normal
     return HybridModel(

@@ -12,7 +12,12 @@ import scipy.sparse as sp
 from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
-from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
+from squealstudy.linalg.sparse_qep import (
+    DENSE_LIMIT,
+    LowRankSum,
+    WoodburyFactor,
+    smallest_roots,
+)
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.working_point import WorkingPoint
@@ -79,11 +84,15 @@ def full_order_modes(
     """
     system = full_order_system(assembly, modes, point, state, damped_to_hz)
     C_sum, K_sum = system.C, system.K
-    lam, psi = _roots_to(assembly, C_sum, K_sum, 2 * np.pi * band_hz[1], expected)
-    kept = np.abs(lam) >= 2 * np.pi * band_hz[0]
-    lam, psi = lam[kept], psi[:, kept]
-    errors = root_errors(assembly.M, C_sum, K_sum, lam, psi)
-    told = errors.resolved(lam, 2 * np.pi * band_hz[1])
+    low, high = (2 * np.pi * f for f in band_hz)
+    for refined in (False, True):  # the solves, where the roots without are not accurate
+        lam, psi = _roots_to(assembly, C_sum, K_sum, high, expected, refined)
+        kept = np.abs(lam) >= low
+        lam, psi = lam[kept], psi[:, kept]
+        errors = root_errors(assembly.M, C_sum, K_sum, lam, psi)
+        if errors.doubt(lam) <= 1.0:
+            break
+    told = errors.resolved(lam, high)
     lam, psi, error = lam[told], psi[:, told], errors.error[told]
     R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
     size = np.linalg.norm(K_sum @ psi, axis=0)
@@ -121,7 +130,7 @@ def full_order_system(
     C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz)
         omega, phi = _changed_modes(omega, phi, *K_low)
         zeta = state.assembly_damping_ratios(len(omega))
         C_low = (
@@ -180,14 +189,20 @@ def component_terms(
 
 
 def _roots_to(
-    assembly: Assembly, C: LowRankSum, K: LowRankSum, limit: float, expected: int | None
+    assembly: Assembly,
+    C: LowRankSum,
+    K: LowRankSum,
+    limit: float,
+    expected: int | None,
+    refined: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
     most = 2 * assembly.n_dof if assembly.n_dof <= DENSE_LIMIT else 2 * assembly.n_dof - 2
     first = FIRST_ROOTS if expected is None else int(1.05 * expected) + MORE_ROOTS
     n_roots = min(first, most)
+    factor = WoodburyFactor(K, refined) if assembly.n_dof > DENSE_LIMIT else None
     while True:
-        lam, psi = smallest_roots(assembly.M, C, K, n_roots, limit / 2)
+        lam, psi = smallest_roots(assembly.M, C, K, n_roots, limit / 2, factor)
         if np.abs(lam).max() > limit or n_roots >= most:
             kept = np.abs(lam) <= limit
             return lam[kept], psi[:, kept]

@@ -14,7 +14,7 @@ from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import assembly_damping, component_frequencies
 from squealstudy.analysis.parametric import DAMPING, ParametricSystem, Term, Weights
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, pairs_inside
 from squealstudy.analysis.reanalysis.modal_damping_field import (
     ModalDampingField,
     modal_damping_field,
@@ -34,6 +34,10 @@ from squealstudy.reduction.working_point_field import (
 
 DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
 FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2
+# of modal damping, which nothing polishes, by the number of parameters that stiffen the brake
+DAMPING_DEGREE = {0: 0, 1: 8, 2: 7, 3: 6}
+OFF_CENTRE = 0.618
+UNMOVED = 1e-10  # relative change of stiffness by a parameter that does not stiffen
 
 
 class BrakeProblem:
@@ -88,10 +92,28 @@ class BrakeProblem:
         """
         if self.exact_damping or not self._has_modal_damping():
             return None
-        degree = FIELD_DEGREE.get(self.dimension, 2)
-        grid = interpolation(degree if self.dimension else 0, self.dimension)
-        stiffness = [self._symmetric_stiffness(theta) for theta in grid.nodes]
-        return modal_damping_field(stiffness, grid.cardinals)
+        axes = self._stiffening_axes()
+        grid = interpolation(DAMPING_DEGREE.get(len(axes), 2), len(axes))
+        nodes = np.zeros((len(grid.nodes), self.dimension))
+        nodes[:, axes] = grid.nodes
+        stiffness = [self._symmetric_stiffness(theta) for theta in nodes]
+        return modal_damping_field(stiffness, lambda theta: grid.cardinals(theta[:, axes]))
+
+    def _stiffening_axes(self) -> list[int]:
+        """Directions along which the symmetric stiffness changes: not those of speed or damping.
+
+        Looked at from the middle and from a point off all axes of the box.
+        """
+        found = []
+        for axis in range(self.dimension):
+            for base in (0.0, OFF_CENTRE):
+                ends = np.full((2, self.dimension), base)
+                ends[:, axis] = -1.0, 1.0
+                low, high = (self._symmetric_stiffness(theta) for theta in ends)
+                if np.abs(high - low).max() > UNMOVED * np.abs(low).max():
+                    found.append(axis)
+                    break
+        return found
 
     def _has_modal_damping(self) -> bool:
         """By the middle and the ends of each parameter: it varies along one of them, or not."""
@@ -217,13 +239,13 @@ class BrakeProblem:
         return sample.weights
 
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
-        """Exact pairs by the dense companion form."""
+        """Exact pairs of the dense problem."""
         weights = self.weights(theta)
         if self.modal_damping is None:
             _, C, K = self.system.matrices(weights)
         else:
             C, K = self._with_exact_damping(theta, weights)
-        found = all_pairs(C, K)
+        found = pairs_inside(C, K, reach * self.band[1])
         return weights, found.take(in_band(found.lam, self.band, reach))
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:

@@ -7,6 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.linalg.dense_qep import roots_inside
+
+WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
+
 
 class Eigenpairs(NamedTuple):
     """Roots and vectors of lambda^2 I + lambda C + K.
@@ -57,6 +61,22 @@ def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:
     X = right[:n] / np.linalg.norm(right[:n], axis=0)
     Y = left[n:]
     return Eigenpairs(lam, X, Y / derivative_products(C, lam, X, Y).conj())
+
+
+def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
+    """All pairs with |lam| <= radius [rad/s], and perhaps others.
+
+    Left vectors are right ones of the transposed problem, told apart by their products with the
+    right ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots.
+    """
+    right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
+    if right is None or left is None or len(right[0]) != len(left[0]):
+        return all_pairs(C, K)
+    (lam, X), (mu, Z) = right, left
+    G = (Z.T @ X) * (mu[:, None] + lam) + Z.T @ (C @ X)
+    if len(lam) and not np.linalg.cond(G / np.abs(lam)) < WORST_PRODUCTS:
+        return all_pairs(C, K)
+    return Eigenpairs(lam, X, np.linalg.solve(G, Z.T).conj().T)
 
 
 def derivative_products(C: np.ndarray, lam: np.ndarray, X: np.ndarray, Y: np.ndarray) -> np.ndarray:

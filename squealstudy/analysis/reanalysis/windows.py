@@ -8,7 +8,7 @@ the sweep basis, and where that is not good enough, in the full problem.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -75,9 +75,8 @@ class Windows:
         tried = _tight(box, theta[rows])
         patch = self._patch(tried, grid)
         if isinstance(patch, FollowedPatch):
-            solved = self._served(patch, theta, rows)
-            if solved:
-                yield from (p if self.good(p) else self.alone(theta[p.row], p.row) for p in solved)
+            rows = yield from self._served(patch, theta, rows)
+            if not len(rows):
                 return
             slope = patch.slope
         else:
@@ -88,17 +87,32 @@ class Windows:
 
     def _served(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
-    ) -> list[PointRoots]:
-        """Points of a patch; none where too many exceed the tolerance, a few of them or all."""
+    ) -> Generator[PointRoots, None, np.ndarray]:
+        """Points of a patch one after another; returned are those that it is not to serve.
+
+        All of them where too many of a few points that fill it exceed the tolerance, those that are
+        left where too many others do.
+        """
         most = 2 * len(patch.patch.grid.nodes)  # those of both halves cost about as much
         spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
-        solved: list[PointRoots] = []
-        for part in (rows[spread], rows[~spread]):
-            solved += self._points(patch, theta, part)
-            exceeding = sum(not self.good(p) for p in solved)
-            if exceeding > max(min(MOST_EXCEEDING * len(solved), most), 1):
-                return []
-        return solved
+        looked_at, others = rows[spread], rows[~spread]
+        first = list(self._points(patch, theta, looked_at))
+        exceeding = sum(not self.good(p) for p in first)
+        if exceeding > max(min(MOST_EXCEEDING * len(first), most), 1):
+            return rows
+        yield from (self._mended(p, theta) for p in first)
+        allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
+        for start in range(0, len(others), BATCH):
+            for point in self._points(patch, theta, others[start : start + BATCH]):
+                exceeding += not self.good(point)
+                yield self._mended(point, theta)
+            if exceeding > allowed:
+                return others[start + BATCH :]
+        return rows[:0]
+
+    def _mended(self, point: PointRoots, theta: np.ndarray) -> PointRoots:
+        """A point of a patch, solved by itself where it exceeds the tolerance."""
+        return point if self.good(point) else self.alone(theta[point.row], point.row)
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
         """A patch over a box, or how much its modes mix along each direction."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
@@ -29,6 +30,12 @@ from squealstudy.study.method import FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import known_gap
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Of the libraries of this process: looking for them takes as long as a small solve."""
+    return ThreadpoolController()
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,7 @@ class Between:
             Where there are none: no working point, or an eigenproblem without solution.
         """
         try:
-            with threadpool_limits(1):
+            with _threads().limit(limits=1):
                 return self._solved(self.design_at(x))
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
@@ -90,7 +97,7 @@ class Between:
         prepared = load_prepared(self.prepared_key)
         state, X = self.design.state(), prepared.shape_basis
         known = known_gap(self.prepared_key, self.design)
-        with threadpool_limits(1):
+        with _threads().limit(limits=1):
             point = state_working_point(prepared, state, known)
             system = linearise(prepared.model, point, state)
             return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)

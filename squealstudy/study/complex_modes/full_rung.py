@@ -15,7 +15,8 @@ from squealstudy.study.design import Design
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.tasks import PointTask
 
-_built: dict[str, tuple[Assembly, Mapping[str, ComponentModes]]] = {}
+# by structure, and whether component modes go with it
+_built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,13 @@ class FullRung:
         prepared = prepared_any(point.prepared_key)
         if isinstance(prepared, PreparedFamily):
             return solve_design(prepared, point.design, band_hz)
-        assembly, modes = self._assembly(point)
+        assembly, modes = self.assembly(point)
         cutoff = self.settings.assembly_cutoff
         return solve_full_order(prepared, assembly, modes, point.design.state(), band_hz, cutoff)
 
-    def _assembly(self, point: PointTask) -> tuple[Assembly, Mapping[str, ComponentModes]]:
-        key = point.prepared_key
+    def assembly(self, point: PointTask) -> tuple[Assembly, Mapping[str, ComponentModes]]:
+        """The unreduced model of a point, and the component modes that its study may change."""
+        key = point.prepared_key, bool(point.design.mode_parameters())
         if key not in _built:
             _built.clear()  # one structure at a time: an assembly is large
             assembly = point.design.model.build(self.options, point.design.plain_values())

@@ -19,7 +19,7 @@ from squealstudy.analysis.point import state_working_point
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.study.complex_modes.full_rung import changed_modes
+from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.family_cache import Prepared, load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.process import watch_parent
@@ -74,8 +74,7 @@ def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
         return check_family_point(prepared, design.plain_values(), task.band_hz)
     state = design.state()
     point = state_working_point(prepared, state)
-    assembly = design.model.build(task.options, design.plain_values())
-    modes = changed_modes(design, assembly, task.settings)
+    assembly, modes = FullRung(task.options, task.settings).assembly(task.point)
     cutoff = task.settings.assembly_cutoff
     expected = expected_roots(prepared.model, point, task.band_hz[1])
     return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)

@@ -13,10 +13,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.analysis.reanalysis.two_step import two_step_roots
 from squealstudy.analysis.reanalysis.windows import Windows
 from squealstudy.errors import ConvergenceError
@@ -120,10 +120,10 @@ def solve_in_basis(task: BasisTask, design: Design) -> tuple[np.ndarray, np.ndar
     sample = ready.problem.samples(task.chart.theta([design.values]))[0]
     if isinstance(sample, ConvergenceError):
         raise sample
-    pairs = ready.basis.pairs(sample.weights)
-    pairs = pairs.take(in_band(pairs.lam, ready.problem.band, 1.0) & (pairs.lam.imag > 0))
-    pairs = pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
-    return pairs.lam, ready.reduced.shapes(pairs.X)
+    C, K = ready.basis.small.matrices([sample.weights])
+    lam, X = dense_roots(C[0], K[0], ready.problem.band)
+    oscillating = lam.imag > 0
+    return lam[oscillating], ready.reduced.shapes(X[:, oscillating])
 
 
 def solve_in_box(task: WindowTask, design: Design) -> PointModes:

@@ -1,0 +1,255 @@
+"""Roots of a dense quadratic eigenproblem inside a circle, by Arnoldi's method about a real shift.
+
+With mu = lambda - sigma the roots of lambda^2 I + lambda C + K are those of
+
+    mu^2 I + mu C_s + K_s,    C_s = C + 2 sigma I,    K_s = K + sigma C + sigma^2 I,
+
+and those next to the shift are the largest theta = s / mu of the inverse companion form. One LU of
+K_s, a Krylov space of some twice as many vectors as there are roots inside, and its Schur form give
+them all; LAPACK's QR would find all 2n and their vectors first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+
+LEAST = 60  # coordinates from which on a space is less work than LAPACK's QR
+MOST = 0.25  # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
+SHIFTS = (0.05, 0.083)  # of the circle's radius; the second where a root is next to the first
+REACH = 1.1  # roots up to this times the radius are found too: the next ones are that far away
+A_ROOT, MORE = 1.8, 30  # vectors of the first space: for each root expected, and beside them
+GROWTH = 1.25  # of a space that is too small
+CONVERGED = 1e-14  # residual of a root inside, of its theta
+SEEN = 1e-3  # and of one in reach: enough to tell it from one that was missed
+LARGEST = 1e4  # theta of a root beside the shift, from which on its round-off is felt by others
+RESIDUAL = 1e-10  # |Q(lambda) x| / |lambda^2 x| up to which a pair is taken
+PROBE = 36  # steps of the search for missed roots: enough to amplify one by 1e7
+INVARIANT = 1e-14  # of theta: a vector that leaves the space by less is round-off
+
+Inside = tuple[np.ndarray, np.ndarray]
+
+
+def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
+    """All roots of lambda^2 I + lambda C + K with |lambda| <= radius and their right vectors.
+
+    That none is missing, no copy of a multiple one either, is tested: from another random start,
+    in the complement of the subspace found, there is nothing inside the circle.
+
+    Parameters
+    ----------
+    C, K : ndarray (n, n)
+        Real, of any symmetry; K may be singular.
+    radius : float
+        rad/s.
+
+    Returns
+    -------
+    lam : ndarray (m,) complex
+        rad/s, conjugates listed, in any order.
+    X : ndarray (n, m) complex
+        Or None in place of both where the roots could not be certified, or are so many that
+        LAPACK's QR costs less.
+    """
+    if len(K) < LEAST or not 0 < radius < np.inf:
+        return None
+    for share in SHIFTS:
+        try:
+            expected = 2 * _real_modes_below(K, REACH * radius)
+            if expected > 2 * MOST * len(K):
+                return None
+            form = _InverseCompanion(C, K, share * radius, radius)
+            found = _roots_in_reach(form, radius, expected)
+            if _nothing_left(form, found.Z, radius):
+                X = found.states[form.n :]
+                return _accurate(C, K, form.roots(found.theta), X, radius)
+        except la.LinAlgError:
+            continue
+    return None
+
+
+def _real_modes_below(K: np.ndarray, omega: float) -> int:
+    """Eigenvalues of the symmetric part of K below omega^2, counted by Sylvester's law."""
+    shifted = (K + K.T) / 2
+    shifted[np.diag_indices_from(shifted)] -= omega**2
+    _, D, _ = la.ldl(shifted, overwrite_a=True, check_finite=False)
+    pivots = la.eigvalsh_tridiagonal(np.diag(D), np.diag(D, 1), check_finite=False)
+    return int((pivots < 0).sum())
+
+
+class _InverseCompanion:
+    """Products with the inverse companion form about a shift, in the state [x; theta x].
+
+    Parameters
+    ----------
+    C, K : ndarray (n, n)
+    sigma : float
+        The shift, rad/s.
+    scale : float
+        s, rad/s.
+
+    Raises
+    ------
+    LinAlgError
+        Where the shift is a root.
+    """
+
+    def __init__(self, C: np.ndarray, K: np.ndarray, sigma: float, scale: float) -> None:
+        self.n, self.sigma, self.scale = len(K), sigma, scale
+        diagonal = np.diag_indices_from(K)
+        self._C = scale * C
+        self._C[diagonal] += 2 * sigma * scale
+        K_s = K + sigma * C
+        K_s[diagonal] += sigma**2
+        factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (K_s,))
+        self._lu, self._pivots, info = factorise(K_s, overwrite_a=True)
+        if info:
+            raise la.LinAlgError("the shift is a root")
+
+    def apply(self, z: np.ndarray) -> np.ndarray:
+        """Image of a real state (2n,)."""
+        x, y = z[: self.n], z[self.n :]
+        solved, _ = self._solve(self._lu, self._pivots, self._C @ y + self.scale**2 * x)
+        return np.concatenate([y, -solved])
+
+    def holds(self, theta: complex | np.ndarray, radius: float) -> bool | np.ndarray:
+        """Whether roots lie in the circle about zero: |sigma + s / theta| <= radius."""
+        return np.abs(self.sigma * theta + self.scale) <= radius * np.abs(theta)
+
+    def roots(self, theta: np.ndarray) -> np.ndarray:
+        """Roots lambda, rad/s."""
+        lam: np.ndarray = self.sigma + self.scale / theta
+        return lam
+
+
+class _Krylov:
+    """A Krylov space of real states, orthogonal to given ones.
+
+    Parameters
+    ----------
+    apply : callable
+    held : ndarray (N, k)
+        Orthonormal states that the space is kept orthogonal to.
+    most : int
+        Vectors it may have.
+    seed : int
+        Of its random start.
+    """
+
+    def __init__(
+        self, apply: Callable[[np.ndarray], np.ndarray], held: np.ndarray, most: int, seed: int
+    ) -> None:
+        self._apply, self._held, self.size = apply, held.shape[1], 0
+        self._V = np.empty((len(held), self._held + most + 1), order="F")
+        self._V[:, : self._held] = held
+        self._random = np.random.default_rng(seed)
+        self._H = np.zeros((most + 1, most))
+        self._put(self._random.standard_normal(len(held)))
+
+    @property
+    def vectors(self) -> np.ndarray:
+        """Orthonormal states (N, m)."""
+        return self._V[:, self._held : self._held + self.size]
+
+    @property
+    def hessenberg(self) -> np.ndarray:
+        """The operator in them (m, m)."""
+        return self._H[: self.size, : self.size]
+
+    @property
+    def leaves(self) -> float:
+        """Size of what the image of the last vector has outside the space."""
+        return float(self._H[self.size, self.size - 1])
+
+    def grow(self, size: int) -> None:
+        """Arnoldi's method up to `size` vectors, orthogonalised twice."""
+        while self.size < size:
+            j = self.size
+            self.size += 1
+            image = self._apply(self._V[:, self._held + j])
+            length = float(np.linalg.norm(image))
+            along = self._put(image)
+            self._H[: j + 1, j] = along[self._held : -1]
+            self._H[j + 1, j] = along[-1]
+            if not along[-1] > INVARIANT * length:  # another start serves on
+                self._H[j + 1, j] = 0.0
+                self._put(self._random.standard_normal(len(image)))
+
+    def _put(self, w: np.ndarray) -> np.ndarray:
+        """Make a state the next vector; its components along all vectors, that one last."""
+        known = self._V[:, : self._held + self.size]
+        first = known.T @ w
+        w = w - known @ first
+        again = known.T @ w
+        w = w - known @ again
+        length = float(np.linalg.norm(w))
+        self._V[:, self._held + self.size] = w / (length or 1.0)
+        return np.concatenate([first + again, [length]])
+
+
+class _Found(NamedTuple):
+    """Roots theta (k,) next to the shift, their states (2n, k), an orthonormal basis of those."""
+
+    theta: np.ndarray
+    states: np.ndarray
+    Z: np.ndarray
+
+
+def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _Found:
+    """All roots that the circle holds, and those in reach as far as they are seen.
+
+    Raises
+    ------
+    LinAlgError
+        Where they do not converge, are too many, or one lies so near the shift that its round-off
+        spoils the others.
+    """
+    N = 2 * form.n
+    most, size = int(A_ROOT * MOST * N) + MORE, int(A_ROOT * expected) + MORE
+    space = _Krylov(form.apply, np.zeros((N, 0)), int(GROWTH * max(most, size)), seed=0)
+
+    def in_reach(real: float, imag: float = 0.0) -> bool:
+        return bool(form.holds(complex(real, imag), REACH * radius))
+
+    while size <= most:
+        space.grow(size)
+        T, Q, k = la.schur(space.hessenberg, "real", sort=in_reach, check_finite=False)
+        theta, S = la.eig(T[:k, :k], check_finite=False)
+        if np.abs(theta).max(initial=0.0) > LARGEST:
+            raise la.LinAlgError("a root lies next to the shift")
+        leaves = space.leaves * Q[-1, :k]
+        missing = np.abs(leaves @ S) / np.abs(theta)
+        inside = form.holds(theta, radius)
+        if k < size and (missing <= np.where(inside, CONVERGED, SEEN)).all():
+            return _Found(theta, space.vectors @ (Q[:, :k] @ S), space.vectors @ Q[:, :k])
+        size = int(GROWTH * size)
+    raise la.LinAlgError("the roots did not converge")
+
+
+def _nothing_left(form: _InverseCompanion, Z: np.ndarray, radius: float) -> bool:
+    """Whether the complement of an invariant subspace has no root in the circle.
+
+    The rest of the spectrum is that of the form with Z projected out; its largest theta belongs to
+    a root beyond the reach unless one was missed.
+    """
+    steps = min(PROBE, len(Z) - Z.shape[1] - 1)
+    if steps < 1:
+        return True
+    space = _Krylov(form.apply, Z, steps, seed=1)
+    space.grow(steps)
+    theta = la.eigvals(space.hessenberg, check_finite=False)
+    return not np.any(form.holds(theta, radius))
+
+
+def _accurate(
+    C: np.ndarray, K: np.ndarray, lam: np.ndarray, X: np.ndarray, radius: float
+) -> Inside | None:
+    """The roots in the circle, where all their residuals are small."""
+    kept = np.abs(lam) <= radius
+    lam, X = lam[kept], X[:, kept] / np.linalg.norm(X[:, kept], axis=0)
+    R = X * lam**2 + (C @ X.real + 1j * (C @ X.imag)) * lam + K @ X.real + 1j * (K @ X.imag)
+    small = np.linalg.norm(R, axis=0) <= RESIDUAL * np.maximum(np.abs(lam), SHIFTS[0] * radius) ** 2
+    return (lam, X) if small.all() else None

@@ -1,0 +1,95 @@
+"""Roots of dense quadratic problems in a circle, against LAPACK's `geev` on random problems."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
+
+from squealstudy.analysis.quadratic import backward_error, companion_roots, dense_roots
+from squealstudy.analysis.reanalysis.eigen import pairs_inside
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.linalg import dense_qep
+from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
+
+
+@pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)
+def test_none_missed_and_none_doubled(kind):
+    certified = 0
+    for number in range(kind, 20 * len(KINDS), len(KINDS)):
+        p = random_problem(number, (LEAST, 72)[number // len(KINDS) % 2])
+        lam, psi = dense_roots(*p)
+        assert difference(p, lam) == "", number
+        assert (np.diff(np.abs(lam)) >= 0).all()
+        assert (lam.imag >= 0).all()
+        assert backward_error(p.C, p.K, lam, psi).max(initial=0.0) < 1e-12
+        certified += roots_inside(p.C, p.K, p.band[1]) is not None
+    assert certified >= 8  # `geev` was not its own twin
+
+
+def test_the_judge_sees_what_is_missed_and_what_is_doubled():
+    p = brake(np.random.default_rng(5), 80)
+    lam, _ = companion_roots(*p)
+    assert difference(p, lam) == ""
+    assert "missed" in difference(p, np.delete(lam, 2))
+    assert difference(p, np.append(lam, lam[2]))
+    assert "off by" in difference(p, lam * (1 + 1e-8))
+
+
+def test_a_root_that_is_missed_is_noticed(monkeypatch):
+    """A start without any share of some mode would miss it: the probe from elsewhere finds it."""
+    n = 80
+    w = np.linspace(0.2, 8.0, n) * TOP
+    C, K = np.zeros((n, n)), np.diag(w**2)
+    start = dense_qep._Krylov._put
+
+    def blind(self, z):
+        if not self._held:
+            z = z.copy()
+            z[[3, n + 3]] = 0.0
+        return start(self, z)
+
+    monkeypatch.setattr(dense_qep._Krylov, "_put", blind)
+    assert roots_inside(C, K, TOP) is None
+    monkeypatch.undo()
+    lam, _ = roots_inside(C, K, TOP)
+    np.testing.assert_allclose(np.sort(np.abs(lam))[::2], w[w <= TOP], rtol=1e-12)
+
+
+def test_left_to_lapack_where_that_costs_less():
+    p = brake(np.random.default_rng(1), LEAST - 1)
+    assert roots_inside(p.C, p.K, TOP) is None
+    w = TOP * np.linspace(0.1, 0.9 / MOST, 100)
+    assert roots_inside(np.zeros((100, 100)), np.diag(w**2), 1.2 * TOP / 0.9) is None
+    assert roots_inside(np.zeros((100, 100)), np.diag(w**2), np.inf) is None
+    lam, _ = dense_roots(np.zeros((100, 100)), np.diag(w**2), (0.0, np.inf))
+    np.testing.assert_allclose(lam.imag, w, rtol=1e-12)
+
+
+def test_a_shift_that_is_a_root():
+    """Divergence at the first shift, and at both: another shift, then LAPACK."""
+    n = 80
+    for shares in (dense_qep.SHIFTS[:1], dense_qep.SHIFTS):
+        w2 = (np.linspace(0.3, 8.0, n) * TOP) ** 2
+        w2[: len(shares)] = [-((share * TOP) ** 2) for share in shares]
+        C, K = np.zeros((n, n)), np.diag(w2)
+        assert (roots_inside(C, K, TOP) is None) == (len(shares) == 2)
+        p = Problem(C, K, (0.01 * TOP, TOP))
+        assert difference(p, dense_roots(*p)[0]) == ""
+
+
+@pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)
+def test_left_vectors_belong_to_their_roots(kind):
+    for number in (kind, kind + len(KINDS)):
+        C, K, band = problem = random_problem(number, LEAST)
+        found = pairs_inside(C, K, band[1])
+        pairs = found.take(in_band(found.lam, band, 1.0))
+        assert difference(problem, pairs.lam) == ""
+        Y = pairs.Y / np.linalg.norm(pairs.Y, axis=0)
+        R = Y * pairs.lam.conj() ** 2 + (C.T @ Y) * pairs.lam.conj() + K.T @ Y
+        size = np.abs(pairs.lam) ** 2 + np.abs(pairs.lam) * np.linalg.norm(C) + np.linalg.norm(K)
+        assert (np.linalg.norm(R, axis=0) / size).max(initial=0.0) < 1e-12
+        products = np.einsum("ij,ij->j", pairs.Y.conj(), 2 * pairs.lam * pairs.X + C @ pairs.X)
+        lengths = np.linalg.norm(pairs.X, axis=0) * np.linalg.norm(pairs.Y, axis=0)
+        clear = lengths * np.abs(pairs.lam) < 1e6  # of a coalescence
+        np.testing.assert_allclose(products[clear], 1.0, atol=1e-7)
