@@ -132,6 +132,15 @@ def component_modes(assembly: Assembly, cutoff_hz: float) -> dict[str, Component
     return {c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz)) for c in assembly.components}
 
 
+def most_modes(modes: Mapping[str, ComponentModes]) -> int:
+    """How many modes of their assembly to ask for up to the components' cutoff.
+
+    Springs and contact only stiffen: the assembly has no more modes below than its components
+    have, and one more passes the cutoff.
+    """
+    return sum(len(m.omega) for m in modes.values()) + 1
+
+
 def reduce_cmt(
     assembly: Assembly,
     modes: Mapping[str, ComponentModes],
@@ -159,7 +168,7 @@ def reduce_cmt(
     c = assembly.contact
     K = assembly.K_el + assembly.K_springs()
     K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
-    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, guess=150)
+    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff, most_modes(modes))
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, K, nominal, others, loaded)
     blocks, diagonals = [], []

@@ -14,7 +14,7 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 from squealstudy.models.assembly import Assembly
-from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.reduction.cmt import ComponentModes, most_modes
 from squealstudy.reduction.working_point import WorkingPoint
 
 FIRST_ROOTS = 120  # asked for where their number is not known
@@ -121,7 +121,7 @@ def full_order_system(
     C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, guess=150)
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, most_modes(modes))
         omega, phi = _changed_modes(omega, phi, *K_low)
         zeta = state.assembly_damping_ratios(len(omega))
         C_low = (
