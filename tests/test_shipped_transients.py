@@ -19,9 +19,8 @@ STUDIES = Path(__file__).parents[1] / "studies"
 
 
 def reduced(name: str, duration: float, **changes: str) -> Plan:
-    """The study with the coarse mesh, a narrower band, a step of 2 us and a stronger start."""
+    """The study with the coarse mesh, a step of 2 us and a stronger start."""
     text = (STUDIES / f"{name}.toml").read_text().replace('"medium"', '"coarse"')
-    text = text.replace("8000.0", "4000.0")
     text = re.sub(r"duration = \S+", f"duration = {duration}", text)
     text = text.replace("step = 1e-6", "step = 2e-6")
     text = text.replace("perturbation = 1e-3", "perturbation = 5e-3")
