@@ -54,6 +54,7 @@ save_every = 0
 tolerance = 0.001
 audit = 1
 """
+ONE_POINT = BELT.replace("[0.5, 0.6, 0.7]", "[0.6]")
 SLOPE = '"contact.regularisation_speed" = 0.01'
 BRAKE = """
 [study]
@@ -238,7 +239,7 @@ def test_a_failed_audit_leads_to_better_settings(tmp_path, monkeypatch):
     outcomes = [Audit(0.5, (0,), "x"), Audit(0.001, (1,), "x")]
     monkeypatch.setattr(fidelity_run, "audit", lambda *_: outcomes.pop(0))
     said = []
-    first = resolve(study(BELT, tmp_path), 1, quiet)
+    first = resolve(study(ONE_POINT, tmp_path), 1, quiet)
     report = run_resolved(first, tmp_path / "results", False, quiet, said.append)
     facts = report.manifest["fidelity"]
     assert facts["rounds"] == 2
@@ -253,7 +254,11 @@ def test_a_tolerance_missed_to_the_end_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(fidelity_run, "audit", lambda *_: Audit(0.9, (0,), "x"))
     said = []
     report = run_resolved(
-        resolve(study(BELT, tmp_path), 1, quiet), tmp_path / "results", False, quiet, said.append
+        resolve(study(ONE_POINT, tmp_path), 1, quiet),
+        tmp_path / "results",
+        False,
+        quiet,
+        said.append,
     )
     assert not report.manifest["fidelity"]["audit"]["passed"]
     assert said[-1] == "fidelity: the audit found an error of 9.0e-01, more than 0.001"

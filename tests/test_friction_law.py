@@ -8,15 +8,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import CUTOFF, NOMINAL, TOP, build_model
+from test_hybrid import OPERATING as BLOCKS_OPERATING
+from test_hybrid import blocks
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order import modes as full_order
-from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
+from squealstudy.analysis.full_order.modes import (
+    full_order_modes,
+    full_order_system,
+    reference_error,
+)
 from squealstudy.analysis.full_order.solution import expected_roots
 from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.friction_laws import friction_at
+from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
@@ -117,13 +124,18 @@ def against_full_order(brake, model, state):
     point = working_point(space, state.operating)
     system = linearise(model, point, state)
     lam, _ = dense_roots(system.C, system.K, (2 * np.pi * 450.0, 2.2 * np.pi * TOP))
-    full = full_order_modes(brake.assembly, brake.modes, point, state, (500.0, TOP), CUTOFF)
+    expected = expected_roots(model, point, TOP)
+    full = full_order_modes(
+        brake.assembly, brake.modes, point, state, (500.0, TOP), CUTOFF, expected
+    )
     assert full.residual.max() < 1e-8
     return lam, full.lam
 
 
 def test_falling_friction_reduced_and_full(brake, reduced):
     lam, full = against_full_order(brake, reduced[0], DesignState(FALLING))
+    expected = expected_roots(reduced[0], working_point(brake.space, FALLING), TOP)
+    assert 2 * len(full) <= expected <= 3 * len(full) + 20
     error = reference_error(lam, full)
     assert error.missed == 0
     assert error.frequency < 2e-5
@@ -135,17 +147,25 @@ def test_falling_friction_reduced_and_full(brake, reduced):
     assert (full.real > 0).sum() > (calm.real > 0).sum()  # the fall of friction excites
 
 
-def test_full_order_finds_all_roots_whatever_number_is_expected(brake, reduced):
-    state, band = DesignState(FALLING), (500.0, 1500.0)
-    point = working_point(brake.space, FALLING)
-    expected = expected_roots(reduced[0], point, band[1])
-    found = [
-        full_order_modes(brake.assembly, {}, point, state, band, CUTOFF, n).lam
-        for n in (expected, 2)
-    ]
-    assert len(found[0]) >= 3
-    assert 2 * len(found[0]) <= expected <= 3 * len(found[0]) + 20
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+@pytest.mark.parametrize("expected", [None, 30, 1])
+def test_full_order_finds_all_roots_whatever_number_is_expected(expected):
+    assembly, low, high = blocks(), 500.0, 4000.0
+    assert assembly.n_dof > DENSE_LIMIT
+    operating = replace(BLOCKS_OPERATING, static_ratio=1.5, decay_speed=0.3)
+    point = working_point(contact_space(assembly, 1e11, np.zeros((assembly.n_dof, 0))), operating)
+    state = DesignState(operating)
+    found = full_order_modes(assembly, {}, point, state, (low, high), CUTOFF, expected).lam
+    system = full_order_system(assembly, {}, point, state, CUTOFF)
+    M, C, K = (A.toarray() for A in (assembly.M, system.C.sparse, system.K.sparse))
+    n = len(M)
+    low_half = -np.linalg.solve(M, np.hstack([K, C]))
+    lam = np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), low_half]))
+    hz = np.abs(lam) / (2 * np.pi)
+    exact = lam[(lam.imag >= 0) & (hz > low) & (hz < high)]
+    assert len(exact) > 10
+    assert len(found) == len(exact)
+    gap = np.abs(found[:, None] - exact).min(axis=0)
+    assert (gap < 1e-6 * np.abs(exact)).all()
 
 
 def test_assembly_damping_reduced_and_full(brake, reduced):

@@ -22,6 +22,7 @@ from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
+FULL_SIZE_TOP = 8e3  # Hz
 
 
 # -- the basis -----------------------------------------------------------------------------------
@@ -81,7 +82,7 @@ def test_nominal_real_modes(brake, reduced):
 
 
 # -- complex modes against the full-order brake --------------------------------------------------
-def full_order(brake, point, state):
+def full_order(brake, point, state, band, n_roots):
     """Roots of the unreduced brake in the band, from theory.md section 1, residual checked."""
     k_n = brake.assembly.contact.area * point.tangent
     M, C, K = reference.linearised(brake.assembly, point.pressure, k_n, state.operating)
@@ -97,30 +98,30 @@ def full_order(brake, point, state):
         dc.append(2 * state.mode_damping.get((name, j), 0.0) * scale * omega)
     low = np.array(U).reshape(len(U), brake.assembly.n_dof).T
     K_low, C_low = LowRankSum(K, low, np.array(dk)), LowRankSum(C, low, np.array(dc))
-    lam, psi = smallest_roots(M, C_low, K_low, 124, BAND[1] / 2)
-    assert np.abs(lam).max() > BAND[1]
-    kept = (np.abs(lam) > BAND[0]) & (np.abs(lam) < BAND[1])
+    lam, psi = smallest_roots(M, C_low, K_low, n_roots, band[1] / 2)
+    assert np.abs(lam).max() > band[1]
+    kept = (np.abs(lam) > band[0]) & (np.abs(lam) < band[1])
     assert reference.residuals(M, C_low, K_low, lam[kept], psi[:, kept]).max() < 1e-8
     return lam[kept]
 
 
-def solve(brake, model, state):
+def solve(brake, model, state, band):
     """Working point and roots of the reduced brake."""
     changes = state.stiffness_changes(component_frequencies(model))
     space = brake.space.changed({shape_column(model, *key): dk for key, dk in changes.items()})
     point = working_point(space, state.operating)
     system = linearise(model, point, state)
-    lam, psi = dense_roots(system.C, system.K, (0.9 * BAND[0], 1.1 * BAND[1]))
+    lam, psi = dense_roots(system.C, system.K, (0.9 * band[0], 1.1 * band[1]))
     assert backward_error(system.C, system.K, lam, psi).max() < 1e-12
     return point, lam
 
 
-def compare(brake, model, state, tolerance):
+def compare(brake, model, state, tolerance, band=BAND, least=12):
     """Every lightly damped full-order root has a reduced one of its own within tolerance."""
-    point, lam = solve(brake, model, state)
-    exact = full_order(brake, point, state)
+    point, lam = solve(brake, model, state, band)
+    exact = full_order(brake, point, state, band, 7 * least)
     exact = exact[np.abs(exact.real) < 0.05 * np.abs(exact)]
-    assert len(exact) > 30
+    assert len(exact) > least
     nearest = np.abs(lam[None, :] - exact[:, None]).argmin(axis=1)
     assert len(set(nearest)) == len(exact)
     size, found = np.abs(exact), lam[nearest]
@@ -135,14 +136,13 @@ def test_complex_modes_at_the_nominal_point(brake, reduced):
     assert zeta.min() < -1e-3  # it squeals
 
 
-@pytest.mark.parametrize("pressure", [2e5, 30e5])
-def test_complex_modes_at_other_pressures(brake, reduced, pressure):
-    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=pressure)), 1e-3)
+def test_complex_modes_at_low_pressure(brake, reduced):
+    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=2e5)), 1e-3)
 
 
-def test_complex_modes_with_caliper_modes_at_half(brake, reduced):
+def test_complex_modes_at_high_pressure_with_caliper_modes_at_half(brake, reduced):
     shifted = {("caliper", j): 0.5 for j in (7, 8, 9)}
-    compare(brake, reduced[0], DesignState(NOMINAL, shifted), 1e-3)
+    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=30e5), shifted), 1e-3)
 
 
 def test_complex_modes_with_modes_shifted_up_and_damped(brake, reduced):
@@ -156,9 +156,10 @@ def test_complex_modes_with_modes_shifted_up_and_damped(brake, reduced):
 
 @pytest.mark.full_size
 def test_medium_brake():
-    medium = prepare_brake("medium")
-    model, _ = reduce_brake(medium)
-    compare(medium, model, DesignState(NOMINAL), 1e-5)
+    medium = prepare_brake("medium", FULL_SIZE_TOP)
+    model, _ = reduce_brake(medium, FULL_SIZE_TOP)
+    size = {"band": (BAND[0], 2 * np.pi * FULL_SIZE_TOP), "least": 20}
+    compare(medium, model, DesignState(NOMINAL), 1e-5, **size)
     shifted = {("caliper", j): 1.5 for j in (7, 8, 9)}
     for state in (
         DesignState(replace(NOMINAL, pressure=2e5)),
@@ -166,7 +167,7 @@ def test_medium_brake():
         DesignState(NOMINAL, shifted),
         DesignState(NOMINAL, dict.fromkeys(shifted, 0.5)),
     ):
-        compare(medium, model, state, 1e-3)
+        compare(medium, model, state, 1e-3, **size)
 
 
 def test_changes_are_diagonal_entries(brake, reduced):

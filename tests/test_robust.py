@@ -272,6 +272,8 @@ samples = SAMPLES
 [modes]
 band = [1.0, 1000.0]
 reference_points = 0
+refine_tracking = false
+refine_onsets = false
 """
 
 

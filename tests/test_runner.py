@@ -44,13 +44,14 @@ kind = "complex_modes"
 [model]
 name = "disc_brake"
 mesh = "coarse"
+contact_points = 2
 [[sweep]]
 parameter = "friction"
 start = 0.1
 stop = 0.6
 num = 12
 [modes]
-band = [500.0, 2500.0]
+band = [500.0, 4000.0]
 reference_points = 0
 refine_tracking = false
 refine_onsets = false
@@ -259,7 +260,7 @@ def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path)
     plan = plan_of(BRAKE)
     run_study(plan, clean, jobs=1)  # fills the cache too
     kills = 0
-    for wanted in (1, 4, 8):
+    for wanted in (1, 6):
         process = _start(study, directory)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and process.poll() is None:
@@ -284,17 +285,17 @@ def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path)
 
 def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
     """A swept material: nominal modes change sign and rotate, tracks must not."""
-    text = BRAKE.replace('"friction"', '"disc.young_modulus"').replace("num = 12", "num = 3")
-    text = text.replace("start = 0.1", "start = 1.19e11").replace("stop = 0.6", "stop = 1.21e11")
+    text = BRAKE.replace('"friction"', '"disc.young_modulus"').replace("num = 12", "num = 2")
+    text = text.replace("start = 0.1", "start = 1.2e11").replace("stop = 0.6", "stop = 1.22e11")
     plan = plan_of(text)
-    assert len(plan.structures) == 3
-    run_study(plan, tmp_path / "r", jobs=2)
+    assert len(plan.structures) == 2
+    run_study(plan, tmp_path / "r", jobs=1)
     results = squealstudy.open_results(tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     followed = results.modes[results.modes["track_mac"].notna() & ~results.modes["overdamped"]]
     assert followed["track_mac"].median() > 0.98
     counts = results.modes.groupby("track")["point_id"].nunique()
-    assert (counts[counts.index > 0] == 3).mean() > 0.9
+    assert (counts[counts.index > 0] == 2).mean() > 0.9
 
 
 def test_a_damaged_cache_entry_is_made_again(

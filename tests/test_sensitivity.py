@@ -8,8 +8,10 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.linalg as la
-from conftest import CUTOFF, NOMINAL, build_model
+from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
+from test_hybrid import OPERATING as BLOCKS_OPERATING
+from test_hybrid import blocks
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
@@ -263,23 +265,36 @@ def test_finite_changes_agree_where_the_derivative_is_said_to_hold(brake_modes):
             assert gap <= max(2 * 0.25 * ratio, 0.02) * abs(found.finite.change)
 
 
-def test_caliper_modulus_against_the_brake_built_anew(brake, brake_design):
-    model = MODELS["disc_brake"]
-    options = {o.name: o.choices[0] for o in model.options} | {"mesh": "coarse"}
-    values = model.defaults()
-    structure = Structure(partial(model.build, options), values, CUTOFF, CUTOFF)
-    state = replace(BRAKE_STATE, damping_ratio=0.0, assembly_damping={})
-    plain = solve_families(brake_design.prepared, state, (1000.0, 4000.0), ModeChoice(count=1))
-    name = "caliper.young_modulus"
-    ((found,),) = structural_sensitivities(plain, structure, [name], 1e-4)
-    assert found.finite is not None
-    assert found.finite.match == pytest.approx(1.0, abs=1e-3)
-    assert found.predicted == pytest.approx(found.finite.change, rel=1e-3)
-    assert abs(found.finite.change) > 1e-3
+def test_stiffness_of_a_component_against_the_assembly_built_anew():
+    """Component modes and damping of the state move with the structure."""
+    plain = blocks()
+
+    def build(values):
+        upper, lower = plain.components
+        stiffer = replace(upper, K=values["upper.stiffness"] * upper.K)
+        return replace(plain, components=(stiffer, lower))
+
+    structure = Structure(build, {"upper.stiffness": 1.0}, LARGE, LARGE)
+    prepared = prepare(plain, BLOCKS_OPERATING, BasisSettings(LARGE, LARGE, 0.0))
+    state = DesignState(
+        replace(BLOCKS_OPERATING, static_ratio=1.2),
+        {("upper", 8): 1.05, ("lower", 7): 0.97},
+        {("upper", 9): 0.01, ("upper", 8): 0.02},
+        0.002,
+        {20: 0.01},
+        1e-8,
+    )
+    design = solve_families(prepared, state, (500.0, 4000.0), ModeChoice(count=3))
+    for found in structural_sensitivities(design, structure, ["upper.stiffness"], 1e-4):
+        (own,) = found
+        assert own.finite is not None
+        assert own.finite.match == pytest.approx(1.0, abs=1e-3)
+        assert own.predicted == pytest.approx(own.finite.change, rel=1e-3)
+        assert abs(own.finite.change) > 1e-3
 
 
 def test_geometry_is_refused(brake):
-    thicker = build_model("disc_brake", {"mesh": "coarse"}, **{"disc.thickness": 0.01200001})
+    thicker = build_model("disc_brake", COARSE, **{"disc.thickness": 0.01200001})
     with pytest.raises(ParameterError, match=r"disc\.thickness.*geometry"):
         check_same_mesh("disc.thickness", brake.assembly, thicker)
     check_same_mesh("nothing", brake.assembly, brake.assembly)

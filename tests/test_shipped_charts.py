@@ -89,7 +89,8 @@ def test_rungs_of_reanalysis(tmp_path):
         (
             r"\[work_precision.set\]",
             '[work_precision.set]\nmodel.mesh = "coarse"\n'
-            "model.contact_points = 2\nmodes.band = [500.0, 2000.0]\nreduction.enrichment = false",
+            "model.contact_points = 2\nmodes.band = [500.0, 2000.0]\nreduction.enrichment = false\n"
+            "reduction.component_cutoff_factor = 3.0\nreduction.assembly_cutoff_factor = 3.0",
         ),
         (r"values = \[1e-2.*\]", "values = [1e-4]"),
         (r"(?s)\[\[method\]\]\nname = \"full order\".*", ""),
@@ -107,6 +108,7 @@ def test_onset_of_the_brake(tmp_path):
         (r"\npoints = 2", "\npoints = 1"),
         (r"num = 8", "num = 3"),
         (r"set.reduction\S+ = \S+\n", ""),
+        (r"3500.0", "4000.0"),
         (
             r"modes.track = false",
             "modes.track = false\nmodes.refine_tracking = false\nreduction.enrichment = false",

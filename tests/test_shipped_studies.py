@@ -23,16 +23,17 @@ STUDIES = sorted(SHIPPED.glob("*.toml"))
 OUTSIDE = sorted((SHIPPED / "outside_data").glob("*.toml"))
 
 
-QUICK = (
-    ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nreference_points = 0"),
-    ('mesh = "coarse"', 'mesh = "coarse"\ncontact_points = 2'),
-)
+QUICK = ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nreference_points = 0")
 
 
 def reduced(name: str, num: int, *changes: tuple[str, str]) -> Plan:
-    """The study with the coarse mesh, a narrower band and `num` values a sweep; and changes."""
+    """The study with the coarse mesh, a narrower band and `num` values a sweep; and changes.
+
+    Without enrichment all studies of the brake have one reduction.
+    """
     path = next(p for p in STUDIES if p.stem == name)
-    text = path.read_text().replace('"medium"', '"coarse"').replace("8000.0", "4000.0")
+    text = path.read_text().replace('"medium"', '"coarse"\ncontact_points = 2')
+    text = text.replace("8000.0", "4000.0")
     text = re.sub(r"num = \d+", f"num = {num}", text)
     text = text.replace("[modes]", "[reduction]\nenrichment = false\n\n[modes]")
     for old, new in changes:
@@ -78,10 +79,11 @@ def test_hulten_flutter(tmp_path: Path) -> None:
 
 
 def test_friction_pressure(tmp_path: Path) -> None:
-    plan = reduced("friction_pressure", 3)
+    fewer = ("values = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]", "values = [2e5, 12e5, 30e5]")
+    plan = reduced("friction_pressure", 3, fewer, ("[modes]", "[modes]\nreference_points = 1"))
     results = results_of(plan, tmp_path / "r")
     points = results.points
-    assert len(points) == 18
+    assert len(points) == 9
     assert (points.loc[points["friction"] == 0, "n_unstable"] == 0).all()  # nothing drives it
     at_most = points[(points["friction"] == 0.7) & (points["pressure"] == 12e5)]
     assert at_most["n_unstable"].iloc[0] >= 1
@@ -89,8 +91,8 @@ def test_friction_pressure(tmp_path: Path) -> None:
 
 
 def test_friction_pressure_map(tmp_path: Path) -> None:
-    plan = reduced("friction_pressure_map", 21, *QUICK)
-    run_study(plan, tmp_path / "r", jobs=2)
+    plan = reduced("friction_pressure_map", 21, QUICK)
+    run_study(plan, tmp_path / "r", jobs=1)
     results = squealstudy.open_results(tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     assert (results.points["working_point_residual"] < 1e-8).all()
@@ -111,7 +113,7 @@ def test_friction_pressure_map(tmp_path: Path) -> None:
 
 def test_robust_brake(tmp_path: Path) -> None:
     fewer = ("samples = 64", "samples = 8"), ("[modes]", "[modes]\nreference_points = 0")
-    plan = reduced("robust_brake", 0, *fewer, QUICK[1])
+    plan = reduced("robust_brake", 0, *fewer)
     results = results_of(plan, tmp_path / "r")
     table = results.robust()
     assert (table["points"] == 16).all()
@@ -124,7 +126,7 @@ def test_robust_brake(tmp_path: Path) -> None:
 
 
 def test_stability_boundary(tmp_path: Path) -> None:
-    plan = reduced("stability_boundary", 3, ("levels = 3", "levels = 1"), *QUICK)
+    plan = reduced("stability_boundary", 3, ("levels = 3", "levels = 1"), QUICK)
     results = results_of(plan, tmp_path / "r")
     nodes, solved = results.full_points()
     assert len(nodes) == 5 * 5
@@ -134,8 +136,8 @@ def test_stability_boundary(tmp_path: Path) -> None:
 
 
 def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
-    modes = results_of(reduced("caliper_modes", 3, QUICK[0]), tmp_path / "modes")
-    damping = results_of(reduced("caliper_damping", 2, QUICK[0]), tmp_path / "damping")
+    modes = results_of(reduced("caliper_modes", 3, QUICK), tmp_path / "modes")
+    damping = results_of(reduced("caliper_damping", 2, QUICK), tmp_path / "damping")
     same = modes.points[(modes.points.filter(like="caliper") == 1.0).all(axis=1)]
     none = damping.points[(damping.points.filter(like="caliper") == 0.0).all(axis=1)]
     assert len(same) == len(none) == 1
@@ -155,6 +157,7 @@ def test_sensitivity(tmp_path: Path) -> None:
     plan = reduced(
         "sensitivity",
         1,
+        ('modes = "unstable"', "modes = 1"),
         ('    "disc.modes[*].frequency_scale",\n', ""),
         ('    "inner_pad.modes[*].frequency_scale",\n', ""),
         ('    "caliper.density",\n', ""),
@@ -162,7 +165,8 @@ def test_sensitivity(tmp_path: Path) -> None:
     )
     run_study(plan, tmp_path / "r", jobs=1)
     table = squealstudy.open_results(tmp_path / "r").sensitivities
-    assert set(table["frequency_hz"].round(-2)) == {3200.0, 3300.0}
+    assert table["frequency_hz"].nunique() == 1
+    assert table["frequency_hz"].between(3000.0, 3600.0).all()  # the first lock-in
     assert (table["residual"] < 1e-9).all()
     fastest = table[(table["mode"] == 1) & ~table["near_coalescence"]]
     seen = fastest[fastest["predicted_growth_change"].abs() > 1.0]

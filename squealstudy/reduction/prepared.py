@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -14,6 +14,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
+    Basis,
     BasisSettings,
     ComponentModes,
     ReducedModel,
@@ -80,11 +81,23 @@ def prepare(
     reached = _reachable(space, others)
     clock.stage("working_point_s")
     model, basis = reduce_cmt(assembly, modes, point, settings, reached)
-    K = contact_stiffness(model, point.tangent)
+    prepared = with_shapes(assembly, space, model, basis, point)
+    clock.stage("reduction_s")
+    return replace(prepared, timings=clock.stages)
+
+
+def with_shapes(
+    assembly: Assembly,
+    space: ContactSpace,
+    model: ReducedModel,
+    basis: Basis,
+    nominal: WorkingPoint,
+) -> PreparedModel:
+    """A reduced model with its real modes at the nominal working point, and where they move."""
+    K = contact_stiffness(model, nominal.tangent)
     _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
     sensors = assembly.correspondence @ basis.expand(phi)
-    clock.stage("reduction_s")
-    return PreparedModel(space, model, phi, sensors, point.gap, clock.stages)
+    return PreparedModel(space, model, phi, sensors, nominal.gap)
 
 
 def contact_stiffness(model: ReducedModel, tangent: np.ndarray) -> np.ndarray:

@@ -128,9 +128,9 @@ class Plan:
         """Ends of the swept pressure and contact-law ranges, the rest nominal.
 
         Friction is among them where the study asks for it: without, another friction range reuses
-        the reduction.
+        the reduction. There are none without enrichment, which alone is trained.
         """
-        if not has_mesh(self.study):
+        if not has_mesh(self.study) or not self.study.definition.reduction.enrichment:
             return ()
         points = []
         trained = {"pressure", *(p.name for p in CONTACT_LAW)}
