@@ -16,7 +16,7 @@ from squealstudy.study import chunks
 from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.kinds import EXPERIMENTS
-from squealstudy.study.manifest import check_ownership
+from squealstudy.study.manifest import check_ownership, outdated
 from squealstudy.study.method import OVER_A_BASIS
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
@@ -49,7 +49,7 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
         plan, facts = resolved.plan, resolved.facts
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
-    check_ownership(directory, plan)
+    found = check_ownership(directory, plan)
     jobs = jobs or os.cpu_count() or 1
     if build or not has_mesh(plan.study):
         reason = build_first(plan, jobs)
@@ -63,6 +63,8 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     missing = sum(t.point_id not in done for t in plan.tasks)
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
     screen.facts([*rows, *fidelity_screen.facts(facts)])
+    if text := outdated(directory, found):
+        screen.warning(f"{text}; all design points will be solved again")
     for text in kind.warnings(plan):
         screen.warning(text)
 

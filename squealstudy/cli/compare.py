@@ -24,8 +24,10 @@ from squealstudy.analysis.tables.run_classes import LEVELLED
 from squealstudy.cli import mode_screen, screen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
+from squealstudy.study.manifest import outdated
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.results import Results
+from squealstudy.study.results_manifest import version_of
 
 FREQUENCY, TIME = "complex_modes", "transient"
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
@@ -42,6 +44,9 @@ def compare_command(freq: Path, time: Path, csv: bool) -> None:
         Where the directories are not one study of each kind, of one model, with common points.
     """
     frequency, transient = _in_order(Results.open(freq), Results.open(time))
+    for results in (frequency, transient):
+        if text := outdated(results.directory, results.manifest):
+            screen.warning(f"{text}; run that study again")
     table = compare_results(frequency, transient)
     if csv:
         table.to_csv(sys.stdout, index=False)
@@ -102,10 +107,10 @@ def _elsewhere(results: Results, name: str) -> float:
 
     model = MODELS[str(results.manifest["model"])]
     parameter = parse_parameter(name, model)
+    values = model.defaults(version_of(results.manifest)) | results.manifest["nominal"]
     if isinstance(parameter, ModeParameter) and not parameter.component:  # instead of the uniform
-        values = model.defaults() | results.manifest["nominal"]
         return float(values.get(DAMPING_RATIO, parameter.default))
-    return parameter.default
+    return float(values.get(name, parameter.default))
 
 
 def show_comparison(table: pd.DataFrame, parameters: list[str], units: dict[str, str]) -> None:

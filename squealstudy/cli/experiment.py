@@ -20,7 +20,7 @@ def run_experiment_command(
     """Run, show what came out, draw, and say where everything is."""
     directory = output or Path("results") / experiment.owner[0]
     with screen.interruptible(), screen.progress_bars() as progress:
-        report = run_experiment(experiment, directory, jobs, progress)
+        report = run_experiment(experiment, directory, jobs, progress, screen.warning)
     results = Results.open(directory)
     show_experiment(results)
     screen.console.print()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -114,6 +115,25 @@ class Assumption:
 
 
 @dataclass(frozen=True)
+class ModelChange:
+    """A version of squealstudy since which a model gives other numbers.
+
+    Attributes
+    ----------
+    version : str
+        The first version with the change.
+    what : str
+        What has changed, in words.
+    defaults : mapping of str -> float
+        Defaults of before, of the parameters whose default has changed.
+    """
+
+    version: str
+    what: str
+    defaults: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class ModelDefinition:
     """A model of the catalogue: how it is named, varied and built.
 
@@ -128,6 +148,8 @@ class ModelDefinition:
     torque_unit : str
         Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
         straight belt (its interfaces have an arm of 1).
+    changes : tuple of ModelChange
+        Versions since which it gives other numbers, the latest first.
     """
 
     name: str
@@ -138,6 +160,7 @@ class ModelDefinition:
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
     torque_unit: str = field(default="N", kw_only=True)
+    changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
 
     @property
     def energy_parts(self) -> tuple[str, ...]:
@@ -148,9 +171,23 @@ class ModelDefinition:
         """The parameter of that name; KeyError where there is none."""
         return {p.name: p for p in self.parameters}[name]
 
-    def defaults(self) -> dict[str, float]:
-        """Default value of every parameter."""
-        return {p.name: p.default for p in self.parameters}
+    def defaults(self, version: str | None = None) -> dict[str, float]:
+        """Default value of every parameter, in a `version` of squealstudy; None: in this one."""
+        found = {p.name: p.default for p in self.parameters}
+        for change in self.changed_since(version):
+            found |= change.defaults
+        return found
+
+    def changed_since(self, version: str | None) -> tuple[ModelChange, ...]:
+        """Changes that are later than a version, the latest first; none for None."""
+        if version is None:
+            return ()
+        return tuple(c for c in self.changes if _ordered(version) < _ordered(c.version))
+
+
+def _ordered(version: str) -> tuple[int, ...]:
+    """The numbers of a version, to be compared."""
+    return tuple(int(n) for n in re.findall(r"\d+", version)[:3])
 
 
 def structural(rows: Iterable[tuple[str, float, str, str]]) -> tuple[Parameter, ...]:

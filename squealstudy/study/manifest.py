@@ -10,14 +10,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import squealstudy
 from squealstudy.errors import ResultsError
+from squealstudy.models.catalogue import MODELS
 from squealstudy.study.plan import Plan
-from squealstudy.study.results_manifest import read_manifest
+from squealstudy.study.results_manifest import read_manifest, version_of
 from squealstudy.study.rounds import map_facts
 
 LOCK = ".lock"
 PACKAGES = (
-    "squealstudy",
     "numpy",
     "scipy",
     "pandas",
@@ -49,12 +50,17 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
         "transient": plan.in_time[0] if plan.in_time else None,
         "regularisation": plan.regularisation,
         "study": study.text,
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": versions(),
         "python": platform.python_version(),
         "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
         "threads": {"workers": jobs, "blas_threads_a_worker": 1},
         "timings": {},
     }
+
+
+def versions() -> dict[str, str]:
+    """Versions of squealstudy and of what its numbers rest on."""
+    return {"squealstudy": squealstudy.__version__} | {name: version(name) for name in PACKAGES}
 
 
 def point_facts(plan: Plan) -> dict[str, Any]:
@@ -112,6 +118,18 @@ def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] |
             f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
         )
     return found
+
+
+def outdated(directory: Path, found: dict[str, Any] | None) -> str:
+    """Why a directory's numbers are not those of this version of squealstudy; empty if they are."""
+    if found is None or found["model"] not in MODELS:
+        return ""
+    made_by = version_of(found)
+    changes = MODELS[str(found["model"])].changed_since(made_by)
+    if not changes:
+        return ""
+    what = "; ".join(change.what for change in changes)
+    return f"{directory}: made by squealstudy {made_by}, since when {what}"
 
 
 @contextlib.contextmanager

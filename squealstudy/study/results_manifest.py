@@ -26,6 +26,11 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     return content
 
 
+def version_of(manifest: dict[str, Any]) -> str:
+    """The version of squealstudy that wrote it."""
+    return str(manifest.get("versions", {}).get("squealstudy", "0"))
+
+
 def write_manifest(directory: Path, manifest: dict[str, Any]) -> None:
     """Write the manifest atomically."""
     write_json(directory / FILE, manifest)

@@ -22,6 +22,7 @@ from squealstudy.study.manifest import (
     check_ownership,
     locked,
     new_manifest,
+    outdated,
     point_facts,
 )
 from squealstudy.study.names import INACCURATE, POINTS
@@ -128,6 +129,8 @@ def run_study(
         if found and _is_complete(found, plan, kind, directory):
             _expect_solved(directory)
             return RunReport(directory, found, 0, len(plan.tasks))
+        if text := outdated(directory, found):
+            warn(f"{text}; all design points are solved again")
         remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **_structure_timings(plan, failures)}

@@ -10,8 +10,9 @@ from squealstudy.models.disc_brake.parameters import (
     COMPONENTS,
     OPTIONS,
     PARAMETERS,
+    UNDAMPED,
 )
-from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.parameter import ModelChange, ModelDefinition
 
 
 def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
@@ -30,4 +31,12 @@ DISC_BRAKE = ModelDefinition(
     build,
     BRAKE_ASSUMPTIONS,
     torque_unit="N m",
+    changes=(
+        ModelChange(
+            "0.2.0",
+            "the mesh is finer at corners, and damping_ratio is 0.005 and stiffness_damping "
+            "1.5e-7 s where a study does not set them (before: 0)",
+            UNDAMPED,
+        ),
+    ),
 )

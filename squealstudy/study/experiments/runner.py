@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Iterable
-from importlib.metadata import version
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from squealstudy.study.experiments.kinds import ExperimentKind, experiment_kind
 from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import content_hash
 from squealstudy.study.kind import Progress
-from squealstudy.study.manifest import PACKAGES, check_owner, locked
+from squealstudy.study.manifest import check_owner, locked, outdated, versions
 from squealstudy.study.parallel import in_parallel
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
@@ -28,6 +27,7 @@ def run_experiment(
     directory: Path,
     jobs: int,
     progress: Progress = lambda stage, done, total: None,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> RunReport:
     """Run an experiment, or what is left of it.
 
@@ -42,6 +42,8 @@ def run_experiment(
         Threads and workers of the preparations.
     progress : callable
         Told (stage, done, total).
+    warn : callable
+        Told what may mislead.
 
     Raises
     ------
@@ -58,6 +60,8 @@ def run_experiment(
         identity = content_hash([[run[0] for run in runs], experiment.source.text])
         if found and found.get("study_hash") == identity and _whole(found, kind, directory):
             return RunReport(directory, found, 0, len(runs))
+        if text := outdated(directory, found):
+            warn(f"{text}; all runs are made again")
         remove_leftovers(directory)
         manifest = _manifest(experiment, jobs, identity, len(runs))
         write_manifest(directory, manifest)
@@ -106,7 +110,7 @@ def _manifest(experiment: Experiment, jobs: int, identity: str, n_runs: int) -> 
         "units": {},
         "study": experiment.source.text,
         "base": base,
-        "versions": {package: version(package) for package in PACKAGES},
+        "versions": versions(),
         "python": platform.python_version(),
         "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
         "threads": {"workers": jobs, "blas_threads_a_worker": 1},
