@@ -120,7 +120,7 @@ def compiled_kernels(request):
 def shared(name: str, make: Callable[[], Any]) -> Any:
     """What the first process of the session to ask for it has made."""
     path = Path(os.environ[SHARED]) / f"{name}.pickle"
-    with alone():
+    with alone(path.with_suffix(".lock")):
         if not path.exists():
             path.write_bytes(pickle.dumps(make()))
         return pickle.loads(path.read_bytes())
