@@ -83,6 +83,8 @@ def pytest_configure(config):
         raise pytest.UsageError(f"code paths asked for and not in effect: {', '.join(absent)}")
     if is_worker(config):
         return
+    if hasattr(config.option, "loadscopereorder"):  # from pytest-xdist 3.7 on
+        config.option.loadscopereorder = False  # else files with most tests come first
     shared = tempfile.mkdtemp(prefix="squealstudy-tests-")
     os.environ.setdefault(COMPILED, str(compiled_directory()))
     os.environ.setdefault(CACHE, str(Path(shared) / "cache"))
