@@ -83,6 +83,8 @@ def pytest_configure(config):
         raise pytest.UsageError(f"code paths asked for and not in effect: {', '.join(absent)}")
     if is_worker(config):
         return
+    if hasattr(config.option, "loadscopereorder"):  # from pytest-xdist 3.7 on
+        config.option.loadscopereorder = False  # else files with most tests come first
     shared = tempfile.mkdtemp(prefix="squealstudy-tests-")
     os.environ.setdefault(COMPILED, str(compiled_directory()))
     os.environ.setdefault(CACHE, str(Path(shared) / "cache"))
@@ -120,7 +122,7 @@ def compiled_kernels(request):
 def shared(name: str, make: Callable[[], Any]) -> Any:
     """What the first process of the session to ask for it has made."""
     path = Path(os.environ[SHARED]) / f"{name}.pickle"
-    with alone():
+    with alone(path.with_suffix(".lock")):
         if not path.exists():
             path.write_bytes(pickle.dumps(make()))
         return pickle.loads(path.read_bytes())

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import CUTOFF, NOMINAL, TOP, build_model
-from test_hybrid import OPERATING as BLOCKS_OPERATING
-from test_hybrid import blocks
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order import modes as full_order

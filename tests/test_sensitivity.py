@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.linalg as la
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
-from test_hybrid import OPERATING as BLOCKS_OPERATING
-from test_hybrid import blocks
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -45,9 +46,9 @@ def warm_kernels(single_storage: bool = False) -> float:
 
 
 @contextmanager
-def alone() -> Iterator[None]:
-    """Hold the lock file of the compiled kernels; a process that dies lets it go."""
-    path = compiled_directory() / "warmup.lock"
+def alone(path: Path | None = None) -> Iterator[None]:
+    """Hold a lock file, that of the compiled kernels if None; a process that dies lets it go."""
+    path = path or compiled_directory() / "warmup.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w") as lock:
         if sys.platform != "win32":
