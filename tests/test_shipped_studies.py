@@ -136,7 +136,9 @@ def test_stability_boundary(tmp_path: Path) -> None:
 
 
 def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
-    modes = results_of(reduced("caliper_modes", 3, QUICK), tmp_path / "modes")
+    bare = "sliding_speed = 0.5\ndamping_ratio = 0.0\nstiffness_damping = 0.0"
+    plan = reduced("caliper_modes", 3, QUICK, ("sliding_speed = 0.5", bare))
+    modes = results_of(plan, tmp_path / "modes")
     damping = results_of(reduced("caliper_damping", 2, QUICK), tmp_path / "damping")
     same = modes.points[(modes.points.filter(like="caliper") == 1.0).all(axis=1)]
     none = damping.points[(damping.points.filter(like="caliper") == 0.0).all(axis=1)]
