@@ -490,7 +490,7 @@ def test_rungs_that_were_not_tried_are_named_beside_the_choice():
     ]
 
 
-@pytest.mark.parametrize(("num", "more"), [(30, ""), (200, 'method = "dense"')])
+@pytest.mark.parametrize(("num", "more"), [(25, ""), (200, 'method = "dense"')])
 def test_windows_are_not_tried_for_few_points_or_against_the_file(num, more, tmp_path):
     scene = Scene(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
     assert search_modes(scene).chosen.changes == {"modes.tolerance": 2e-4}

@@ -18,8 +18,9 @@ OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
 FOR_COMPARISON = (TWO_STEP, PERTURBATION)
 APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
 # design points of one structure from which on windows cost less than dense points, by the number
-# of parameters that vary: a rough count of exact solves for a basis and of nodes for patches
-PAYS_FROM = {1: 80, 2: 400, 3: 1500}
+# of parameters that vary (medium brake, damped: processor time is less from 35 and 250 on, but a
+# basis is made by one process)
+PAYS_FROM = {1: 60, 2: 300, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
 

@@ -1,0 +1,245 @@
+"""Time of the main jobs beside an earlier state of the project, in turns on one machine.
+
+Run:  python studies/benchmarks/speed.py [--rows study reduction point check basis map] [--rounds 2]
+      --quick          the coarse mesh and few points, to try it
+      --then COMMIT    the earlier state (a git worktree of it is made and removed)
+
+Each row is a process of its own with a cold cache, first of the earlier state, then of this one.
+Both solve the same study file, with the damping of the generated brake written into it; each with
+its own mesh. Printed are seconds of both, the least of the rounds, and their ratio: processor
+seconds of one thread, but for the whole studies, where they are wall seconds with --jobs workers.
+
+study       `squealstudy run` over friction and pressure, tables and pictures
+reduction   its assembly and component-mode model
+point       a dense design point: working point, roots, vectors, errors
+check       a design point at full order
+basis       sweep bases over 400 frictions to 1e-2, 1e-3 and 1e-4: looser must not be dearer
+map         20,000 points to 1e-4, with the largest memory of one process in MB beside
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # processor time is that of one thread
+
+THEN = "3c5c57c"
+ROOT = Path(__file__).resolve().parents[2]
+TOLERANCES = (1e-2, 1e-3, 1e-4)
+STUDY = """
+[study]
+name = "{name}"
+kind = "complex_modes"
+
+[model]
+name = "disc_brake"
+mesh = "{mesh}"
+
+[parameters]
+friction = 0.5
+pressure = 12e5
+sliding_speed = 0.5
+damping_ratio = 0.005
+stiffness_damping = 1.5e-7
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.7
+num = {frictions}
+{pressures}
+[modes]
+band = [500.0, 8000.0]
+{more}
+"""
+PRESSURES = '[[sweep]]\nparameter = "pressure"\nvalues = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]\n'
+FINE_PRESSURES = """[[sweep]]
+parameter = "pressure"
+start = 2e5
+stop = 30e5
+num = {}
+scale = "log"
+"""
+
+
+def study_text(row: str, quick: bool, tolerance: float = 1e-4) -> str:
+    """The study of a row."""
+    mesh = "coarse" if quick else "medium"
+    frictions, pressures, more = (8 if quick else 29), PRESSURES, ""
+    if row == "map":
+        frictions = 40 if quick else 200
+        pressures = FINE_PRESSURES.format(20 if quick else 100)
+        more = "tolerance = 1e-4"
+    if row == "basis":
+        frictions, pressures, more = 400, "", f'method = "windows"\ntolerance = {tolerance}'
+    return STUDY.format(name=row, mesh=mesh, frictions=frictions, pressures=pressures, more=more)
+
+
+# -- in a process of its own ---------------------------------------------------------------------
+def measure(row: str, quick: bool) -> dict[str, float]:
+    """Processor seconds of a row, by the package that this process imports."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
+        return MEASURES[row](quick, Path(folder))
+
+
+def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
+    from squealstudy.study.experiments.definition import load_any
+    from squealstudy.study.plan import Plan
+
+    path = folder / "study.toml"
+    path.write_text(study_text(row, quick, tolerance))
+    return Plan(load_any(path))
+
+
+def _reduced(plan: Any) -> float:
+    from squealstudy.study.structures import build_structure, build_task
+
+    started = time.process_time()
+    _, failure = build_structure(build_task(plan, plan.structures[0], 1))
+    if failure:
+        raise SystemExit(failure)
+    return time.process_time() - started
+
+
+def _reduction(quick: bool, folder: Path) -> dict[str, float]:
+    return {"reduction": _reduced(_plan("study", quick, folder))}
+
+
+def _point(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.analysis.point import solve_point
+    from squealstudy.study.cache import load_prepared
+
+    plan = _plan("study", quick, folder)
+    _reduced(plan)
+    prepared = load_prepared(plan.structures[0].key)
+    states = [task.design.state() for task in plan.tasks[:: max(len(plan.tasks) // 8, 1)]]
+    solve_point(prepared, states[0], plan.band_hz)  # what is loaded and mapped once
+    started = time.process_time()
+    for state in states:
+        solve_point(prepared, state, plan.band_hz)
+    return {"point": (time.process_time() - started) / len(states)}
+
+
+def _check(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.analysis.full_order.modes import full_order_modes
+    from squealstudy.analysis.full_order.solution import expected_roots
+    from squealstudy.analysis.point import state_working_point
+    from squealstudy.study.cache import load_prepared
+
+    plan = _plan("study", quick, folder)
+    _reduced(plan)
+    prepared, design = load_prepared(plan.structures[0].key), plan.tasks[-1].design
+    started = time.process_time()
+    state = design.state()
+    point = state_working_point(prepared, state)
+    assembly = design.model.build(plan.study.options, design.plain_values())
+    expected = expected_roots(prepared.model, point, plan.band_hz[1])
+    cutoff = plan.settings.assembly_cutoff
+    full_order_modes(assembly, {}, point, state, plan.band_hz, cutoff, expected)
+    return {"check": time.process_time() - started}
+
+
+def _basis(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.study.complex_modes.bases import make_basis
+    from squealstudy.study.complex_modes.window_tasks import basis_tasks
+
+    _reduced(_plan("basis", quick, folder))
+    found = {}
+    for tolerance in TOLERANCES:
+        (task,) = basis_tasks(_plan("basis", quick, folder, tolerance))
+        started = time.process_time()
+        basis = make_basis(task, lambda done, most: None)
+        found[f"basis {tolerance:g}"] = time.process_time() - started
+        print(f"{tolerance:g}: {len(basis.trained)} points, r {basis.V.shape[1]}", file=sys.stderr)
+    return found
+
+
+MEASURES: dict[str, Callable[[bool, Path], dict[str, float]]] = {
+    "reduction": _reduction,
+    "point": _point,
+    "check": _check,
+    "basis": _basis,
+}
+WHOLE = ("study", "map")
+
+
+# -- in turns ------------------------------------------------------------------------------------
+def in_process(tree: Path, row: str, quick: bool, jobs: int) -> dict[str, float]:
+    """One row of one state, with caches of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        environment = os.environ | {
+            "PYTHONPATH": str(tree),
+            "SQUEALSTUDY_CACHE": f"{folder}/cache",
+            "NUMBA_CACHE_DIR": f"{folder}/kernels",
+        }
+        if row not in WHOLE:
+            command = [sys.executable, __file__, "--measure", row, *(["--quick"] * quick)]
+            done = subprocess.run(
+                command, env=environment, cwd=folder, check=True, stdout=subprocess.PIPE
+            )
+            found: dict[str, float] = json.loads(done.stdout)
+            return found
+        study = Path(folder) / "study.toml"
+        study.write_text(study_text(row, quick))
+        code = "from squealstudy.cli.app import main; main()"
+        command = [sys.executable, "-c", code, "run", str(study), "--jobs", str(jobs), "--yes"]
+        started = time.perf_counter()
+        subprocess.run(command, env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        wall = time.perf_counter() - started
+        most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        return {row: wall, f"{row} MB": most} if row == "map" else {row: wall}
+
+
+def compare(rows: list[str], quick: bool, rounds: int, jobs: int, then: Path) -> None:
+    """Both states in turns; the table."""
+    print(f"{'':<16}{'then':>10}{'now':>10}{'ratio':>8}")
+    for row in rows:
+        best: list[dict[str, float]] = [{}, {}]
+        for _ in range(rounds):
+            for least, tree in zip(best, (then, ROOT), strict=True):
+                for key, value in in_process(tree, row, quick, jobs).items():
+                    least[key] = min(value, least.get(key, value))
+        for key, value in best[1].items():
+            earlier = best[0][key]
+            print(f"{key:<16}{earlier:>10.3g}{value:>10.3g}{value / earlier:>8.2f}", flush=True)
+
+
+def main() -> None:
+    """Measure one row, or compare two states."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rows", nargs="+", choices=[*WHOLE, *MEASURES])
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--then", default=THEN)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--measure", choices=list(MEASURES), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.measure:
+        print(json.dumps(measure(arguments.measure, arguments.quick)))
+        return
+    rows = arguments.rows or ["study", "reduction", "point", "check", "basis", "map"]
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "then"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        subprocess.run([*git, "add", "--detach", "--quiet", str(tree), arguments.then], check=True)
+        try:
+            compare(rows, arguments.quick, arguments.rounds, arguments.jobs, tree)
+        finally:
+            subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+
+
+if __name__ == "__main__":
+    main()
