@@ -21,12 +21,7 @@ from squealstudy.models.operating import law_from_values
 def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
-    solids = {
-        "disc": mesher.disc(),
-        "inner_pad": mesher.pad(-1),
-        "outer_pad": mesher.pad(+1),
-        "caliper": mesher.caliper(),
-    }
+    solids = {name: mesher.component(name) for name in COMPONENTS}
     faces = brake_faces(mesher)
     components = tuple(
         Component(

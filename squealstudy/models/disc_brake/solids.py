@@ -62,20 +62,43 @@ class BrakeMesher:
         """Value of an angle, rad."""
         return np.deg2rad(self.values[name])
 
-    def isotropic(self, prefix: str) -> Isotropic:
+    def materials(self, component: str) -> dict[str, Material]:
+        """Materials of a component by the names in its blocks."""
+        if component in ("disc", "caliper"):
+            return {"iron": self._isotropic(component + ".")}
+        return {
+            "plate": self._isotropic("pad.plate_"),
+            "lining": TransverselyIsotropic(
+                self.v("pad.lining_young_modulus"),
+                self.v("pad.lining_young_modulus_z"),
+                self.v("pad.lining_shear_modulus_z"),
+                self.v("pad.lining_poisson_ratio"),
+                self.v("pad.lining_poisson_ratio_z"),
+                self.v("pad.lining_density"),
+            ),
+        }
+
+    def _isotropic(self, prefix: str) -> Isotropic:
         """Material of the parameters that begin with `prefix`."""
         return Isotropic(
             *(self.v(prefix + p) for p in ("young_modulus", "poisson_ratio", "density"))
         )
 
-    def solid(
+    def component(self, name: str) -> Solid:
+        """The solid of a component: disc, inner_pad, outer_pad or caliper."""
+        if name.endswith("pad"):
+            return self.pad(1 if name == "outer_pad" else -1)
+        return self.disc() if name == "disc" else self.caliper()
+
+    def _solid(
         self,
+        component: str,
         lines: tuple[np.ndarray, np.ndarray, np.ndarray],
         blocks: list[Block],
-        materials: Mapping[str, Material],
     ) -> Solid:
         """The union of blocks, assembled on lines in r [m], theta [rad] and z [m]."""
-        return assemble_solid(cylindrical_mesh(*lines, blocks), materials, self.stiffness_order)
+        grid = cylindrical_mesh(*lines, blocks)
+        return assemble_solid(grid, self.materials(component), self.stiffness_order)
 
     def disc(self) -> Solid:
         """Band at 0 <= z <= thickness, bell and top below it."""
@@ -93,7 +116,7 @@ class BrakeMesher:
             Block((bi, bo), FULL_TURN, (-bell, 0.0), "iron"),
             Block((ri, bo), FULL_TURN, (-bell - top, -bell), "iron"),
         ]
-        return self.solid(lines, blocks, {"iron": self.isotropic("disc.")})
+        return self._solid("disc", lines, blocks)
 
     def pad(self, side: int) -> Solid:
         """Outer pad (side +1, above the disc) or inner pad (-1, below it)."""
@@ -115,18 +138,7 @@ class BrakeMesher:
             graded_lines(theta, self.density.pad_theta, split[1]),
             np.sort(z_face + side * z),
         )
-        materials: dict[str, Material] = {
-            "plate": self.isotropic("pad.plate_"),
-            "lining": TransverselyIsotropic(
-                v("pad.lining_young_modulus"),
-                v("pad.lining_young_modulus_z"),
-                v("pad.lining_shear_modulus_z"),
-                v("pad.lining_poisson_ratio"),
-                v("pad.lining_poisson_ratio_z"),
-                v("pad.lining_density"),
-            ),
-        }
-        return self.solid(lines, blocks, materials)
+        return self._solid("pad", lines, blocks)
 
     @property
     def plate_z(self) -> tuple[float, float]:
@@ -153,7 +165,7 @@ class BrakeMesher:
             Block((ri, ro), (near, far), (z_out, z_high), "iron"),
             Block((ri, ro), (-far, -near), (z_out, z_high), "iron"),
         ]
-        return self.solid(lines, blocks, {"iron": self.isotropic("caliper.")})
+        return self._solid("caliper", lines, blocks)
 
     def _caliper_theta(self, near: float, angles: list[float]) -> np.ndarray:
         """Lines on both sides of the plane of symmetry, through `near` and `angles` [rad].
