@@ -6,6 +6,7 @@ run in one.
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import re
@@ -17,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import code_paths
@@ -139,6 +141,7 @@ def pytest_collection_modifyitems(config, items):
     items[:] = [item for item in items if item not in slow]
 
 
+BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 DATA = "SQUEALSTUDY_DATA"
 M0 = Path(os.environ.get(DATA) or Path(__file__).resolve().parents[2] / "shared" / "data") / "m0"
 TOP = 4e3  # Hz, top of the band of the reduced brake, which holds its first lock-in
@@ -156,6 +159,13 @@ class Brake:
     modes: dict[str, ComponentModes]
     space: ContactSpace
     point: WorkingPoint
+
+
+def benchmark(name: str) -> ModuleType:
+    """A script of studies/benchmarks, as a module."""
+    if str(BENCHMARKS) not in sys.path:
+        sys.path.append(str(BENCHMARKS))  # scripts import what lies beside them
+    return importlib.import_module(name)
 
 
 def build_model(name, options=None, **values):

@@ -17,7 +17,8 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
-from squealstudy.models.disc_brake.solids import MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.disc_brake.density import COARSE, MEDIUM
+from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.correspondence import corresponding_rows
 from squealstudy.models.minimal import bilateral_points
 from squealstudy.models.operating import (
@@ -243,8 +244,8 @@ def test_lines_of_a_grid_run_along_what_does_not_change_the_structure():
 def test_corresponding_places_do_not_depend_on_the_mesh(solid):
     values = catalogue.MODELS["disc_brake"].defaults()
     found = []
-    for factor in (1.5, 3.0):
-        mesher = BrakeMesher(values, MEDIUM_SIZES * factor)
+    for density in (MEDIUM, COARSE):
+        mesher = BrakeMesher(values, density)
         made = mesher.pad(-1) if solid == "pad" else mesher.caliper()
         rows = corresponding_rows(made)
         weight = rows @ np.ones(rows.shape[1])
@@ -256,9 +257,9 @@ def test_corresponding_places_do_not_depend_on_the_mesh(solid):
 def test_modes_of_a_pad_are_recognised_though_its_mesh_changes():
     values = catalogue.MODELS["disc_brake"].defaults()
     lams, seen, sizes = [], [], []
-    for angle in (32.0, 33.0):
+    for angle, density in ((32.0, COARSE), (33.0, MEDIUM)):
         values["pad.half_angle"] = angle
-        pad = BrakeMesher(values, MEDIUM_SIZES * MESH_FACTOR["coarse"]).pad(-1)
+        pad = BrakeMesher(values, density).pad(-1)
         omega, phi = real_modes(pad.M, pad.K, TOP)
         lams.append(1j * omega[6:])
         seen.append((corresponding_rows(pad) @ phi[:, 6:]).T)

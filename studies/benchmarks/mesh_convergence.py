@@ -1,51 +1,208 @@
-"""Component frequencies and unstable modes of the disc brake on three meshes.
+"""Errors of the disc brake's meshes.
 
-Run:  python studies/benchmarks/mesh_convergence.py     (several minutes; the fine mesh is large)
+Run:  python studies/benchmarks/mesh_convergence.py components [GEOMETRY ...]
+      python studies/benchmarks/mesh_convergence.py refined
+      python studies/benchmarks/mesh_convergence.py assembled [coarse medium fine]
 
-Prints, for each mesh, the first elastic free-free frequencies of the components and the unstable
-full-band modes at 12 bar and friction 0.5, all in the reduced model of that mesh.
+`components`: elastic free modes below 6 kHz of each component and density against references of
+high order (`component_reference.py`), for the default geometry and five others; half an hour, the
+default alone some minutes. `refined`: the medium mesh with all cells divided in r, around, in z
+and in all, and with full integration. `assembled`: unstable modes of the brake to 8 kHz at 12 bar
+and friction 0.5, each density against the next finer one, in the reduced model of each mesh.
 """
 
 from __future__ import annotations
 
+import sys
 import time
+from dataclasses import replace
 
 import numpy as np
+from component_reference import extrapolated
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.point import solve_point
+from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.disc_brake.density import DENSITIES, MEDIUM
+from squealstudy.models.disc_brake.solids import BrakeMesher
+from squealstudy.models.fem.solid import FULL, REDUCED
 from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 
+TOP = 6e3  # Hz, of the free modes
 BAND = (500.0, 8000.0)
-LISTED = 4  # elastic modes of each component
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+SOLIDS = {"disc": (5, 3), "inner_pad": (4, 1), "caliper": (4, 2)}  # order, layers of the reference
+GEOMETRIES: dict[str, dict[str, float]] = {
+    "default": {},
+    "tall": {
+        "disc.bell_height": 0.040,
+        "disc.top_thickness": 0.008,
+        "disc.bell_outer_radius": 0.078,
+        "disc.bell_inner_radius": 0.068,
+        "pad.lining_thickness": 0.006,
+        "caliper.body_thickness": 0.05,
+        "caliper.finger_thickness": 0.020,
+    },
+    "thin": {
+        "disc.thickness": 0.009,
+        "disc.outer_radius": 0.150,
+        "disc.bell_inner_radius": 0.068,
+        "pad.half_angle": 26.0,
+        "pad.plate_thickness": 0.006,
+        "caliper.bridge_inner_radius": 0.150,
+        "caliper.outer_radius": 0.172,
+        "caliper.body_half_angle": 22.0,
+        "caliper.finger_inner_angle": 7.0,
+        "caliper.finger_outer_angle": 23.0,
+    },
+    "wide": {
+        "disc.thickness": 0.014,
+        "disc.inner_radius": 0.030,
+        "disc.bell_height": 0.020,
+        "pad.half_angle": 34.0,
+        "pad.ear_angle": 4.0,
+        "caliper.bridge_inner_radius": 0.144,
+        "caliper.outer_radius": 0.158,
+        "caliper.finger_thickness": 0.012,
+        "caliper.bridge_half_angle": 30.0,
+        "caliper.body_half_angle": 24.0,
+        "caliper.finger_inner_angle": 3.0,
+        "caliper.finger_outer_angle": 28.0,
+    },
+    "small": {
+        "disc.outer_radius": 0.130,
+        "disc.bell_outer_radius": 0.070,
+        "disc.bell_inner_radius": 0.063,
+        "disc.top_thickness": 0.005,
+        "pad.outer_radius": 0.130,
+        "pad.inner_radius": 0.085,
+        "caliper.inner_radius": 0.085,
+        "caliper.bridge_inner_radius": 0.136,
+        "caliper.outer_radius": 0.152,
+        "caliper.body_thickness": 0.035,
+    },
+    "large": {
+        "disc.outer_radius": 0.165,
+        "disc.thickness": 0.015,
+        "disc.bell_outer_radius": 0.085,
+        "disc.bell_inner_radius": 0.078,
+        "disc.bell_height": 0.034,
+        "pad.outer_radius": 0.165,
+        "pad.inner_radius": 0.105,
+        "pad.half_angle": 28.0,
+        "pad.ear_angle": 6.0,
+        "pad.lining_thickness": 0.012,
+        "caliper.inner_radius": 0.105,
+        "caliper.bridge_inner_radius": 0.172,
+        "caliper.outer_radius": 0.195,
+        "caliper.body_half_angle": 18.0,
+        "caliper.finger_outer_angle": 24.0,
+    },
+}
+
+
+def errors(mesher: BrakeMesher, component: str, exact: np.ndarray) -> tuple[int, np.ndarray]:
+    """Degrees of freedom, and relative errors of the free modes in percent."""
+    solid = mesher.component(component)
+    omega, _ = real_modes(solid.M, solid.K, 1.15 * TOP)
+    hz = omega[rigid_modes(solid.M, solid.K, omega) :] / (2 * np.pi)
+    return solid.M.shape[0], 100 * (hz[: len(exact)] / exact - 1)
+
+
+def show(label: str, n_dof: int, error: np.ndarray, started: float) -> None:
+    print(
+        f"  {label:22s}{n_dof:8d} DOF   from {error.min():+.2f} to {error.max():+.2f} %, "
+        f"median {np.median(error):+.2f} %   {time.perf_counter() - started:.1f} s",
+        flush=True,
+    )
+
+
+def reference(component: str, values: dict[str, float]) -> np.ndarray:
+    started = time.perf_counter()
+    exact, step = extrapolated(component, values, TOP, *SOLIDS[component])
+    print(
+        f"{component}: {len(exact)} modes, the last order changes them by "
+        f"{100 * np.abs(step).max():.3f} % at most, {time.perf_counter() - started:.0f} s",
+        flush=True,
+    )
+    return exact
+
+
+def components(geometries: list[str]) -> None:
+    """Errors of the densities."""
+    for geometry in geometries or list(GEOMETRIES):
+        print(f"\n{geometry}")
+        values = MODELS["disc_brake"].defaults() | GEOMETRIES[geometry]
+        for component in SOLIDS:
+            exact = reference(component, values)
+            for name, density in DENSITIES.items():
+                started = time.perf_counter()
+                show(name, *errors(BrakeMesher(values, density), component, exact), started)
+
+
+def refined() -> None:
+    """Errors of the medium mesh with divided cells."""
+    values = MODELS["disc_brake"].defaults()
+    for component in SOLIDS:
+        exact = reference(component, values)
+        for split in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (2, 2, 2)):
+            for order in (REDUCED, FULL):
+                started = time.perf_counter()
+                mesher = BrakeMesher(values, replace(MEDIUM, split=split), order)
+                word = "8 points" if order == REDUCED else "27 points"
+                show(f"{split} {word}", *errors(mesher, component, exact), started)
+
+
+def unstable(mesh: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] and damping ratios of the unstable modes of a mesh."""
+    brake = MODELS["disc_brake"]
+    options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
+    started = time.perf_counter()
+    assembly = brake.build(options, brake.defaults())
+    built = time.perf_counter() - started
+    cutoff = 1.5 * BAND[1]
+    settings = BasisSettings(cutoff, cutoff, 1.125 * BAND[1], 3e-5)
+    prepared = prepare(assembly, NOMINAL, settings)
+    seconds = time.perf_counter() - started
+    print(
+        f"\n{mesh}: {assembly.n_dof} DOF, built in {built:.1f} s, "
+        f"with its reduction to {prepared.model.n} in {seconds:.1f} s"
+    )
+    modes = solve_point(prepared, DesignState(NOMINAL), BAND)
+    size = np.abs(modes.lam)
+    zeta = -modes.lam.real / size
+    return size[zeta < -1e-7] / (2 * np.pi), zeta[zeta < -1e-7]
+
+
+def assembled(meshes: list[str]) -> None:
+    """Unstable modes of meshes, each beside the nearest of the mesh before."""
+    before = None
+    for mesh in meshes or list(DENSITIES):
+        hz, zeta = found = unstable(mesh)
+        for f, z in zip(hz, zeta, strict=True):
+            text = f"  unstable {f:9.1f} Hz, damping {100 * z:+.3f} %"
+            if before is not None and len(before[0]):
+                k = np.abs(before[0] - f).argmin()
+                text += (
+                    f"   the mesh before: {100 * (before[0][k] / f - 1):+.2f} % in frequency, "
+                    f"{100 * (before[1][k] - z):+.3f} % (absolute) in damping"
+                )
+            print(text, flush=True)
+        before = found
 
 
 def main() -> None:
-    brake = MODELS["disc_brake"]
-    for mesh in ("coarse", "medium", "fine"):
-        options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
-        started = time.perf_counter()
-        assembly = brake.build(options, brake.defaults())
-        cutoff = 1.5 * BAND[1]
-        settings = BasisSettings(cutoff, cutoff, 1.125 * BAND[1], 3e-5)
-        prepared = prepare(assembly, NOMINAL, settings)
-        model = prepared.model
-        seconds = time.perf_counter() - started
-        print(f"\n{mesh}: {assembly.n_dof} DOF, reduced to {model.n} in {seconds:.0f} s")
-        for name, start in zip(model.components, model.offsets, strict=False):
-            first = int(start) + 6
-            f = np.sqrt(model.k_el[first : first + LISTED]) / (2 * np.pi)
-            print(f"  {name:10s}" + "".join(f"{x:10.1f}" for x in f) + " Hz")
-        modes = solve_point(prepared, DesignState(NOMINAL), BAND)
-        size = np.abs(modes.lam)
-        zeta = -modes.lam.real / size
-        for f, z in zip(size[zeta < -1e-7] / (2 * np.pi), zeta[zeta < -1e-7], strict=True):
-            print(f"  unstable  {f:10.1f} Hz, damping {100 * z:.3f} %")
+    task, names = (sys.argv[1:2] or ["components"])[0], sys.argv[2:]
+    if task == "refined":
+        refined()
+    elif task == "assembled":
+        assembled(names)
+    else:
+        components(names)
 
 
 if __name__ == "__main__":

@@ -8,10 +8,11 @@ import numpy as np
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
+from squealstudy.models.disc_brake.density import DENSITIES
 from squealstudy.models.disc_brake.faces import brake_faces
 from squealstudy.models.disc_brake.interfaces import BrakeInterfaces
 from squealstudy.models.disc_brake.parameters import COMPONENTS
-from squealstudy.models.disc_brake.solids import MEDIUM_SIZES, MESH_FACTOR, BrakeMesher
+from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.correspondence import corresponding_rows
 from squealstudy.models.fem.sampling import surface_nodes
 from squealstudy.models.operating import law_from_values
@@ -19,13 +20,8 @@ from squealstudy.models.operating import law_from_values
 
 def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
-    mesher = BrakeMesher(values, MEDIUM_SIZES * MESH_FACTOR[str(options["mesh"])])
-    solids = {
-        "disc": mesher.disc(),
-        "inner_pad": mesher.pad(-1),
-        "outer_pad": mesher.pad(+1),
-        "caliper": mesher.caliper(),
-    }
+    mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
+    solids = {name: mesher.component(name) for name in COMPONENTS}
     faces = brake_faces(mesher)
     components = tuple(
         Component(

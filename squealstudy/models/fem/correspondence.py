@@ -6,12 +6,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.models.fem.grid import Block
+from squealstudy.models.fem.sampling import shape_functions
 from squealstudy.models.fem.solid import Solid
 
 AROUND = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
 SIDES = (2, 8, 2)  # points of any other block in r, theta, z
-NEAREST = 8  # cells that may hold a point, by the distance of their centres
-ITERATIONS = 8  # of Newton, on cells that are nearly boxes
 TURN = 2 * np.pi * (1 - 1e-9)
 
 
@@ -31,7 +30,7 @@ def corresponding_rows(solid: Solid) -> sp.csr_matrix:
     xyz, share = np.vstack(points), np.concatenate(shares)
     mass = solid.M[::3, ::3].sum()
     weight = np.sqrt(mass * share / share.sum())
-    return sp.kron(sp.diags(weight) @ _shape_functions(solid, xyz), sp.eye(3)).tocsr()
+    return sp.kron(sp.diags(weight) @ shape_functions(solid, xyz), sp.eye(3)).tocsr()
 
 
 def _block_points(solid: Solid, block: Block) -> tuple[np.ndarray, np.ndarray]:
@@ -52,29 +51,3 @@ def _block_points(solid: Solid, block: Block) -> tuple[np.ndarray, np.ndarray]:
     points = np.column_stack([radius * np.cos(theta), radius * np.sin(theta), z])
     cell = np.prod([(b - a) / n for (a, b), n in zip(spans, counts, strict=True)])
     return points, radius * cell
-
-
-def _shape_functions(solid: Solid, points: np.ndarray) -> sp.csr_matrix:
-    """Values at points (p, 3) [m] from values at the nodes: (p, n_nodes).
-
-    A point that no cell holds, on a curved face, is taken at the nearest place of a cell.
-    """
-    from scipy.spatial import cKDTree
-
-    basis, mesh = solid.basis, solid.grid.mesh
-    count = min(NEAREST, mesh.t.shape[1])
-    centres = mesh.p[:, mesh.t].mean(axis=1).T
-    candidates = cKDTree(centres).query(points, count)[1].reshape(len(points), count)
-    cells = candidates.ravel()
-    wanted = np.repeat(points, count, axis=0).T[:, :, None]
-    X = np.full(wanted.shape, 0.5)
-    for _ in range(ITERATIONS):
-        off = wanted - basis.mapping.F(X, cells)
-        X = np.clip(X + np.einsum("ijkl,jkl->ikl", basis.mapping.invDF(X, cells), off), 0.0, 1.0)
-    off = np.linalg.norm(wanted - basis.mapping.F(X, cells), axis=0).reshape(len(points), count)
-    best = np.arange(len(points)) * count + off.argmin(axis=1)
-    cells, X = cells[best], X[:, best]
-    shape = [basis.elem.gbasis(basis.mapping, X, k, tind=cells)[0] for k in range(basis.Nbfun)]
-    rows = np.tile(np.arange(len(cells)), basis.Nbfun)
-    nodes = basis.element_dofs[:, cells].ravel()
-    return sp.csr_matrix((np.ravel(shape), (rows, nodes)), shape=(len(points), basis.N))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from skfem import MeshHex2
@@ -36,25 +35,81 @@ class CylindricalMesh:
         Material name of each cell.
     blocks : tuple of Block
         Of which the solid is the union.
+    lines : tuple of ndarray
+        Of the grid, in r [m], theta [rad] and z [m].
+    numbers : ndarray (n_r, n_theta, n_z) of int
+        Cell between two lines of each direction; -1 where the grid has none.
     """
 
     mesh: MeshHex2
     centres: np.ndarray
     material: np.ndarray
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[Block, ...]
+    lines: tuple[np.ndarray, np.ndarray, np.ndarray]
+    numbers: np.ndarray
+
+    def cells_at(self, points: np.ndarray) -> np.ndarray:
+        """Cell that holds each of points (n, 3) [m], -1 where there is none."""
+        x, y, z = points.T
+        turns = np.floor((np.arctan2(y, x) - self.lines[1][0]) / (2 * np.pi))
+        theta = np.arctan2(y, x) - 2 * np.pi * turns
+        found, inside = [], np.ones(len(points), dtype=bool)
+        for c, line in zip((np.hypot(x, y), theta, z), self.lines, strict=True):
+            inside &= (c >= line[0]) & (c <= line[-1])
+            found.append(np.clip(np.searchsorted(line, c, side="right") - 1, 0, len(line) - 2))
+        return np.where(inside, self.numbers[tuple(found)], -1)
 
 
-def grid_lines(breaks: Sequence[float], size: float) -> np.ndarray:
-    """Lines through all `breaks` with cells no longer than about `size`.
+@dataclass(frozen=True)
+class Interval:
+    """Cells between two neighbouring breaks of a grid direction.
 
-    Every geometric break is a line, so that refining never moves the geometry.
+    Attributes
+    ----------
+    cells : int
+        Equally long cells between the layers.
+    low, high : tuple of float
+        Lines of the layers beside the break at the low or at the high end: their distances from
+        it, as shares of the local size there, ascending and below a half.
     """
-    ends = np.unique(np.round(np.asarray(breaks, dtype=float), 12))
-    parts = [
-        np.linspace(a, b, max(1, int(np.ceil((b - a) / size - 1e-6))), endpoint=False)
-        for a, b in pairwise(ends)
-    ]
-    return np.append(np.concatenate(parts), ends[-1])
+
+    cells: int = 1
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+
+
+def graded_lines(
+    breaks: Sequence[float], intervals: Sequence[Interval], split: int = 1
+) -> np.ndarray:
+    """Lines through all `breaks`, with thin layers beside those that are re-entrant corners.
+
+    Stresses are singular at a re-entrant corner: cells must become small towards it, or the body
+    comes out too stiff however small the others are. The local size at a break is a b / (a + b) of
+    the lengths of its two intervals. The number of lines follows from `intervals` alone, and every
+    line is a smooth function of the breaks: frequencies are smooth in a length of the geometry.
+
+    Parameters
+    ----------
+    breaks : sequence of float
+        Ascending; every geometric break is a line, so that refining never moves the geometry.
+    intervals : sequence of Interval
+        One fewer than breaks.
+    split : int
+        Equal parts into which every cell is divided afterwards.
+    """
+    x = np.asarray(breaks, dtype=float)
+    length = np.diff(x)
+    size = np.zeros(len(x))
+    size[1:-1] = length[:-1] * length[1:] / (length[:-1] + length[1:])
+    parts = []
+    for i, interval in enumerate(intervals):
+        low = x[i] + size[i] * np.array([0.0, *interval.low])
+        high = x[i + 1] - size[i + 1] * np.array([*interval.high[::-1], 0.0])
+        middle = np.linspace(low[-1], high[0], interval.cells + 1)
+        parts.append(np.concatenate([low[:-1], middle, high[1:]])[:-1])
+    lines = np.append(np.concatenate(parts), x[-1])
+    steps = np.arange(split) / split
+    return np.append((lines[:-1, None] + np.diff(lines)[:, None] * steps).ravel(), lines[-1])
 
 
 def cylindrical_mesh(
@@ -81,7 +136,16 @@ def cylindrical_mesh(
     ijk = np.stack(np.unravel_index(cells, shape))
     mesh = _mesh_of_cells(ijk, r, theta, z)
     names = np.array([block.material for block in blocks])
-    return CylindricalMesh(mesh, centres[:, cells], names[owner[cells]], tuple(blocks))
+    numbers = np.full(centres.shape[1], -1)
+    numbers[cells] = np.arange(len(cells))
+    return CylindricalMesh(
+        mesh,
+        centres[:, cells],
+        names[owner[cells]],
+        tuple(blocks),
+        (r, theta, z),
+        numbers.reshape(shape),
+    )
 
 
 def _mesh_of_cells(ijk: np.ndarray, r: np.ndarray, theta: np.ndarray, z: np.ndarray) -> MeshHex2:

@@ -6,13 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from skfem import ElementHexS2, FacetBasis
+from skfem import CellBasis, ElementHexS2, FacetBasis
 
 from squealstudy.errors import ModelError
 from squealstudy.models.fem.solid import Solid
 from squealstudy.models.surface import Surface
 
 INSIDE = 1e-8  # m, from the face into the facing solid
+NEWTON_STEPS = 20
+NEARLY = 1e-10  # of the largest coordinate
 # facet centre in (r, theta, z) -> keep it
 FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -66,17 +68,43 @@ def facing_surface(solid: Solid, surface: Surface) -> Surface:
     Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
     The cells are looked up a hair inside `solid`: on the face itself it is round-off that decides.
     """
+    S = shape_functions(solid, surface.points, surface.points + INSIDE * surface.normal)
+    return Surface(surface.points, surface.area, -surface.normal, S)
+
+
+def shape_functions(
+    solid: Solid, points: np.ndarray, inside: np.ndarray | None = None
+) -> sp.csr_matrix:
+    """Values at points (n, 3) [m] of a solid from values at its nodes: (n, n_nodes).
+
+    `inside`, by default the points themselves, are the places by which their cells are looked up.
+    Raises ModelError where one of them lies outside.
+    """
     basis = solid.basis
-    find_cells = basis.mesh.element_finder(mapping=basis.mapping)
-    try:
-        cells = find_cells(*(surface.points + INSIDE * surface.normal).T)
-    except ValueError as error:
-        raise ModelError(f"a surface has points outside the facing solid ({error})") from error
-    local = basis.mapping.invF(surface.points.T[:, :, None], tind=cells)
+    cells = solid.grid.cells_at(points if inside is None else inside)
+    if (cells < 0).any():
+        raise ModelError(
+            f"{(cells < 0).sum()} of {len(cells)} points of a surface lie outside the facing solid"
+        )
+    local = _local_coordinates(basis, points, cells)
     shape = [basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0] for k in range(basis.Nbfun)]
     rows = np.tile(np.arange(len(cells)), basis.Nbfun)
-    S = sp.csr_matrix(
-        (np.ravel(shape), (rows, basis.element_dofs[:, cells].ravel())),
-        shape=(len(cells), basis.N),
-    )
-    return Surface(surface.points, surface.area, -surface.normal, S)
+    nodes = basis.element_dofs[:, cells].ravel()
+    return sp.csr_matrix((np.ravel(shape), (rows, nodes)), shape=(len(points), basis.N))
+
+
+def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Reference coordinates (3, n, 1) of points (n, 3) [m], each in its cell, by Newton.
+
+    The mapping's own inverse stops by one absolute norm of all points together, which thin cells
+    do not reach. A cell follows the cylinder to 1e-5 of its radius: a point may be found that far
+    outside. Raises ModelError where the iteration does not converge.
+    """
+    wanted = points.T[:, :, None]
+    X = np.full(wanted.shape, 0.5)
+    for _ in range(NEWTON_STEPS):
+        off = wanted - basis.mapping.F(X, cells)
+        X = X + np.einsum("ijkl,jkl->ikl", basis.mapping.invDF(X, cells), off)
+        if np.abs(off).max() <= NEARLY * np.abs(points).max():  # squared by this last step
+            return X
+    raise ModelError("points of a surface are not found in the cells of the facing solid")

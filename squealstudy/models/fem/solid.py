@@ -18,7 +18,8 @@ from squealstudy.models.fem.material import Material
 
 # Voigt index of the strain component (i, j)
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-QUADRATURE_ORDER = 4  # 27 points: exact for the mass matrix of an undistorted brick
+MASS_ORDER = 4  # 27 points: exact for the mass matrix of an undistorted brick
+FULL, REDUCED = 4, 3  # orders of the stiffness: 27 points, 8 points
 
 
 @dataclass(frozen=True)
@@ -46,36 +47,57 @@ class Solid:
         return np.ascontiguousarray(self.basis.doflocs.T)
 
 
-def assemble_solid(grid: CylindricalMesh, materials: Mapping[str, Material]) -> Solid:
+def assemble_solid(
+    grid: CylindricalMesh,
+    materials: Mapping[str, Material],
+    stiffness_order: int = FULL,
+) -> Solid:
     """Assemble mass and stiffness of `grid`; `materials` maps the cells' material names.
+
+    `stiffness_order` is the order of the Gauss quadrature of the stiffness. FULL locks where thin
+    walls have long cells. REDUCED does not, but each cell then has mechanisms without energy: they
+    are suppressed by its neighbours unless a body is one cell thick in two directions.
 
     Returns
     -------
     Solid
     """
-    basis = CellBasis(grid.mesh, ElementHexS2(), intorder=QUADRATURE_ORDER)
-    N = np.stack([np.asarray(f[0]) for f in basis.basis])  # (20, n_cells, n_qp) or broadcast
-    G = np.stack([f[0].grad for f in basis.basis])  # (20, 3, n_cells, n_qp)
-    N = np.broadcast_to(N, (20, *basis.dx.shape))
+    basis = CellBasis(grid.mesh, ElementHexS2(), intorder=MASS_ORDER)
     nodes = basis.element_dofs
-    n_cells = nodes.shape[1]
-    rho = np.array([materials[m].density for m in grid.material])
+    dofs = (3 * nodes.T[:, :, None] + np.arange(3)).reshape(nodes.shape[1], 60)
+    M_e = _element_masses(basis, np.array([materials[m].density for m in grid.material]))
+    K_e = _element_stiffnesses(grid, materials, stiffness_order)
+    n = 3 * basis.N
+    return Solid(grid, basis, _scatter(M_e, dofs, n), _scatter(K_e, dofs, n))
+
+
+def _element_masses(basis: CellBasis, rho: np.ndarray) -> np.ndarray:
+    """Mass (n_cells, 20, 3, 20, 3) [kg] of cells of density rho (n_cells,)."""
+    N = np.stack([np.asarray(f[0]) for f in basis.basis])  # (20, n_cells, n_qp) or broadcast
+    N = np.broadcast_to(N, (20, *basis.dx.shape))
     mass = np.einsum("aeq,beq,eq->eab", N, N, basis.dx * rho[:, None], optimize=True)
-    M_e = np.zeros((n_cells, 20, 3, 20, 3))
+    M_e = np.zeros((len(rho), 20, 3, 20, 3))
     for axis in range(3):
         M_e[:, :, axis, :, axis] = mass
-    # g_akbl = int dN_a/dx_k dN_b/dx_l, then K_aibj = C_ikjl g_akbl
+    return M_e
+
+
+def _element_stiffnesses(
+    grid: CylindricalMesh, materials: Mapping[str, Material], order: int
+) -> np.ndarray:
+    """Stiffness (n_cells, 20, 3, 20, 3) [N/m]: K_aibj = C_ikjl int dN_a/dx_k dN_b/dx_l."""
+    basis = CellBasis(grid.mesh, ElementHexS2(), intorder=order)
+    G = np.stack([f[0].grad for f in basis.basis])  # (20, 3, n_cells, n_qp)
+    n_cells = G.shape[2]
     Gt = np.ascontiguousarray(G.transpose(2, 0, 1, 3).reshape(n_cells, 60, -1))
     g = (Gt * basis.dx[:, None, :]) @ Gt.transpose(0, 2, 1)
     g = g.reshape(n_cells, 20, 3, 20, 3)
-    K_e = np.empty_like(M_e)
+    K_e = np.empty_like(g)
     for name, material in materials.items():
         cells = grid.material == name
         C = material.stiffness()[VOIGT[:, :, None, None], VOIGT[None, None]]
         K_e[cells] = np.einsum("ikjl,eakbl->eaibj", C, g[cells], optimize=True)
-    dofs = (3 * nodes.T[:, :, None] + np.arange(3)).reshape(n_cells, 60)
-    n = 3 * basis.N
-    return Solid(grid, basis, _scatter(M_e, dofs, n), _scatter(K_e, dofs, n))
+    return K_e
 
 
 def _scatter(element: np.ndarray, dofs: np.ndarray, n: int) -> sp.csr_matrix:
