@@ -40,7 +40,7 @@ class PointModes:
     shapes : ndarray (m, k) complex64
         Coordinates on PreparedModel.shape_basis, unit norm.
     working_point : WorkingPoint
-    error_estimate : ndarray (m,) or None
+    error_rung : ndarray (m,) or None
         |lam - lam of the component-mode model|, 1/s; of a family, of the full model.
     method : str
         The rung of reanalysis that found them.
@@ -52,7 +52,7 @@ class PointModes:
     energies: np.ndarray
     shapes: np.ndarray
     working_point: WorkingPoint
-    error_estimate: np.ndarray | None = None
+    error_rung: np.ndarray | None = None
     method: str = DENSE
 
 

@@ -14,6 +14,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
+    Basis,
     BasisSettings,
     ComponentModes,
     ReducedModel,
@@ -42,6 +43,11 @@ class PreparedModel:
         which shapes of structures that differ in material, geometry or mesh are compared.
     nominal_gap : ndarray (nc,)
         Gaps of the nominal working point [m]: where every other one starts.
+    nominal_tangent : ndarray (nc,)
+        Its contact tangents, Pa/m.
+    finer : ReducedModel or None
+        The next larger model (analysis/full_order/finer_model.py), from which the error of `model`
+        is told; None where `model` is complete.
     timings : mapping of stage -> seconds
     """
 
@@ -51,6 +57,8 @@ class PreparedModel:
     sensor_shapes: np.ndarray
     nominal_gap: np.ndarray
     timings: Mapping[str, float] = field(default_factory=dict)
+    nominal_tangent: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    finer: ReducedModel | None = None
 
 
 def prepare(
@@ -60,6 +68,19 @@ def prepare(
     others: Sequence[OperatingPoint] = (),
 ) -> PreparedModel:
     """Component modes, contact compliances, nominal working point and component-mode basis.
+
+    As `prepare_with_basis`, which says more.
+    """
+    return prepare_with_basis(assembly, nominal, settings, others)[0]
+
+
+def prepare_with_basis(
+    assembly: Assembly,
+    nominal: OperatingPoint,
+    settings: BasisSettings,
+    others: Sequence[OperatingPoint] = (),
+) -> tuple[PreparedModel, Mapping[str, ComponentModes], Basis]:
+    """The prepared model, its component modes and its basis.
 
     `others` are operating points at the ends of the study's pressure and contact-law ranges; one
     without a working point is left out.
@@ -80,11 +101,19 @@ def prepare(
     reached = _reachable(space, others)
     clock.stage("working_point_s")
     model, basis = reduce_cmt(assembly, modes, point, settings, reached)
-    K = contact_stiffness(model, point.tangent)
-    _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
-    sensors = assembly.correspondence @ basis.expand(phi)
+    phi, sensors = shape_basis(assembly, model, basis, point.tangent)
     clock.stage("reduction_s")
-    return PreparedModel(space, model, phi, sensors, point.gap, clock.stages)
+    made = PreparedModel(space, model, phi, sensors, point.gap, clock.stages, point.tangent)
+    return made, modes, basis
+
+
+def shape_basis(
+    assembly: Assembly, model: ReducedModel, basis: Basis, tangent: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
+    K = contact_stiffness(model, tangent)
+    _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
+    return phi, assembly.correspondence @ basis.expand(phi)
 
 
 def contact_stiffness(model: ReducedModel, tangent: np.ndarray) -> np.ndarray:

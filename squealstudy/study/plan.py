@@ -39,6 +39,8 @@ NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}
 MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
+# beside them, they decide its finer model
+FINER_SOURCES = ("analysis/full_order", "analysis/linearise.py", "analysis/quadratic.py")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")
@@ -64,10 +66,15 @@ class Plan:
     swept : list of dict or None
         Swept values of every design point, where the study's own design has grown by results
         (study/rounds.py).
+    enriched : bool
+        Reduced models have the finer ones' bases: those that the study file asks for are too coarse
+        for its tolerance.
     """
 
-    def __init__(self, study: Study, swept: list[dict[str, float]] | None = None) -> None:
-        self.study = study
+    def __init__(
+        self, study: Study, swept: list[dict[str, float]] | None = None, enriched: bool = False
+    ) -> None:
+        self.study, self.enriched = study, enriched
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
             Design(study.model, self.law_kind, self._resolved({**study.values, **point}))
@@ -162,6 +169,9 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+                "finer": [source_hash(FINER_SOURCES), self.band_hz[1], self.enriched]
+                if has_mesh(self.study)
+                else [],
             }
         )
 
@@ -388,7 +398,11 @@ def reference_choice(plan: Plan, count: int) -> list[int]:
     The upper corner of the swept box first (most friction, pressure, change), where a reduced
     model has most to lose; then the points farthest from all chosen.
     """
-    X = plan.coordinates
+    return farthest_points(plan.coordinates, count)
+
+
+def farthest_points(X: np.ndarray, count: int) -> list[int]:
+    """Indices of `count` of the points X (n, d): the upper corner, then those farthest from all."""
     if not X.shape[1]:
         return list(range(min(count, len(X))))
     span = np.ptp(X, axis=0)
