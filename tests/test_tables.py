@@ -110,7 +110,7 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     modes = {
         i: modes_of(rng, int(rng.integers(1, 9)), k=int(rng.integers(2, 7))) for i in range(12)
     }
-    modes[4] = modes_of(rng, 5, real=2, error_estimate=np.arange(5.0), method="windows")
+    modes[4] = modes_of(rng, 5, real=2, error_rung=np.arange(5.0), method="windows")
     modes[7] = None
     write(tmp_path, plan, modes)
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
@@ -123,8 +123,8 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     for i, m in modes.items():
         found = columns.shapes.read(i)
         assert np.array_equal(found, np.zeros((0, 1)) if m is None else m.shapes)
-    assert columns.error_estimate[columns.point == 4].tolist() == [0, 1, 2, 3, 4]
-    assert np.isnan(columns.error_estimate[columns.point != 4]).all()
+    assert columns.error_rung[columns.point == 4].tolist() == [0, 1, 2, 3, 4]
+    assert np.isnan(columns.error_rung[columns.point != 4]).all()
     assert columns.points["method"].to_pylist() == [
         "windows" if i == 4 else "" if i == 7 else "dense" for i in range(12)
     ]
@@ -212,10 +212,10 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     plan = plan_of(2, 1)
     modes, beyond = (modes_of(np.random.default_rng(4), 5) for _ in range(2))
     errors = np.array([0.2, 0.05, np.nan, 0.2, 0.05])
-    object.__setattr__(modes, "error_estimate", errors)
+    object.__setattr__(modes, "error_rung", errors)
     errors = errors.copy()
     errors[4] = 2.0 * plan.method.tolerance * np.abs(beyond.lam[4])
-    object.__setattr__(beyond, "error_estimate", errors)
+    object.__setattr__(beyond, "error_rung", errors)
     for one in (modes, beyond):
         one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
     write(tmp_path, plan, {0: modes, 1: beyond})
@@ -232,7 +232,7 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
 
 def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
     plan = plan_of(4, 1)
-    base = modes_of(np.random.default_rng(6), 1, error_estimate=np.array([0.2]))
+    base = modes_of(np.random.default_rng(6), 1, error_rung=np.array([0.2]))
     base.lam.imag[:] = 2 * np.pi * 1000.0
     modes = {}
     for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):

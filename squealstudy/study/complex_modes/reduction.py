@@ -1,9 +1,9 @@
 """How far reduced models are from the full-order one: at some design points, carried to all.
 
 At a sample of the design points of each structure both the reduced model and its finer one are
-solved (analysis/full_order/finer_model.py). Another point takes, for each of its modes, the largest
-relative error of the modes nearest in the complex plane at the nearest sample points. Complete
-bases and unreduced models have no error of this kind: zero.
+solved (analysis/full_order/finer_model.py). A mode of another point takes the relative errors of
+the modes nearest to it in the complex plane at the nearest sample points, averaged. Complete bases
+and unreduced models have no error of this kind: zero.
 """
 
 from __future__ import annotations
@@ -34,11 +34,13 @@ from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import prepared_model
 
 SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
+CARRIED = 2.0  # on errors carried from other points, besides
 ROUND_OFF = 1e-12  # relative: of the difference of two dense eigenvalues
-POINTS_A_SAMPLE = 20  # design points that pay for one: it costs about two of them
-LEAST, MOST = 3, 12  # sample points of a structure
-NEAREST_POINTS, NEAREST_MODES = 3, 2  # of which the largest error is taken
-NEAREST_SHARE = 1e-9  # of the sweeps' spans: a sample point is its own neighbour alone
+POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
+LEAST, MOST = 8, 16  # sample points of a structure
+NEAREST = 3  # of which errors are carried to a point
+SAME = 1e-9  # distance, in spans of the sweeps, within which a point is a sample point
+BLOCK = 20_000  # modes at a time
 
 
 @dataclass(frozen=True)
@@ -139,36 +141,50 @@ def carried_errors(
     """
     if not is_reduced(plan):
         return np.zeros(len(columns.lam))
-    X = scaled(plan.coordinates)
-    by_structure: dict[str, list[tuple[int, Sample]]] = {}
-    for i, sample in samples:
-        if len(sample.lam):
-            by_structure.setdefault(plan.tasks[i].prepared_key, []).append((i, sample))
-    ends = np.append(0, np.cumsum(columns.counts))
-    found = np.full(len(columns.lam), np.nan)
-    for point, task in enumerate(plan.tasks):
-        own = slice(ends[point], ends[point + 1])
-        near = by_structure.get(task.prepared_key, [])
-        if near and ends[point + 1] > ends[point]:
-            distance = np.linalg.norm(X[[i for i, _ in near]] - X[point], axis=1)
-            lam = columns.lam[own]
-            chosen = [sample for _, sample in near]
-            found[own] = carried(lam, chosen, distance) * np.abs(lam)
-    return found
+    X, key = scaled(plan.coordinates), np.array([task.prepared_key for task in plan.tasks])
+    point = columns.point
+    relative = np.full(len(columns.lam), np.nan)
+    kept = [(i, sample) for i, sample in samples if len(sample.lam)]
+    for structure in dict.fromkeys(key[i] for i, _ in kept):
+        near = [(i, sample) for i, sample in kept if key[i] == structure]
+        rows = np.flatnonzero(key[point] == structure)
+        distance = np.linalg.norm(X[:, None] - X[None, [i for i, _ in near]], axis=2)
+        lam, chosen = columns.lam[rows], [sample for _, sample in near]
+        relative[rows] = carried(lam, point[rows], distance, chosen)
+    return relative * np.abs(columns.lam)
 
 
-def carried(lam: np.ndarray, samples: Sequence[Sample], distance: np.ndarray) -> np.ndarray:
-    """Relative errors (m,) of roots lam by sample points at these distances (s,)."""
-    order = np.argsort(distance, kind="stable")
-    here = distance[order[0]] <= NEAREST_SHARE
-    points, modes = (1, 1) if here else (NEAREST_POINTS, NEAREST_MODES)
-    relative = np.zeros(len(lam))
-    for k in order[:points]:
-        sample = samples[k]
-        apart = np.abs(lam[:, None] - sample.lam[None, :])
-        nearest = np.argsort(apart, axis=1, kind="stable")[:, :modes]
-        relative = np.maximum(relative, sample.relative[nearest].max(axis=1))
+def carried(
+    lam: np.ndarray, point: np.ndarray, distance: np.ndarray, samples: Sequence[Sample]
+) -> np.ndarray:
+    """Relative errors (m,) of roots lam of points (m,), which lie at distances (n, s) from samples.
+
+    Logarithms are averaged over the nearest sample points with the inverse squares of the
+    distances, and a margin is kept; at a sample point its own errors stand alone.
+    """
+    near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
+    away = np.take_along_axis(distance, near, axis=1)
+    here = away[:, 0] <= SAME
+    weight = 1.0 / np.maximum(away, SAME) ** 2
+    weight = np.where(here[:, None], np.arange(near.shape[1]) == 0, weight)
+    weight /= weight.sum(axis=1, keepdims=True)
+    total = np.zeros(len(lam))
+    for k, sample in enumerate(samples):
+        share = np.where(near == k, weight, 0.0).sum(axis=1)
+        rows = np.flatnonzero(share[point])
+        error = np.log(sample.relative[_nearest(lam[rows], sample.lam)])
+        total[rows] += share[point[rows]] * error
+    relative: np.ndarray = np.exp(total) * np.where(here, 1.0, CARRIED)[point]
     return relative
+
+
+def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Index (m,) of the root nearest to each of lam in the complex plane."""
+    found = [
+        np.abs(lam[start : start + BLOCK, None] - others[None, :]).argmin(axis=1)
+        for start in range(0, len(lam), BLOCK)
+    ]
+    return np.concatenate([np.zeros(0, dtype=int), *found])
 
 
 def scaled(X: np.ndarray) -> np.ndarray:
