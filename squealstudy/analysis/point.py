@@ -62,6 +62,15 @@ def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     return 2 * np.pi * (low or RIGID_SHARE * high), 2 * np.pi * high
 
 
+def working_point_error(point: WorkingPoint, lam: np.ndarray) -> np.ndarray:
+    """How far the imbalance of a working point may have moved its roots (m,), rad/s.
+
+    Contact stiffness holds at most all of a mode's elastic energy: half of its relative change.
+    """
+    moved: np.ndarray = 0.5 * point.tangent_error * np.abs(lam)
+    return moved
+
+
 def state_working_point(
     prepared: PreparedModel, state: DesignState, known: np.ndarray | None = None
 ) -> WorkingPoint:
@@ -129,5 +138,5 @@ def solve_point(
         energy_shares(prepared.model, system, psi),
         shapes.astype(np.complex64),
         point,
-        np.maximum(error, ROUND_OFF * np.abs(lam)),
+        np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam),
     )

@@ -49,7 +49,9 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
         plan, facts = resolved.plan, resolved.facts
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
-    check_ownership(directory, plan)
+    found = check_ownership(directory, plan)
+    if found and found.get("basis_enriched"):  # as it was solved
+        plan = Plan(plan.study, plan.swept, True)
     jobs = jobs or os.cpu_count() or 1
     if build or not has_mesh(plan.study):
         reason = build_first(plan, jobs)

@@ -25,7 +25,7 @@ from squealstudy.study.regularisation import (
     slowest_speed,
     with_speed,
 )
-from squealstudy.study.sampling import design_points, grid_shape
+from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
 from squealstudy.study.tasks import PointTask
@@ -67,8 +67,7 @@ class Plan:
         Swept values of every design point, where the study's own design has grown by results
         (study/rounds.py).
     enriched : bool
-        Reduced models have the finer ones' bases: those that the study file asks for are too coarse
-        for its tolerance.
+        Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
     """
 
     def __init__(
@@ -399,16 +398,3 @@ def reference_choice(plan: Plan, count: int) -> list[int]:
     model has most to lose; then the points farthest from all chosen.
     """
     return farthest_points(plan.coordinates, count)
-
-
-def farthest_points(X: np.ndarray, count: int) -> list[int]:
-    """Indices of `count` of the points X (n, d): the upper corner, then those farthest from all."""
-    if not X.shape[1]:
-        return list(range(min(count, len(X))))
-    span = np.ptp(X, axis=0)
-    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
-    chosen = [int(np.argmax(X.sum(axis=1)))][:count]
-    while 0 < len(chosen) < min(count, len(X)):
-        distance = np.linalg.norm(X[:, None] - X[None, chosen], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(distance)))
-    return chosen

@@ -55,16 +55,23 @@ def mode_errors(
     if is_reduced(plan):
         widened = widening(plan, columns, reduction, references)
     errors = ModeErrors(columns.error_rung, widened * reduction)
-    relative = errors.reduction / np.maximum(np.abs(columns.lam), np.finfo(float).tiny)
     judged = np.abs(columns.lam.real) < LIGHT * np.abs(columns.lam)
-    judged = (judged | (columns.lam.real > 0)) & np.isfinite(relative)
+    judged |= columns.lam.real > 0
     facts = {
+        "reduced": is_reduced(plan),
         "reduction_sample_points": len(samples),
         "reduction_widened": widened,
-        "largest_reduction": float(relative[judged].max(initial=0.0)),
-        "basis_enriched": plan.enriched,
+        "largest_rung": _largest(errors.rung, columns.lam, judged),
+        "largest_reduction": _largest(errors.reduction, columns.lam, judged),
     }
     return errors, facts
+
+
+def _largest(error: np.ndarray, lam: np.ndarray, judged: np.ndarray) -> float | None:
+    """Largest relative error of judged modes; None where none is known."""
+    known = judged & np.isfinite(error)
+    relative = error[known] / np.maximum(np.abs(lam[known]), np.finfo(float).tiny)
+    return float(relative.max()) if len(relative) else None
 
 
 def widening(

@@ -26,9 +26,10 @@ from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.kind import Progress
 from squealstudy.study.method import FULL
 from squealstudy.study.parallel import in_parallel
-from squealstudy.study.plan import Plan, farthest_points, has_mesh
+from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.process import watch_parent
 from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.sampling import farthest_points
 from squealstudy.study.structures import patience
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import prepared_model
