@@ -13,11 +13,13 @@ import pytest
 import squealstudy
 from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.tables.mode_ranking import rank_modes
+from squealstudy.analysis.tables.stability import stability_names
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
 from squealstudy.study.complex_modes import follow
 from squealstudy.study.complex_modes.columns import read_columns
 from squealstudy.study.complex_modes.counts import read_unstable_counts
+from squealstudy.study.complex_modes.errors import ModeErrors
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.tables import build_tables, modes_table
@@ -139,7 +141,11 @@ def test_columns_without_shapes_or_energies(tmp_path):
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
     assert columns.shapes is None
     assert columns.energies.shape == (6, 0)
-    table = modes_table(columns, None, columns.lam.real > 0, ["energy_mass", "energy_interfaces"])
+    unstable = columns.lam.real > 0
+    errors = ModeErrors(columns.error_rung, np.zeros(6))
+    names = stability_names(unstable, np.zeros(6, dtype=bool))
+    parts = ["energy_mass", "energy_interfaces"]
+    table = modes_table(columns, errors, None, unstable, names, parts)
     assert not [name for name in table.column_names if name.startswith("energy_")]
     assert table["track"].unique().to_pylist() == [-1]
     assert table["mode"].to_pylist() == [1, 2, 3, 1, 2, 3]
@@ -203,7 +209,7 @@ def test_tables_of_a_study(tmp_path):
     one = table[table["point_id"] == plan.tasks[2].point_id]
     assert one["growth_rate"].tolist() == modes[2].lam.real.tolist()
     assert one["energy_mass"].tolist() == modes[2].energies[0].tolist()
-    assert set(facts) == {"tracking", "onsets"}
+    assert set(facts) == {"tracking", "onsets", "errors"}
 
 
 def test_growth_within_its_error_is_no_instability(tmp_path):

@@ -11,7 +11,8 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel, project
 from squealstudy.reduction.orthonormal import new_directions
 
-TOLERANCE = 1e-8  # of the singular values of the added directions, component by component
+TOLERANCE = 1e-6  # of the singular values of the added directions, a component each: their Gram
+# matrix tells no smaller ones from round-off
 
 
 def extended_basis(
