@@ -79,11 +79,13 @@ def prepare_with_basis(
     nominal: OperatingPoint,
     settings: BasisSettings,
     others: Sequence[OperatingPoint] = (),
+    space: ContactSpace | None = None,
 ) -> tuple[PreparedModel, Mapping[str, ComponentModes], Basis]:
     """The prepared model, its component modes and its basis.
 
     `others` are operating points at the ends of the study's pressure and contact-law ranges; one
-    without a working point is left out.
+    without a working point is left out. `space` is that of the same assembly and component modes,
+    where it is there already.
 
     Raises
     ------
@@ -93,9 +95,9 @@ def prepare_with_basis(
     clock = _Clock()
     modes = component_modes(assembly, settings.component_cutoff)
     clock.stage("component_modes_s")
-    space = contact_space(
-        assembly, reference_stiffness(assembly, nominal), mode_shapes(assembly, modes)
-    )
+    if space is None:
+        stiffness = reference_stiffness(assembly, nominal)
+        space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
     clock.stage("contact_space_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)

@@ -152,8 +152,9 @@ class Plan:
                     points.append(design.operating_point())
         return tuple(points)
 
-    def structure_key(self, design: Design) -> str:
+    def structure_key(self, design: Design, enriched: bool | None = None) -> str:
         """Content hash of the prepared model that a design needs; StudyFileError without files."""
+        enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
         s = self.settings
@@ -168,9 +169,8 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
-                "finer": [source_hash(FINER_SOURCES), self.band_hz[1], self.enriched]
-                if has_mesh(self.study)
-                else [],
+                "finer": [source_hash(FINER_SOURCES), self.band_hz[1], enriched]
+                * has_mesh(self.study),
             }
         )
 

@@ -18,7 +18,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.prepared_family import prepare_family
-from squealstudy.study.cache import is_prepared, save_prepared
+from squealstudy.study.cache import is_prepared, load_prepared, save_prepared
 from squealstudy.study.family import read_family
 from squealstudy.study.family_cache import load_family, save_family
 from squealstudy.study.plan import Plan, Structure, has_mesh
@@ -33,8 +33,9 @@ PATIENCE = 3.0  # s: two workers take 2 s to start
 class BuildTask:
     """A structure to assemble, reduce and store.
 
-    `top_hz` is that of the band of a reduction, None where the basis is complete; `enriched` takes
-    the finer model for the reduced one, and has a finer one still.
+    `top_hz` is that of the band of a reduction, None where the basis is complete. `coarse_key` is
+    that of the same structure without enrichment, empty where this one is not enriched: an enriched
+    one has the finer model for its reduced one, and a finer one still.
     """
 
     structure: Structure
@@ -43,7 +44,7 @@ class BuildTask:
     training: tuple[OperatingPoint, ...]
     settings: BasisSettings
     top_hz: float | None
-    enriched: bool
+    coarse_key: str
     threads: int
     parent: int
 
@@ -72,7 +73,7 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         plan.training,
         plan.settings,
         plan.band_hz[1] if has_mesh(study) else None,
-        plan.enriched,
+        plan.structure_key(structure.design, False) if plan.enriched else "",
         threads,
         os.getpid(),
     )
@@ -113,8 +114,9 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             started = time.perf_counter()
             assembly = design.model.build(task.options, design.plain_values())
             assembly_s = time.perf_counter() - started
+            known = load_prepared(task.coarse_key).space if is_prepared(task.coarse_key) else None
             prepared, modes, basis = prepare_with_basis(
-                assembly, task.nominal, task.settings, task.training
+                assembly, task.nominal, task.settings, task.training, known
             )
             timings = {"assembly_s": assembly_s, **prepared.timings}
             started = time.perf_counter()
@@ -122,7 +124,7 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             if task.top_hz is not None:
                 about = (assembly, modes, points, task.top_hz)
                 prepared, basis = with_finer_model(prepared, basis, *about)
-                if task.enriched:
+                if task.coarse_key:
                     prepared = enriched(prepared, assembly, basis)
                     prepared, basis = with_finer_model(prepared, basis, *about)
             timings["finer_model_s"] = time.perf_counter() - started
