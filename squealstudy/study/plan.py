@@ -157,7 +157,7 @@ class Plan:
         enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
-        s = self.settings
+        s, top_hz = self.settings, self.band_hz[1] if has_mesh(self.study) else None
         return content_hash(
             {
                 "source": source_hash(STRUCTURE_SOURCES),
@@ -169,8 +169,7 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
-                "finer": [source_hash(FINER_SOURCES), self.band_hz[1], enriched]
-                * has_mesh(self.study),
+                "finer": [source_hash(FINER_SOURCES), top_hz, enriched],
             }
         )
 
