@@ -13,11 +13,13 @@ import pytest
 import squealstudy
 from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.tables.mode_ranking import rank_modes
+from squealstudy.analysis.tables.stability import stability_names
 from squealstudy.errors import ResultsError
 from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
 from squealstudy.study.complex_modes import follow
 from squealstudy.study.complex_modes.columns import read_columns
 from squealstudy.study.complex_modes.counts import read_unstable_counts
+from squealstudy.study.complex_modes.errors import ModeErrors
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.tables import build_tables, modes_table
@@ -110,7 +112,7 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     modes = {
         i: modes_of(rng, int(rng.integers(1, 9)), k=int(rng.integers(2, 7))) for i in range(12)
     }
-    modes[4] = modes_of(rng, 5, real=2, error_estimate=np.arange(5.0), method="windows")
+    modes[4] = modes_of(rng, 5, real=2, error_rung=np.arange(5.0), method="windows")
     modes[7] = None
     write(tmp_path, plan, modes)
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
@@ -123,8 +125,8 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     for i, m in modes.items():
         found = columns.shapes.read(i)
         assert np.array_equal(found, np.zeros((0, 1)) if m is None else m.shapes)
-    assert columns.error_estimate[columns.point == 4].tolist() == [0, 1, 2, 3, 4]
-    assert np.isnan(columns.error_estimate[columns.point != 4]).all()
+    assert columns.error_rung[columns.point == 4].tolist() == [0, 1, 2, 3, 4]
+    assert np.isnan(columns.error_rung[columns.point != 4]).all()
     assert columns.points["method"].to_pylist() == [
         "windows" if i == 4 else "" if i == 7 else "dense" for i in range(12)
     ]
@@ -139,7 +141,11 @@ def test_columns_without_shapes_or_energies(tmp_path):
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
     assert columns.shapes is None
     assert columns.energies.shape == (6, 0)
-    table = modes_table(columns, None, columns.lam.real > 0, ["energy_mass", "energy_interfaces"])
+    unstable = columns.lam.real > 0
+    errors = ModeErrors(columns.error_rung, np.zeros(6))
+    names = stability_names(unstable, np.zeros(6, dtype=bool))
+    parts = ["energy_mass", "energy_interfaces"]
+    table = modes_table(columns, errors, None, unstable, names, parts)
     assert not [name for name in table.column_names if name.startswith("energy_")]
     assert table["track"].unique().to_pylist() == [-1]
     assert table["mode"].to_pylist() == [1, 2, 3, 1, 2, 3]
@@ -203,7 +209,7 @@ def test_tables_of_a_study(tmp_path):
     one = table[table["point_id"] == plan.tasks[2].point_id]
     assert one["growth_rate"].tolist() == modes[2].lam.real.tolist()
     assert one["energy_mass"].tolist() == modes[2].energies[0].tolist()
-    assert set(facts) == {"tracking", "onsets"}
+    assert set(facts) == {"tracking", "onsets", "errors"}
 
 
 def test_growth_within_its_error_is_no_instability(tmp_path):
@@ -212,10 +218,10 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     plan = plan_of(2, 1)
     modes, beyond = (modes_of(np.random.default_rng(4), 5) for _ in range(2))
     errors = np.array([0.2, 0.05, np.nan, 0.2, 0.05])
-    object.__setattr__(modes, "error_estimate", errors)
+    object.__setattr__(modes, "error_rung", errors)
     errors = errors.copy()
     errors[4] = 2.0 * plan.method.tolerance * np.abs(beyond.lam[4])
-    object.__setattr__(beyond, "error_estimate", errors)
+    object.__setattr__(beyond, "error_rung", errors)
     for one in (modes, beyond):
         one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
     write(tmp_path, plan, {0: modes, 1: beyond})
@@ -232,7 +238,7 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
 
 def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
     plan = plan_of(4, 1)
-    base = modes_of(np.random.default_rng(6), 1, error_estimate=np.array([0.2]))
+    base = modes_of(np.random.default_rng(6), 1, error_rung=np.array([0.2]))
     base.lam.imag[:] = 2 * np.pi * 1000.0
     modes = {}
     for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):

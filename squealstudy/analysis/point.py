@@ -40,7 +40,7 @@ class PointModes:
     shapes : ndarray (m, k) complex64
         Coordinates on PreparedModel.shape_basis, unit norm.
     working_point : WorkingPoint
-    error_estimate : ndarray (m,) or None
+    error_rung : ndarray (m,) or None
         |lam - lam of the component-mode model|, 1/s; of a family, of the full model.
     method : str
         The rung of reanalysis that found them.
@@ -52,7 +52,7 @@ class PointModes:
     energies: np.ndarray
     shapes: np.ndarray
     working_point: WorkingPoint
-    error_estimate: np.ndarray | None = None
+    error_rung: np.ndarray | None = None
     method: str = DENSE
 
 
@@ -60,6 +60,15 @@ def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     """The band in rad/s; one from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes."""
     low, high = band_hz
     return 2 * np.pi * (low or RIGID_SHARE * high), 2 * np.pi * high
+
+
+def working_point_error(point: WorkingPoint, lam: np.ndarray) -> np.ndarray:
+    """How far the imbalance of a working point may have moved its roots (m,), rad/s.
+
+    Contact stiffness holds at most all of a mode's elastic energy: half of its relative change.
+    """
+    moved: np.ndarray = 0.5 * point.tangent_error * np.abs(lam)
+    return moved
 
 
 def state_working_point(
@@ -129,5 +138,5 @@ def solve_point(
         energy_shares(prepared.model, system, psi),
         shapes.astype(np.complex64),
         point,
-        np.maximum(error, ROUND_OFF * np.abs(lam)),
+        np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam),
     )

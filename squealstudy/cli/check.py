@@ -50,6 +50,8 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
     found = check_ownership(directory, plan)
+    if found and found.get("basis_enriched"):  # as it was solved
+        plan = Plan(plan.study, plan.swept, True)
     jobs = jobs or os.cpu_count() or 1
     if build or not has_mesh(plan.study):
         reason = build_first(plan, jobs)

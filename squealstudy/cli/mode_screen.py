@@ -22,6 +22,7 @@ ONSETS = {
     BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
+SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 WIDE = 30  # least width of the column of energies
 
 
@@ -34,24 +35,44 @@ class Scope(NamedTuple):
         Design points that count, of a boundary design nodes of its map; design points that failed.
     mapped, queried : bool
         They are nodes of a map; a query chose them.
+    uncertain : int
+        Design points that count at which the error of a mode exceeds its growth or decay.
     """
 
     counted: int
     failed: int
     mapped: bool
     queried: bool
+    uncertain: int = 0
 
     @classmethod
     def of(cls, results: Results, where: str | None = None) -> Scope:
         """That of the ranking of results by a query."""
         failed = int((results.points["status"] != "ok").sum())
         mapped = results.boundary is not None
-        return cls(results.counted_points(where), failed, mapped, where is not None)
+        return cls(
+            results.counted_points(where),
+            failed,
+            mapped,
+            where is not None,
+            results.uncertain_points(where),
+        )
 
     @property
     def text(self) -> str:
         """What counts, in words."""
         return f"the {self.counted} {'nodes of the map' if self.mapped else 'solved points'}"
+
+    @property
+    def doubt(self) -> str:
+        """Where stability is not certain, in words; empty where it is everywhere."""
+        if not self.uncertain:
+            return ""
+        return (
+            f"at {self.uncertain} solved design point(s) the error of some mode exceeds its growth "
+            "or decay: stable or unstable is not certain there (stability in modes; n_unstable_low "
+            "and n_unstable_high in points)"
+        )
 
     @property
     def left_out(self) -> str:
@@ -63,8 +84,8 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
     """Print the ranking of unstable modes."""
     if not len(table):
         console.print(_nothing(scope))
-        if scope.left_out:
-            console.print(scope.left_out, style="dim")
+        for text in filter(None, (scope.doubt, scope.left_out)):
+            console.print(text, style="dim")
         return
     titles = ["mode", "Hz", "unstable", "growth 1/s", "damping %", *(["onset"] if along else [])]
     grid = Table(box=None, pad_edge=False, header_style="bold")
@@ -78,7 +99,7 @@ def ranking(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
         grid.add_row(
             _label(row),
             frequency_text(row),
-            f"{100 * row['unstable_share']:.1f} %",
+            f"{100 * row['unstable_share']:.1f}{_bounds(row)} %",
             in_digits(row["max_growth_rate"], 1),
             f"{100 * row['min_damping_ratio']:.3f}",
             *([_threshold(row)] if along else []),
@@ -101,7 +122,9 @@ def _legend(table: pd.DataFrame, along: str | None, unit: str, scope: Scope) -> 
     """What the columns of the ranking mean."""
     query = " within the query" if scope.queried else ""
     texts = [f"unstable: share of {scope.text}{query} at which the mode was found unstable"]
-    texts += [scope.left_out] if scope.left_out else []
+    if (table["unstable_points_low"] < table["unstable_points_high"]).any():
+        texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
+    texts += [text for text in (scope.doubt, scope.left_out) if text]
     texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
     names = ", ".join(name for name, _ in _settings(table.iloc[0].to_dict()))
     texts += [f"worst at: {names}"] if names else []
@@ -126,6 +149,12 @@ def outside_validity(points: pd.DataFrame, head: str = "") -> None:
     if outside:
         text = f"{head}{outside} of {solved} solved design points are outside validity"
         console.print(f"{text}: {broken_rules(rules)}")
+
+
+def _bounds(row: dict[Hashable, Any]) -> str:
+    """Bounds of a share by the errors of the modes, where they differ."""
+    low, high, n = (row[f"{name}points{side}"] for name, side in SIDES)
+    return f" ({100 * low / n:.1f} to {100 * high / n:.1f})" if low < high else ""
 
 
 def _energy(row: dict[Hashable, Any]) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Hashable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.table import Table
@@ -59,7 +61,7 @@ def show_probabilities(table: pd.DataFrame, confidence: float, sampled: bool = F
             str(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
             _figure(row["frequency_hz"], 0, unknown=""),
             str(row["points"] - row["unknown_points"]),
-            f"{100 * row['probability']:.1f}",
+            f"{100 * row['probability']:.1f}{_bounds(row)}",
             f"{100 * row['probability_low']:.1f} to {100 * row['probability_high']:.1f}",
             in_digits(row["mean_growth_rate"], 2),
             f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
@@ -84,6 +86,11 @@ def _legend(table: pd.DataFrame, confidence: float, sampled: bool) -> list[str]:
         "mean: growth 1/s, zero where not unstable; mean +- std: of the growth rate where the mode "
         "is; any: the fastest mode of each point",
     ]
+    if (table["unstable_points_low"] < table["unstable_points_high"]).any():
+        texts.append(
+            "unstable % in brackets: from points where the mode is unstable whatever its error to "
+            "points where it may be"
+        )
     if (table["quantity"] == "divergence").any():
         texts.append("divergence: a real root that grows, without oscillation; part of any")
     if table["unknown_points"].any():
@@ -101,6 +108,13 @@ def _legend(table: pd.DataFrame, confidence: float, sampled: bool) -> list[str]:
         )
     names = ", ".join(part.rpartition("=")[0] for part in str(first["at"]).split(", "))
     return [*texts, f"worst at: {names}"] if names else texts
+
+
+def _bounds(row: dict[Hashable, Any]) -> str:
+    """Bounds of a share of points by the errors of the modes, where they differ."""
+    low, high = row["unstable_points_low"], row["unstable_points_high"]
+    known = row["points"] - row["unknown_points"]
+    return f" ({100 * low / known:.1f} to {100 * high / known:.1f})" if low < high else ""
 
 
 def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:

@@ -119,7 +119,29 @@ def _method(manifest: dict[str, Any]) -> list[tuple[str, str]]:
             f"{audit['missed_modes']} missed"
         )
         rows.append(("audit", text))
-    return rows
+    return [*rows, *_estimates(manifest)]
+
+
+def _estimates(manifest: dict[str, Any]) -> list[tuple[str, str]]:
+    """Largest estimated errors, of the rung and of the reduction; the mesh's is in neither."""
+    errors = manifest.get("errors")
+    if not errors or errors["largest_rung"] is None:
+        return []
+    text = f"method {errors['largest_rung']:.1e}, "
+    if not errors["reduced"]:
+        return [("estimates", f"{text}no reduction: relative, of light and of growing modes")]
+    reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
+    if reduction is None:
+        return [("estimates", f"{text}reduction not known: no sample point has modes")]
+    points = plural(errors["reduction_sample_points"], "sample point")
+    text += f"reduction {reduction:.1e}, from a finer model at {points}"
+    if errors["reduction_widened"] > 1:
+        text += f", {errors['reduction_widened']:.2g} times that for what full order showed"
+    if manifest.get("basis_enriched"):
+        text += "; the basis was enriched"
+        if reduction > tolerance:
+            text += f", which is not enough for {tolerance:g}: a smaller [reduction] tolerance is"
+    return [("estimates", f"{text}: relative, of light and of growing modes, without the mesh's")]
 
 
 def error_statement(directory: Path, manifest: dict[str, Any]) -> str:

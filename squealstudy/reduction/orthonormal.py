@@ -42,7 +42,7 @@ def complete_basis(
     """
     basis = phi
     for vectors, tolerance in blocks:
-        basis = np.hstack([basis, _new_directions(M, basis, vectors, tolerance)])
+        basis = np.hstack([basis, new_directions(M, basis, vectors, tolerance)])
     k_phi = np.einsum("ij,ij->j", phi, K @ phi)
     rest = basis[:, phi.shape[1] :]
     if not rest.shape[1]:
@@ -51,7 +51,7 @@ def complete_basis(
     return np.ascontiguousarray(np.hstack([phi, rest @ y])), np.concatenate([k_phi, k_rest])
 
 
-def _new_directions(
+def new_directions(
     M: sp.spmatrix, basis: np.ndarray, vectors: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """M-orthonormal directions of `vectors` outside the span of `basis` (n, r)."""

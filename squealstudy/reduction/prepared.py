@@ -43,6 +43,11 @@ class PreparedModel:
         which shapes of structures that differ in material, geometry or mesh are compared.
     nominal_gap : ndarray (nc,)
         Gaps of the nominal working point [m]: where every other one starts.
+    nominal_tangent : ndarray (nc,)
+        Its contact tangents, Pa/m.
+    finer : ReducedModel or None
+        The next larger model (analysis/full_order/finer_model.py), from which the error of `model`
+        is told; None where `model` is complete.
     timings : mapping of stage -> seconds
     """
 
@@ -52,6 +57,8 @@ class PreparedModel:
     sensor_shapes: np.ndarray
     nominal_gap: np.ndarray
     timings: Mapping[str, float] = field(default_factory=dict)
+    nominal_tangent: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    finer: ReducedModel | None = None
 
 
 def prepare(
@@ -62,8 +69,23 @@ def prepare(
 ) -> PreparedModel:
     """Component modes, contact compliances, nominal working point and component-mode basis.
 
+    As `prepare_with_basis`, which says more.
+    """
+    return prepare_with_basis(assembly, nominal, settings, others)[0]
+
+
+def prepare_with_basis(
+    assembly: Assembly,
+    nominal: OperatingPoint,
+    settings: BasisSettings,
+    others: Sequence[OperatingPoint] = (),
+    space: ContactSpace | None = None,
+) -> tuple[PreparedModel, Mapping[str, ComponentModes], Basis]:
+    """The prepared model, its component modes and its basis.
+
     `others` are operating points at the ends of the study's pressure and contact-law ranges; one
-    without a working point is left out.
+    without a working point is left out. `space` is that of the same assembly and component modes,
+    where it is there already.
 
     Raises
     ------
@@ -73,17 +95,17 @@ def prepare(
     clock = _Clock()
     modes = component_modes(assembly, settings.component_cutoff)
     clock.stage("component_modes_s")
-    space = contact_space(
-        assembly, reference_stiffness(assembly, nominal), mode_shapes(assembly, modes)
-    )
+    if space is None:
+        stiffness = reference_stiffness(assembly, nominal)
+        space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
     clock.stage("contact_space_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)
     clock.stage("working_point_s")
     model, basis = reduce_cmt(assembly, modes, point, settings, reached)
-    prepared = with_shapes(assembly, space, model, basis, point)
+    made = with_shapes(assembly, space, model, basis, point)
     clock.stage("reduction_s")
-    return replace(prepared, timings=clock.stages)
+    return replace(made, timings=clock.stages), modes, basis
 
 
 def with_shapes(
@@ -94,10 +116,19 @@ def with_shapes(
     nominal: WorkingPoint,
 ) -> PreparedModel:
     """A reduced model with its real modes at the nominal working point, and where they move."""
-    K = contact_stiffness(model, nominal.tangent)
+    phi, sensors = shape_basis(assembly, model, basis, nominal.tangent)
+    return PreparedModel(
+        space, model, phi, sensors, nominal.gap, nominal_tangent=nominal.tangent
+    )
+
+
+def shape_basis(
+    assembly: Assembly, model: ReducedModel, basis: Basis, tangent: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
+    K = contact_stiffness(model, tangent)
     _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
-    sensors = assembly.correspondence @ basis.expand(phi)
-    return PreparedModel(space, model, phi, sensors, nominal.gap)
+    return phi, assembly.correspondence @ basis.expand(phi)
 
 
 def contact_stiffness(model: ReducedModel, tangent: np.ndarray) -> np.ndarray:

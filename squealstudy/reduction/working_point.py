@@ -16,6 +16,7 @@ MAX_ITERATIONS = 200
 MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
 HIGHEST_START = 100.0  # pressure at the start, in mean pressures
 TOLERANCE = 1e-11
+AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a contact like theirs
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class WorkingPoint:
         Largest imbalance of a gap, relative to the largest gap movement under the load.
     open_share : float
         Share of the area with pressure below 1 % of the mean.
+    tangent_error : float
+        How far the imbalance of the gaps may have moved the contact stiffness, relative.
     """
 
     gap: np.ndarray
@@ -44,6 +47,7 @@ class WorkingPoint:
     iterations: int
     residual: float
     open_share: float
+    tangent_error: float = 0.0
 
 
 def working_point(
@@ -94,7 +98,7 @@ def working_point(
         residual = equations.relative(F, g)
         size = np.abs(step).max() / law.gap_scale(level)
         if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
-            return working_point_result(space.area, g, p, kappa, iteration, residual)
+            return working_point_result(space.area, g, p, kappa, iteration, residual, F)
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
@@ -112,7 +116,7 @@ def known_working_point(
     residual = equations.relative(F, g)
     if not residual < TOLERANCE:
         return None
-    return working_point_result(space.area, g, p, kappa, 0, residual)
+    return working_point_result(space.area, g, p, kappa, 0, residual, F)
 
 
 class GapEquations:
@@ -150,9 +154,23 @@ def working_point_result(
     kappa: np.ndarray,
     iterations: int,
     residual: float,
+    F: np.ndarray,
 ) -> WorkingPoint:
-    """The contact state at solved gaps."""
-    return WorkingPoint(g, p, kappa, iterations, residual, open_share(area, p))
+    """The contact state at solved gaps that are out of balance by F (nc,) [m]."""
+    error = _tangent_error(area, p, kappa, F)
+    return WorkingPoint(g, p, kappa, iterations, residual, open_share(area, p), error)
+
+
+def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray) -> float:
+    """Relative change of the contact stiffness by gaps that err by AMPLIFIED F.
+
+    Over a gap of p/kappa the tangent changes by its own size (of an exponential law; of stiffer
+    ones by less).
+    """
+    pressed = np.abs(p) > 0
+    weight = area[pressed] * kappa[pressed]
+    moved = AMPLIFIED * np.abs(F[pressed]) * kappa[pressed] / np.abs(p[pressed])
+    return float(weight @ moved / max(weight.sum(), 1e-300))
 
 
 def open_share(area: np.ndarray, p: np.ndarray) -> float:

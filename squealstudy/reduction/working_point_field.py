@@ -104,7 +104,7 @@ def _polish(
             residual = equations.relative(F, g)
     area = equations.space.area
     return [
-        working_point_result(area, g[i], p[i], kappa[i], steps, float(residual[i]))
+        working_point_result(area, g[i], p[i], kappa[i], steps, float(residual[i]), F[i])
         if residual[i] < TOLERANCE
         else None
         for i in range(len(g))

@@ -19,8 +19,8 @@ from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.files import write_atomic
 
 META = "meta.json"
-ARRAYS = ("shape_basis", "sensor_shapes", "nominal_gap")
-PARTS = {"space": ContactSpace, "model": ReducedModel}
+ARRAYS = ("shape_basis", "sensor_shapes", "nominal_gap", "nominal_tangent")
+PARTS = {"space": ContactSpace, "model": ReducedModel, "finer": ReducedModel}
 
 
 def prepared_path(key: str) -> Path:
@@ -44,7 +44,7 @@ def save_prepared(key: str, prepared: PreparedModel) -> Path:
     arrays = {name: getattr(prepared, name) for name in ARRAYS}
     for part in PARTS:
         value = getattr(prepared, part)
-        for f in fields(value):
+        for f in fields(value) if value is not None else ():
             item = getattr(value, f.name)
             if isinstance(item, np.ndarray):
                 arrays[f"{part}.{f.name}"] = item
@@ -95,11 +95,14 @@ def load_prepared(key: str) -> PreparedModel:
     space, model = part("space", ContactSpace), part("model", ReducedModel)
     assert isinstance(space, ContactSpace)
     assert isinstance(model, ReducedModel)
+    finer = part("finer", ReducedModel) if (path / "finer.k_el.npy").is_file() else None
+    assert finer is None or isinstance(finer, ReducedModel)
     return PreparedModel(
         space,
         model,
         **{name: np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS},
         timings=scalars["timings"],
+        finer=finer,
     )
 
 

@@ -38,6 +38,12 @@ class Kind(Protocol):
         """What may go wrong in a run, from the prepared model of the first structure."""
         return []
 
+    def accurate(
+        self, plan: Plan, failures: Mapping[str, str], jobs: int, report: Progress
+    ) -> Plan:
+        """The plan whose reduced models are good enough for the study; by default as it is."""
+        return plan
+
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """What must be there before workers start, beside the structures."""
         ...

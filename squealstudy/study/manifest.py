@@ -68,6 +68,7 @@ def point_facts(plan: Plan) -> dict[str, Any]:
     facts = {
         "study_hash": plan.study_hash,
         "structures": [s.key for s in plan.structures],
+        "basis_enriched": plan.enriched,
         "n_points": len(plan.tasks),
     }
     found = map_facts(plan)

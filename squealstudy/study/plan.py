@@ -25,7 +25,7 @@ from squealstudy.study.regularisation import (
     slowest_speed,
     with_speed,
 )
-from squealstudy.study.sampling import design_points, grid_shape
+from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
 from squealstudy.study.tasks import PointTask
@@ -39,6 +39,8 @@ NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}
 MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
+# beside them, they decide its finer model
+FINER_SOURCES = ("analysis/full_order", "analysis/linearise.py", "analysis/quadratic.py")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")
@@ -64,10 +66,14 @@ class Plan:
     swept : list of dict or None
         Swept values of every design point, where the study's own design has grown by results
         (study/rounds.py).
+    enriched : bool
+        Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
     """
 
-    def __init__(self, study: Study, swept: list[dict[str, float]] | None = None) -> None:
-        self.study = study
+    def __init__(
+        self, study: Study, swept: list[dict[str, float]] | None = None, enriched: bool = False
+    ) -> None:
+        self.study, self.enriched = study, enriched
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
             Design(study.model, self.law_kind, self._resolved({**study.values, **point}))
@@ -146,11 +152,12 @@ class Plan:
                     points.append(design.operating_point())
         return tuple(points)
 
-    def structure_key(self, design: Design) -> str:
+    def structure_key(self, design: Design, enriched: bool | None = None) -> str:
         """Content hash of the prepared model that a design needs; StudyFileError without files."""
+        enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
-        s = self.settings
+        s, top_hz = self.settings, self.band_hz[1] if has_mesh(self.study) else None
         return content_hash(
             {
                 "source": source_hash(STRUCTURE_SOURCES),
@@ -162,6 +169,7 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+                "finer": [source_hash(FINER_SOURCES), top_hz, enriched],
             }
         )
 
@@ -388,13 +396,4 @@ def reference_choice(plan: Plan, count: int) -> list[int]:
     The upper corner of the swept box first (most friction, pressure, change), where a reduced
     model has most to lose; then the points farthest from all chosen.
     """
-    X = plan.coordinates
-    if not X.shape[1]:
-        return list(range(min(count, len(X))))
-    span = np.ptp(X, axis=0)
-    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
-    chosen = [int(np.argmax(X.sum(axis=1)))][:count]
-    while 0 < len(chosen) < min(count, len(X)):
-        distance = np.linalg.norm(X[:, None] - X[None, chosen], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(distance)))
-    return chosen
+    return farthest_points(plan.coordinates, count)

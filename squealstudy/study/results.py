@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from squealstudy.analysis.tables.mode_ranking import point_codes, rank_modes, selection
+from squealstudy.analysis.tables.stability import uncertain_points
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.study.kinds import EXPERIMENTS
@@ -239,6 +240,12 @@ class Results:
         """Number of design points, or nodes of a boundary map, that `rank` is over."""
         points, modes = self._ranked
         return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+
+    def uncertain_points(self, where: str | None = None) -> int:
+        """Number of solved design points at which some mode may be stable or unstable."""
+        code = point_codes(self.points, self.modes)
+        held, wanted = selection(self.points, self.modes, code, where)
+        return uncertain_points(self.modes, code, held[code] & wanted)
 
     @cached_property
     def _ranked(self) -> tuple[pd.DataFrame, pd.DataFrame]:

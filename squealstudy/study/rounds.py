@@ -40,7 +40,7 @@ def grown(plan: Plan, directory: Path) -> Plan:
         nodes = refine(grid, roots, tolerance).nodes
         if len(nodes) == len(plan.tasks):
             break
-        plan = Plan(plan.study, [grid.values(node) for node in nodes])
+        plan = Plan(plan.study, [grid.values(node) for node in nodes], plan.enriched)
     return plan
 
 

@@ -118,9 +118,12 @@ def run_study(
     started = time.perf_counter()
     check_component_modes(plan)
     failures = build_structures(plan, jobs, progress)
-    prepared_s = time.perf_counter() - started
     kind = kind_of(plan)
     kind.check(plan)
+    if (better := kind.accurate(plan, failures, jobs, progress)) is not plan:
+        plan = better
+        failures |= build_structures(plan, jobs, progress)
+    prepared_s = time.perf_counter() - started
     with locked(directory):
         if (further := grown(plan, directory)) is not plan:
             plan = further

@@ -110,3 +110,16 @@ def _sampled(study: Study, number: int, u: np.ndarray) -> np.ndarray:
             message = f"{sweep.name}: {beyond(sweep.distribution, e.message)}"
             raise source.error(("sweep", number, "distribution"), message) from None
     return values
+
+
+def farthest_points(X: np.ndarray, count: int) -> list[int]:
+    """Indices of `count` of the points X (n, d): the upper corner, then those farthest from all."""
+    if not X.shape[1]:
+        return list(range(min(count, len(X))))
+    span = np.ptp(X, axis=0)
+    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
+    chosen = [int(np.argmax(X.sum(axis=1)))][:count]
+    while 0 < len(chosen) < min(count, len(X)):
+        distance = np.linalg.norm(X[:, None] - X[None, chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(distance)))
+    return chosen

@@ -163,7 +163,7 @@ class ModesSection(Section):
         ge=0,
         le=1,
         description="a mode is unstable where its damping ratio is below minus this and its growth "
-        "rate above its error estimate",
+        "rate above error_rung; errors below it leave no mode uncertain",
     )
     method: Literal[
         "auto", "full", "dense", "two_step", "sweep_basis", "windows", "perturbation"

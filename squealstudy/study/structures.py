@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.full_order.finer_model import enriched, with_finer_model
 from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
-from squealstudy.reduction.prepared import prepare
+from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.prepared_family import prepare_family
-from squealstudy.study.cache import is_prepared, save_prepared
+from squealstudy.study.cache import is_prepared, load_prepared, save_prepared
 from squealstudy.study.family import read_family
 from squealstudy.study.family_cache import load_family, save_family
 from squealstudy.study.plan import Plan, Structure, has_mesh
@@ -30,13 +31,20 @@ PATIENCE = 3.0  # s: two workers take 2 s to start
 
 @dataclass(frozen=True)
 class BuildTask:
-    """A structure to assemble, reduce and store."""
+    """A structure to assemble, reduce and store.
+
+    `top_hz` is that of the band of a reduction, None where the basis is complete. `coarse_key` is
+    that of the same structure without enrichment, empty where this one is not enriched: an enriched
+    one has the finer model for its reduced one, and a finer one still.
+    """
 
     structure: Structure
     options: Mapping[str, str | int]
     nominal: OperatingPoint
     training: tuple[OperatingPoint, ...]
     settings: BasisSettings
+    top_hz: float | None
+    coarse_key: str
     threads: int
     parent: int
 
@@ -59,7 +67,15 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         source = SourceText(study.path, study.text)
         return FamilyTask(structure.key, study.model, source, plan.band_hz, threads)
     return BuildTask(
-        structure, study.options, plan.nominal, plan.training, plan.settings, threads, os.getpid()
+        structure,
+        study.options,
+        plan.nominal,
+        plan.training,
+        plan.settings,
+        plan.band_hz[1] if has_mesh(study) else None,
+        plan.structure_key(structure.design, False) if plan.enriched else "",
+        threads,
+        os.getpid(),
     )
 
 
@@ -98,8 +114,20 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             started = time.perf_counter()
             assembly = design.model.build(task.options, design.plain_values())
             assembly_s = time.perf_counter() - started
-            prepared = prepare(assembly, task.nominal, task.settings, task.training)
-        timings = {"assembly_s": assembly_s, **prepared.timings}
+            known = load_prepared(task.coarse_key).space if is_prepared(task.coarse_key) else None
+            prepared, modes, basis = prepare_with_basis(
+                assembly, task.nominal, task.settings, task.training, known
+            )
+            timings = {"assembly_s": assembly_s, **prepared.timings}
+            started = time.perf_counter()
+            points = (task.nominal, *task.training)
+            if task.top_hz is not None:
+                about = (assembly, modes, points, task.top_hz)
+                prepared, basis = with_finer_model(prepared, basis, *about)
+                if task.coarse_key:
+                    prepared = enriched(prepared, assembly, basis)
+                    prepared, basis = with_finer_model(prepared, basis, *about)
+            timings["finer_model_s"] = time.perf_counter() - started
         save_prepared(key, replace(prepared, timings=timings))
     except SquealstudyError as error:
         return key, str(error)

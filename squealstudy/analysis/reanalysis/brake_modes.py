@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.analysis.parametric import Weights, product
-from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.point import PointModes, working_point_error
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.reduction.prepared import PreparedModel
 
@@ -60,7 +60,7 @@ class BrakeModes:
             self.energies(found.sample.weights, X),
             self.shapes(X),
             found.sample.working_point,
-            found.error[order],
+            found.error[order] + working_point_error(found.sample.working_point, lam),
             found.method,
         )
 

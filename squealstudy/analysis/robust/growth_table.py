@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, point_codes
+from squealstudy.analysis.tables.stability import is_uncertain
 
 LARGEST = 0  # in place of a track number
 
@@ -25,6 +26,8 @@ class GrowthColumn:
     growth : ndarray (n_points,)
         1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
+    surely, maybe : ndarray (n_points,) of bool
+        Unstable whatever the errors of the modes, and unstable if these want it.
     absent : ndarray (n_points,) of bool
         Points without a mode of the track at which it is known to be none of the oscillating modes
         of the band: all of these have tracks that stand beside this one at other points.
@@ -34,6 +37,8 @@ class GrowthColumn:
     frequency_hz: float
     growth: np.ndarray
     unstable: np.ndarray
+    surely: np.ndarray
+    maybe: np.ndarray
     absent: np.ndarray
 
 
@@ -55,24 +60,33 @@ def growth_columns(
     code, modes = code[counted], modes[counted]
     growth = modes["growth_rate"].to_numpy(dtype=float)
     unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
+    uncertain = is_uncertain(modes)
     track = np.where(real, DIVERGENCE, modes["track"].to_numpy())
     hz = modes["frequency_hz"].to_numpy(dtype=float)
     judged, diverging = ~real | unstable, real & unstable
     everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
 
-    def column(number: int, own: np.ndarray, absent: np.ndarray, mean_hz: float) -> GrowthColumn:
-        return _column(number, mean_hz, n, code[own], growth[own], unstable[own], absent)
+    def column(
+        number: int, own: np.ndarray, of: np.ndarray, absent: np.ndarray, mean_hz: float
+    ) -> GrowthColumn:
+        marks = unstable, unstable & ~uncertain, unstable | uncertain
+        at = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
+        largest = np.full(n, -np.inf)
+        np.maximum.at(largest, code[own], growth[own])
+        present = np.isfinite(largest)
+        shown = np.where(present, largest, np.nan)
+        return GrowthColumn(number, mean_hz, shown, at[0], at[1], at[2], absent & ~present)
 
-    columns = [column(LARGEST, judged, everywhere, np.nan)]
+    columns = [column(LARGEST, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)]
     if diverging.any():
-        columns.append(column(DIVERGENCE, diverging, everywhere, np.nan))
+        columns.append(column(DIVERGENCE, diverging, real, everywhere, np.nan))
     seen = unstable & (track > 0)
     listed = pd.Series(growth[seen]).groupby(track[seen]).agg(["count", "max"])
     standing = _Standing(n, code[~real], track[~real])
     for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
         own = track == number
         absent = standing.absent(int(number))
-        columns.append(column(int(number), own, absent, float(hz[own & unstable].mean())))
+        columns.append(column(int(number), own, own, absent, float(hz[own & unstable].mean())))
     return columns
 
 
@@ -93,20 +107,3 @@ class _Standing:
         own = self._here[:, np.searchsorted(self._tracks, number)]
         beside = self._here[own].any(axis=0) & (self._tracks > 0)
         return np.logical_not(self._here[:, ~beside].any(axis=1))
-
-
-def _column(
-    track: int,
-    hz: float,
-    n: int,
-    code: np.ndarray,
-    growth: np.ndarray,
-    unstable: np.ndarray,
-    absent: np.ndarray,
-) -> GrowthColumn:
-    largest = np.full(n, -np.inf)
-    np.maximum.at(largest, code, growth)
-    anywhere = np.zeros(n, dtype=bool)
-    anywhere[code[unstable]] = True
-    present = np.isfinite(largest)
-    return GrowthColumn(track, hz, np.where(present, largest, np.nan), anywhere, absent & ~present)

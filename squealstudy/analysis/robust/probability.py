@@ -13,6 +13,7 @@ COLUMNS = (
     {"quantity": "str", "track": "int64", "frequency_hz": "f8", "points": "int64"}
     | {"failed_points": "int64", "present_points": "int64", "absent_points": "int64"}
     | {"unknown_points": "int64", "unstable_points": "int64"}
+    | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
     | {"probability": "f8", "probability_low": "f8", "probability_high": "f8"}
     | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
     | {"max_growth_rate": "f8", "at": "str"}
@@ -45,6 +46,8 @@ def robust_table(
         count neither as stable nor as unstable. Of the points without a mode of a track
         `absent_points` are those where it has left the band or does not oscillate any more: there
         it counts as not unstable (were it a real, growing root, that is "divergence").
+        At `unstable_points_low` it is unstable whatever the errors of the modes, at
+        `unstable_points_high` it may be.
         At `unknown_points` it may be one of the modes under another number: these count neither
         way, `probability` is over the others. The interval of
         `probability` is that of Clopper and Pearson, exact for independent draws; points of a
@@ -100,6 +103,8 @@ def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[st
         "absent_points": absent,
         "unknown_points": int(solved.sum()) - n,
         "unstable_points": k,
+        "unstable_points_low": int((column.surely & solved).sum()),
+        "unstable_points_high": int((column.maybe & solved).sum()),
         "probability": k / n,
         "probability_low": low,
         "probability_high": high,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.tables.mode_ranking import point_codes, unstable_groups
+from squealstudy.analysis.tables.stability import is_uncertain
 from squealstudy.errors import ResultsError
 
 FILLED = "~"  # between the id of the point that stands for a node and the node's number
@@ -53,11 +54,14 @@ def full_points(
 def full_tables(
     points: pd.DataFrame, modes: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Both tables on the full grid, for a ranking: ids are unique, stable tracks are left out."""
+    """Both tables on the full grid, for a ranking: ids are unique, stable tracks are left out.
+
+    Modes that may be unstable are not.
+    """
     table = full_points(points, axes, levels)[0]
     group = unstable_groups(modes)
     track = modes["track"].to_numpy()
-    kept = (group != 0) | np.isin(track, group[group > 0])
+    kept = (group != 0) | np.isin(track, group[group > 0]) | is_uncertain(modes)
     rows = np.flatnonzero(kept)
     code = point_codes(points, modes)[rows]
     rows, code = (a[np.argsort(code, kind="stable")] for a in (rows, code))

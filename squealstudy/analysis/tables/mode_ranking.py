@@ -19,6 +19,7 @@ from squealstudy.analysis.tables.crossings import (
     line_crossings,
 )
 from squealstudy.analysis.tables.digits import in_digits
+from squealstudy.analysis.tables.stability import unstable_bounds
 from squealstudy.errors import ResultsError
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
@@ -47,6 +48,7 @@ COLUMNS = (
     | {"at": "str", "threshold": "f8"}
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
     | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
+    | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
 )
 SUMMARISED = ("frequency_hz", "growth_rate", "damping_ratio", "track_ambiguous")
 UNUSABLE: tuple[type[Exception], ...] = (SyntaxError, TokenError, TypeError, ValueError)
@@ -96,7 +98,8 @@ def rank_modes(
         without a gap of more than APART, whose ends the row has; frequency, growth, damping and
         energies are those of its fastest one.
         `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
-        points that failed do not count.
+        points that failed do not count. At `unstable_points_low` it is so whatever its error, at
+        `unstable_points_high` it may be.
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
@@ -114,6 +117,7 @@ def rank_modes(
     counted = held & (points["status"] == "ok").to_numpy(bool)
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
+    table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
     if along is not None and len(table):
         track = modes["track"].to_numpy()
         listed = np.isin(track, table.index[table.index > 0]) & counted[code]

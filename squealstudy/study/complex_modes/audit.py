@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
-from squealstudy.analysis.full_order.modes import LIGHT
-from squealstudy.study.complex_modes.columns import read_columns
+from squealstudy.study.complex_modes.errors import paired_with_full_order
+from squealstudy.study.names import MODES
 
-PAIRED = 0.05  # relative distance within which a full-order root has a partner
 FACTORS = (2.0, 5.0)
 
 
@@ -20,24 +20,27 @@ def audited(
 ) -> dict[str, Any]:
     """True errors beside estimates over the light modes of the checked points among `ids`.
 
+    Reads the modes table, which is to be there.
+
     Returns
     -------
     dict
         Numbers of points, modes and missed modes; largest true error and estimate relative to
         |lambda|; shares of modes whose true error is within each of FACTORS times the estimate.
-        True errors are against the full-order model, so they hold the error of the component-mode
-        basis too, which estimates of the rungs above it leave out.
+        Both are against the full-order model.
     """
     checked = [i for i in ids if "roots" in references.get(i, {})]
-    columns = read_columns(directory, checked, shapes=False)
+    columns = ["point_id", "frequency_hz", "growth_rate", "error_estimate"]
+    modes = pq.read_table(directory / MODES, columns=columns).to_pandas()
     true, estimate, missed = [np.zeros(0)], [np.zeros(0)], 0
-    for number, point_id in enumerate(checked):
-        own = columns.point == number
-        full = np.array([complex(*pair) for pair in references[point_id]["roots"]])
-        t, e, m = _compared(columns.lam[own], columns.error_estimate[own], full)
-        true.append(t)
-        estimate.append(e)
-        missed += m
+    for point_id in checked:
+        own = modes[modes["point_id"] == point_id]
+        size, growth = 2 * np.pi * own["frequency_hz"].to_numpy(), own["growth_rate"].to_numpy()
+        lam = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
+        pairs = paired_with_full_order(lam, references[point_id])
+        true.append(pairs.error / pairs.size)
+        estimate.append(own["error_estimate"].to_numpy()[pairs.row] / pairs.size)
+        missed += pairs.missed
     t, e = np.concatenate(true), np.concatenate(estimate)
     within = {f"within_{k:g}x": float(np.mean(t <= k * e)) if len(t) else None for k in FACTORS}
     return {
@@ -48,17 +51,3 @@ def audited(
         "largest_estimate": float(e.max(initial=0.0)),
         **within,
     }
-
-
-def _compared(
-    lam: np.ndarray, estimate: np.ndarray, full: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Relative true errors and estimates of the light full-order roots, and how many have none."""
-    light = full[np.abs(full.real) < LIGHT * np.abs(full)]
-    if not len(light) or not len(lam):
-        return np.zeros(0), np.zeros(0), len(light)
-    nearest = np.abs(light[:, None] - lam[None, :]).argmin(axis=1)
-    true = np.abs(lam[nearest] - light) / np.abs(light)
-    near = true < PAIRED
-    size = np.abs(light[near])
-    return true[near], estimate[nearest[near]] / size, int((~near).sum())

@@ -65,7 +65,7 @@ class ModeColumns:
     lam : ndarray (N,) complex
         Roots of all points one after the other, rad/s.
     overdamped : ndarray (N,) of bool
-    residual, error_estimate : ndarray (N,)
+    residual, error_rung : ndarray (N,)
     energies : ndarray (N, n_components + 1) or (N, 0)
     shapes : ShapeFile or None
     """
@@ -75,7 +75,7 @@ class ModeColumns:
     lam: np.ndarray
     overdamped: np.ndarray
     residual: np.ndarray
-    error_estimate: np.ndarray
+    error_rung: np.ndarray
     energies: np.ndarray
     shapes: ShapeFile | None
 
@@ -131,7 +131,7 @@ def read_columns(
     table = table.take(order).combine_chunks()
     counts = table["re"].combine_chunks().value_lengths().to_numpy(zero_copy_only=False)
     lam = _flat(table, "re") + 1j * _flat(table, "im")
-    energies, error = _flat(table, "energies"), _flat(table, "error_estimate")
+    energies, error = _flat(table, "energies"), _flat(table, "error_rung")
     points = table.select([name for name, _ in POINT_FIELDS])
     return ModeColumns(
         _judged(points, counts.astype(np.int64), lam, error, largest_error),

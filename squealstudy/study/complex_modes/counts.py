@@ -12,7 +12,7 @@ from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.study.chunks import read_tables
 from squealstudy.study.complex_modes.rows import SCHEMA
 
-COLUMNS = ("point_id", "status", "re", "im", "error_estimate", "overdamped")
+COLUMNS = ("point_id", "status", "re", "im", "error_rung", "overdamped")
 
 
 def read_roots(
@@ -73,6 +73,18 @@ def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
     """
     neutral = (lam.real > 0) & (lam.real <= error) & (error <= tolerance * np.abs(lam))
     return np.where(neutral, 1j * lam.imag, lam)
+
+
+def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.ndarray:
+    """Roots (m,) that may be stable or unstable: |Re lam| <= error, both rad/s.
+
+    An error within the damping ratio `neutral` that stability is not judged by tells of nothing:
+    roots of undamped models lie on the imaginary axis but for round-off, and count as stable. Where
+    the error is not known the sign of the growth counts.
+    """
+    seen = error > neutral * np.abs(lam)
+    uncertain: np.ndarray = seen & (np.abs(lam.real) <= error)
+    return uncertain
 
 
 def worst_errors(

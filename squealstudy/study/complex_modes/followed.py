@@ -30,6 +30,7 @@ def follow_modes(
     columns: ModeColumns,
     points: pd.DataFrame,
     judged: np.ndarray,
+    error: np.ndarray,
     jobs: int,
     report: Progress,
     near: Neighbourhoods | None = None,
@@ -45,6 +46,8 @@ def follow_modes(
         The points' table: status and parameters.
     judged : ndarray (N,) complex
         Roots of all points, rad/s, as their stability is judged (`settled`).
+    error : ndarray (N,)
+        Their estimated errors, rad/s, which move the onsets.
     jobs : int
     report : callable
     near : Neighbourhoods or None
@@ -58,7 +61,6 @@ def follow_modes(
     if along is None:
         return Followed(tracks, None, summary)
     kept = ~columns.overdamped
-    lam, error = judged[kept], columns.error_estimate[kept]
-    search = OnsetSearch(plan, follower, tracks, points, along, lam, error)
+    search = OnsetSearch(plan, follower, tracks, points, along, judged[kept], error[kept])
     onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
     return Followed(tracks, onsets, summary)

@@ -62,6 +62,21 @@ class ComplexModes:
             "'ok' whatever errors the modes table estimates"
         ]
 
+    def accurate(
+        self, plan: Plan, failures: Mapping[str, str], jobs: int, report: Progress
+    ) -> Plan:
+        """The plan, with an enriched basis where that of the study errs by more than its tolerance.
+
+        What no rung of reanalysis can lower is lowered once for all points of the study.
+        """
+        from squealstudy.study.complex_modes.reduction import make_samples
+
+        if plan.enriched:
+            return plan
+        samples = make_samples(plan, jobs, failures, report)
+        worst = max((sample.worst for _, sample in samples), default=0.0)
+        return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
+
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """The sweep bases of methods that need them."""
         if plan.method.name in OVER_A_BASIS:
@@ -174,12 +189,15 @@ class ComplexModes:
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
         from squealstudy.study.complex_modes.audit import audited
+        from squealstudy.study.complex_modes.reduction import make_samples
         from squealstudy.study.complex_modes.reference import read_references
         from squealstudy.study.complex_modes.tables import build_tables
 
         if plan.study.definition.modes.track:  # which solves points in between
             self.prepare(plan, report, jobs)
-        points, facts = build_tables(plan, directory, jobs, report)
+        built = {s.key: "" for s in plan.structures if not is_prepared(s.key)}
+        samples = make_samples(plan, jobs, built, report)
+        points, facts = build_tables(plan, directory, jobs, report, samples)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
         if plan.study.definition.modes.audit:
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]

@@ -59,6 +59,7 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
             "full_order_modes": len(full.lam),
             "full_order_residual": float(full.residual.max(initial=0.0)),
             "roots": [[float(x.real), float(x.imag)] for x in full.lam],
+            "root_errors": full.error.tolist(),
         }
     except SquealstudyError as error:
         result |= {"status": "failed", "message": str(error)}

@@ -22,7 +22,7 @@ MODE_FIELDS = (
     ("im", pa.list_(pa.float64())),
     ("overdamped", pa.list_(pa.bool_())),
     ("residual", pa.list_(pa.float64())),
-    ("error_estimate", pa.list_(pa.float64())),  # 1/s; NaN where it is not estimated
+    ("error_rung", pa.list_(pa.float64())),  # 1/s; NaN where it is not estimated
     ("energies", pa.list_(pa.float64())),  # (m, components + 1) by rows; may be empty
 )
 SHAPES = "shapes"  # (m, k) complex64 by rows
@@ -35,7 +35,7 @@ SCHEMA = pa.schema(
 def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any]:
     """Chunk row of a solved point; models without a working point have none of its figures."""
     point = modes.working_point
-    estimate = getattr(modes, "error_estimate", None)
+    estimate = getattr(modes, "error_rung", None)
     unknown = np.full(len(modes.lam), np.nan)
     return head(point_id, wall_s) | {
         "method": getattr(modes, "method", DENSE),
@@ -45,7 +45,7 @@ def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any
         "im": modes.lam.imag,
         "overdamped": modes.overdamped,
         "residual": modes.residual,
-        "error_estimate": unknown if estimate is None else np.asarray(estimate, dtype=float),
+        "error_rung": unknown if estimate is None else np.asarray(estimate, dtype=float),
         "energies": modes.energies.T.ravel(),
         SHAPES: np.ascontiguousarray(modes.shapes, dtype=np.complex64).tobytes(),
     }

@@ -10,11 +10,14 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from squealstudy.analysis.tables.stability import stability_names
 from squealstudy.analysis.tracking.labels import Tracks
 from squealstudy.study.complex_modes.columns import ModeColumns, read_columns
-from squealstudy.study.complex_modes.counts import damping_ratios, settled
+from squealstudy.study.complex_modes.counts import damping_ratios, settled, uncertain_roots
+from squealstudy.study.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.study.complex_modes.followed import follow_modes
 from squealstudy.study.complex_modes.onsets import onsets_arrow
+from squealstudy.study.complex_modes.reduction import Sample
 from squealstudy.study.complex_modes.reference import read_references
 from squealstudy.study.files import write_parquet
 from squealstudy.study.kind import Progress
@@ -23,13 +26,20 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.validity import FIELDS as VALIDITY
 from squealstudy.study.validity import with_validity
 
+COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
 UNTRACKED = -1  # in place of a track number
 
 
 def build_tables(
-    plan: Plan, directory: Path, jobs: int, report: Progress
+    plan: Plan,
+    directory: Path,
+    jobs: int,
+    report: Progress,
+    samples: Sequence[tuple[int, Sample]] = (),
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Read all chunks, track the modes, write the tables; the points' table, and what was done.
+
+    `samples` are errors of the reduction at some of the points (`make_samples`).
 
     Raises
     ------
@@ -39,14 +49,17 @@ def build_tables(
     section = plan.study.definition.modes
     ids = [task.point_id for task in plan.tasks]
     columns = read_columns(directory, ids, section.track, plan.method.largest_error)
-    judged = settled(columns.lam, columns.error_estimate, plan.method.tolerance)
+    references = read_references(directory)
+    errors, facts = mode_errors(plan, columns, samples, references)
+    judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
-    points = _points_table(plan, columns, unstable, read_references(directory))
+    uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
+    points = _points_table(plan, columns, unstable, uncertain, references)
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
     try:
         if columns.shapes is not None:
-            found = follow_modes(plan, columns, points, judged, jobs, report)
+            found = follow_modes(plan, columns, points, judged, errors.total, jobs, report)
             tracks, onsets, summary = found
     finally:
         if columns.shapes is not None:
@@ -54,12 +67,19 @@ def build_tables(
     write_parquet(directory / ONSETS, onsets_arrow(onsets))
     write_parquet(directory / POINTS, points_arrow(points, plan.study.shown_parameters))
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
-    write_parquet(directory / MODES, modes_table(columns, tracks, unstable, names))
-    return points, summary
+    stability = stability_names(unstable, uncertain)
+    table = modes_table(columns, errors, tracks, unstable, stability, names)
+    write_parquet(directory / MODES, table)
+    return points, {**summary, "errors": facts}
 
 
 def modes_table(
-    columns: ModeColumns, tracks: Tracks | None, unstable: np.ndarray, energies: Sequence[str]
+    columns: ModeColumns,
+    errors: ModeErrors,
+    tracks: Tracks | None,
+    unstable: np.ndarray,
+    stability: np.ndarray,
+    energies: Sequence[str],
 ) -> pa.Table:
     """One row a mode; `energies` names the energy columns, which a model may not have."""
     point = columns.point
@@ -76,9 +96,12 @@ def modes_table(
         "growth_rate": columns.lam.real,
         "damping_ratio": damping_ratios(columns.lam),
         "unstable": unstable,
+        "stability": pa.array(stability, pa.string()),
         "overdamped": columns.overdamped,
         "residual": columns.residual,
-        "error_estimate": columns.error_estimate,
+        "error_rung": errors.rung,
+        "error_reduction": errors.reduction,
+        "error_estimate": errors.total,
         "method": columns.points["method"].take(point),
     }
     shares = dict(zip(energies, columns.energies.T, strict=False))
@@ -104,6 +127,7 @@ def _points_table(
     plan: Plan,
     columns: ModeColumns,
     unstable: np.ndarray,
+    uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
 ) -> pd.DataFrame:
     found = columns.points.to_pandas()
@@ -111,6 +135,7 @@ def _points_table(
     for parameter in plan.study.shown_parameters:
         points[parameter] = [float(v[parameter]) for v in plan.shown_values]
     marks = {"modes": np.ones(len(unstable), dtype=bool), "unstable": unstable}
+    marks |= {"unstable_low": unstable & ~uncertain, "unstable_high": unstable | uncertain}
     for name, mark in (marks | {"overdamped": columns.overdamped}).items():
         count = pd.Series(np.bincount(columns.point[mark], minlength=len(points)), dtype="Int64")
         points[f"n_{name}"] = count.where(points["status"] == "ok")  # missing, not zero
@@ -128,7 +153,7 @@ def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
         [(n, pa.string()) for n in ("point_id", "status", "message")]
         + [("wall_s", pa.float64())]
         + [(p, pa.float64()) for p in parameters]
-        + [(n, pa.int64()) for n in ("n_modes", "n_unstable", "n_overdamped")]
+        + [(n, pa.int64()) for n in COUNTS]
         + [("method", pa.string())]
         + [
             (n, pa.float64())

@@ -144,7 +144,7 @@ def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
     """What errors are measured on, from a chunk row of a complex-mode study."""
     kept = ~np.array(row["overdamped"], dtype=bool)
     roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[kept]
-    estimates = np.array(row["error_estimate"], dtype=float)[kept]
+    estimates = np.array(row["error_rung"], dtype=float)[kept]
     return {
         "status": row["status"],
         "message": row["message"],

@@ -37,7 +37,7 @@ class LinePlan(Plan):
     """
 
     def __init__(self, whole: Plan, rows: Sequence[int]) -> None:
-        super().__init__(whole.study, [whole.swept[i] for i in rows])
+        super().__init__(whole.study, [whole.swept[i] for i in rows], whole.enriched)
         self.whole, self._rows = whole, tuple(rows)
 
     @property
@@ -81,9 +81,10 @@ def find_onset(plan: LinePlan, directory: Path) -> tuple[Interval, float]:
             raise ConvergenceError(bad["status"].iloc[0], bad["message"].iloc[0])
         for name in plan.study.shown_parameters:
             points[name] = [float(v[name]) for v in plan.shown_values]
-        judged = settled(columns.lam, columns.error_estimate, plan.method.tolerance)
+        judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
         near = Neighbourhoods(plan, plan.whole)
-        found = follow_modes(plan, columns, points, judged, 1, lambda *_: None, near)
+        error = columns.error_rung
+        found = follow_modes(plan, columns, points, judged, error, 1, lambda *_: None, near)
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()

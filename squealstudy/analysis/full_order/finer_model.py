@@ -1,0 +1,146 @@
+"""The next larger component-mode model: how far a reduced model is from the full-order one.
+
+At a few working points the reduced right and left modes leave loads r = Q(lam) T psi in the
+unreduced equations. The static responses K0^-1 r to random sums of them, each mode of unit energy,
+span what the basis lacks (a randomised range finder: Halko, Martinsson, Tropp 2011). With them it
+is a finer model, whose roots are nearer to those of the full-order model by orders of magnitude:
+the distance of the roots of both models is the error of the smaller one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import linear_sum_assignment
+
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order.modes import full_order_system
+from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.point import solve_point, state_working_point
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import factorise
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import Basis, ComponentModes
+from squealstudy.reduction.extended_basis import extended_basis
+from squealstudy.reduction.prepared import PreparedModel, shape_basis
+
+DIRECTIONS = 40  # static responses; as many new coordinates in each component
+EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
+LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
+
+
+def with_finer_model(
+    prepared: PreparedModel,
+    basis: Basis,
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    points: Sequence[OperatingPoint],
+    top_hz: float,
+) -> tuple[PreparedModel, Basis]:
+    """A prepared model with its finer model, and the finer model's basis.
+
+    Parameters
+    ----------
+    prepared : PreparedModel
+    basis, assembly, modes
+        What it was made from.
+    points : sequence of OperatingPoint
+        The nominal one first; residual loads are taken there, and without friction.
+    top_hz : float
+        Modes up to here leave loads.
+    """
+    loads = residual_loads(prepared, assembly, basis, points, top_hz)
+    finer, larger = extended_basis(assembly, modes, basis, _responses(prepared, assembly, loads))
+    return replace(prepared, finer=finer), larger
+
+
+def enriched(prepared: PreparedModel, assembly: Assembly, larger: Basis) -> PreparedModel:
+    """The prepared model whose model is the finer one; it has no finer one yet."""
+    assert prepared.finer is not None
+    phi, sensors = shape_basis(assembly, prepared.finer, larger, prepared.nominal_tangent)
+    return replace(
+        prepared, model=prepared.finer, shape_basis=phi, sensor_shapes=sensors, finer=None
+    )
+
+
+def residual_loads(
+    prepared: PreparedModel,
+    assembly: Assembly,
+    basis: Basis,
+    points: Sequence[OperatingPoint],
+    top_hz: float,
+) -> np.ndarray:
+    """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
+
+    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
+    relatively. Working points that do not exist are left out.
+    """
+    rng = np.random.default_rng(0)  # the same structure has the same finer model
+    total = np.zeros((assembly.n_dof, DIRECTIONS))
+    band = (LOWEST * 2 * np.pi * top_hz, 2 * np.pi * top_hz)
+    for state in map(DesignState, [*points, replace(points[0], friction=0.0)]):
+        try:
+            point = state_working_point(prepared, state)
+        except ConvergenceError:
+            continue
+        small = linearise(prepared.model, point, state)
+        full = full_order_system(assembly, {}, point, state, top_hz)
+        C, K = full.C.sparse, full.K.sparse
+        sides = [(small.C, small.K, C, K)]
+        if state.operating.mu_steady:
+            sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
+        for C_r, K_r, C_f, K_f in sides:
+            lam, psi = dense_roots(C_r, K_r, band)
+            psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
+            load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
+            mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+            total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
+    return total
+
+
+def _responses(prepared: PreparedModel, assembly: Assembly, loads: np.ndarray) -> np.ndarray:
+    """K0^-1 of loads, K0 the symmetric stiffness of the nominal working point."""
+    c = assembly.contact
+    normal = sp.diags(c.area * prepared.nominal_tangent)
+    K0 = assembly.K_el + assembly.K_springs() + c.N.T @ normal @ c.N
+    return factorise(K0.tocsr()).solve_once(loads)
+
+
+def reduction_errors(
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (m,) of a design point in the reduced model, and how far those of the finer one are.
+
+    Both are solved exactly; the errors (m,) are in rad/s. The finer model is looked at a little
+    beyond the band, where a root of its edge may have its partner.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point.
+    """
+    assert prepared.finer is not None
+    found = solve_point(prepared, state, band_hz)
+    n = prepared.finer.n
+    larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
+    low, high = band_hz
+    margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    finer = solve_point(larger, state, margin, found.working_point.gap)
+    return found.lam, partner_distances(found.lam, finer.lam)
+
+
+def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Distance (m,) of each root to its partner among others, no two with the same partner.
+
+    Infinite where there is none.
+    """
+    distance = np.abs(lam[:, None] - others[None, :])
+    found = np.full(len(lam), np.inf)
+    rows, columns = linear_sum_assignment(distance)
+    found[rows] = distance[rows, columns]
+    return found

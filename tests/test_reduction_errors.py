@@ -1,0 +1,353 @@
+"""Errors of the reduction: a finer model against full order, carried between points, enriched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import scipy.sparse as sp
+from test_tables import drifting, modes_of, plan_of, write
+
+from squealstudy.analysis import point as point_module
+from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order.finer_model import (
+    enriched,
+    partner_distances,
+    reduction_errors,
+    with_finer_model,
+)
+from squealstudy.analysis.full_order.modes import full_order_modes
+from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.component import Component
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.law import ContactLaw
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.prepared import prepare_with_basis
+from squealstudy.reduction.working_point import working_point_result
+from squealstudy.study.cache import load_prepared, save_prepared
+from squealstudy.study.complex_modes import reduction
+from squealstudy.study.complex_modes.columns import read_columns
+from squealstudy.study.complex_modes.counts import uncertain_roots
+from squealstudy.study.complex_modes.errors import mode_errors, widening
+from squealstudy.study.complex_modes.kind import ComplexModes
+from squealstudy.study.complex_modes.reduction import CARRIED, Sample, carried
+from squealstudy.study.complex_modes.tables import build_tables
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+
+NODES = 40
+BAND = (50.0, 600.0)
+TOP = BAND[1]
+CUTOFF = 1.2 * TOP
+NOMINAL = OperatingPoint(0.4, 1e5, 0.5, ContactLaw())
+
+
+def bar(name: str, stiffness: tuple[float, float, float], mass: float) -> Component:
+    """A chain of nodes in three directions; its shear turns motion across into motion along."""
+    line = sp.diags([-np.ones(NODES - 1), np.ones(NODES - 1)], [0, 1], (NODES - 1, NODES))
+    D = np.diag(stiffness)
+    D[0, 2] = D[2, 0] = 0.3 * np.sqrt(stiffness[0] * stiffness[2])
+    K = sp.kron(line.T @ line, D).tocsr()
+    M = (mass / NODES) * sp.identity(3 * NODES, format="csr")
+    return Component(name, M, K)
+
+
+def two_bars() -> Assembly:
+    """Two bars pressed on each other, each on springs to ground."""
+    disc, pad = bar("disc", (4e6, 6e6, 3e6), 2.0), bar("pad", (2e6, 3e6, 1e6), 0.7)
+    n = 3 * NODES
+
+    def relative(direction: int) -> sp.csr_matrix:
+        chosen = np.arange(direction, n, 3)
+        rows = sp.csr_matrix((np.ones(NODES), (np.arange(NODES), chosen)), shape=(NODES, n))
+        return sp.hstack([-rows, rows]).tocsr()
+
+    T, T_perp, N = (relative(d) for d in range(3))
+    contact = ContactInterface(
+        N,
+        T,
+        T_perp,
+        np.full(NODES, 2e-5),
+        np.zeros(NODES),
+        np.full(NODES, 0.1),
+        ContactLaw(),
+        np.ones(NODES),
+    )
+    held = np.concatenate([np.arange(0, 6), np.arange(2 * n - 12, 2 * n)])
+    B = sp.csr_matrix((np.ones(len(held)), (np.arange(len(held)), held)), shape=(len(held), 2 * n))
+    load = np.zeros(2 * n)
+    load[n + 2 :: 3] = -2e-5 * np.linspace(0.5, 1.5, NODES)
+    springs = (SpringInterface("ground", B, np.full(len(held), 2e5)),)
+    return Assembly((disc, pad), contact, springs, load, np.zeros(2 * n))
+
+
+@pytest.fixture(scope="module")
+def bars():
+    """The assembly, a coarse reduction of it with its finer model, and that enriched."""
+    assembly = two_bars()
+    settings = BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
+    prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, settings)
+    about = (assembly, modes, (NOMINAL,), TOP)
+    prepared, larger = with_finer_model(prepared, basis, *about)
+    better, _ = with_finer_model(enriched(prepared, assembly, larger), larger, *about)
+    return assembly, modes, prepared, better
+
+
+UNTRAINED = [
+    DesignState(replace(NOMINAL, friction=0.25, pressure=6e4)),
+    DesignState(replace(NOMINAL, friction=0.6, pressure=2e5)),
+    DesignState(replace(NOMINAL, friction=0.5, law=ContactLaw(lam=1e6), sliding_speed=0.2)),
+    DesignState(NOMINAL, {("pad", 9): 0.8}, {("disc", 8): 0.02}, stiffness_damping=1e-7),
+]
+
+
+def true_errors(assembly, modes, prepared, state):
+    """Roots of the reduced model and their distances to full-order ones; the latter's errors."""
+    found = solve_point(prepared, state, BAND)
+    wide = (0.98 * BAND[0], 1.02 * BAND[1])
+    full = full_order_modes(assembly, modes, found.working_point, state, wide, CUTOFF)
+    return found.lam, partner_distances(found.lam, full.lam), full.error.max()
+
+
+@pytest.mark.parametrize("state", UNTRAINED)
+def test_the_finer_model_tells_the_error_against_full_order(bars, state):
+    assembly, modes, prepared, _ = bars
+    lam, true, round_off = true_errors(assembly, modes, prepared, state)
+    same, error = reduction_errors(prepared, state, BAND)
+    assert np.array_equal(lam, same)
+    told = true > 100 * round_off
+    assert told.sum() >= 20
+    assert (true / np.abs(lam)).max() > 1e-6  # the basis is coarse: there is something to tell
+    ratio = error[told] / true[told]
+    assert np.median(ratio) == pytest.approx(1.0, abs=1e-3)
+    assert (np.abs(ratio - 1.0) < 0.1).mean() >= 0.95
+
+
+def test_an_enriched_basis_is_within_a_tolerance_that_its_own_is_not(bars):
+    assembly, modes, prepared, better = bars
+    states = UNTRAINED[1:3]
+    before, after = (
+        max(
+            (e / np.abs(lam)).max()
+            for lam, e, _ in (true_errors(assembly, modes, model, s) for s in states)
+        )
+        for model in (prepared, better)
+    )
+    tolerance = 1e-5
+    assert after < tolerance < before
+    told = [
+        (e / np.abs(lam)).max() for lam, e in (reduction_errors(better, s, BAND) for s in UNTRAINED)
+    ]
+    assert 0.5 * after < max(told) < tolerance
+    assert better.model.mode_counts == prepared.model.mode_counts
+    for key in (("disc", 8), ("pad", 9)):  # parameters of component modes keep their coordinates
+        first = prepared.model.k_el[prepared.model.mode_coordinate(*key)]
+        assert better.model.k_el[better.model.mode_coordinate(*key)] == pytest.approx(first)
+
+
+def test_a_complete_basis_gets_no_directions_of_round_off():
+    assembly = two_bars()
+    everything = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
+    prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, everything)
+    made, _ = with_finer_model(prepared, basis, assembly, modes, (NOMINAL,), TOP)
+    assert made.finer is not None
+    assert made.finer.n == made.model.n == assembly.n_dof
+    lam, error = reduction_errors(made, UNTRAINED[1], BAND)
+    assert (error < 1e-9 * np.abs(lam)).all()
+
+
+def test_a_prepared_model_is_read_back_with_its_finer_model(bars, tmp_path, monkeypatch):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    _, _, prepared, _ = bars
+    save_prepared("with", prepared)
+    save_prepared("without", replace(prepared, finer=None))
+    assert load_prepared("without").finer is None
+    for mine, theirs in zip(
+        reduction_errors(prepared, UNTRAINED[0], BAND),
+        reduction_errors(load_prepared("with"), UNTRAINED[0], BAND),
+        strict=True,
+    ):
+        assert np.array_equal(mine, theirs)
+
+
+# -- the working point
+
+
+@pytest.mark.parametrize("state", UNTRAINED)
+def test_the_contact_compliance_neglects_nothing_of_the_full_order_equilibrium(bars, state):
+    """Displacements that the contact forces alone make balance the unreduced equations."""
+    assembly, modes, prepared, _ = bars
+    point = state_working_point(prepared, state)
+    c, operating = assembly.contact, state.operating
+    K = assembly.K_el + assembly.K_springs(static=True)
+    for (name, j), scale in state.frequency_scale.items():
+        span, mode = assembly.slices[name], modes[name]
+        U = np.zeros(assembly.n_dof)
+        U[span] = assembly.components[list(assembly.slices).index(name)].M @ mode.phi[:, j - 1]
+        K = K + sp.csr_matrix(np.outer(U, U) * (scale**2 - 1) * mode.omega[j - 1] ** 2)
+    normal = c.area * point.pressure
+    load = assembly.load * operating.pressure + c.N.T @ normal
+    load -= c.T.T @ (operating.mu_steady * c.frictional * normal)
+    q = sp.linalg.spsolve(K.tocsc(), load)
+    gap = c.gap0 + c.N @ q
+    assert np.abs(gap - point.gap).max() < 1e-9 * np.abs(point.gap).max()
+
+
+def test_the_imbalance_of_a_working_point_bounds_what_it_moves_roots_by(bars):
+    """Gaps that are off by far more than Newton leaves: the estimate is above the shift."""
+    _, _, prepared, _ = bars
+    state = DesignState(NOMINAL)
+    exact = solve_point(prepared, state, BAND)
+    point = exact.working_point
+    rng = np.random.default_rng(2)
+    off = 1e-10 * rng.standard_normal(len(point.gap))
+    p, kappa = NOMINAL.law.evaluate(point.gap + off)
+    moved = working_point_result(prepared.space.area, point.gap + off, p, kappa, 1, 1e-5, off)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(point_module, "state_working_point", lambda *_: moved)
+        lam = solve_point(prepared, state, BAND).lam
+    shift = partner_distances(exact.lam, lam)
+    bound = working_point_error(moved, exact.lam)
+    assert shift.max() > 1e-8 * np.abs(exact.lam).max()
+    assert (shift <= bound).all()
+    assert (working_point_error(point, exact.lam) < 1e-8 * np.abs(exact.lam)).all()
+
+
+# -- carried between points
+
+
+def test_a_sample_point_has_its_own_errors_and_others_lie_between():
+    lam = np.array([1.0, 2.0, 3.0]) * 1j
+    samples = [Sample(lam, np.array(e)) for e in ([1e-6, 1e-4, 1e-5], [1e-4, 1e-6, 1e-5])]
+    distance = np.array([[0.0, 1.0], [0.5, 0.5], [0.9, 0.1]])
+    point = np.repeat(np.arange(3), 3)
+    found = carried(np.tile(lam, 3) * 1.001, point, distance, samples).reshape(3, 3)
+    assert found[0] == pytest.approx([1e-6, 1e-4, 1e-5])
+    assert found[1] == pytest.approx(CARRIED * np.array([1e-5, 1e-5, 1e-5]))
+    assert (found[2, :2] > CARRIED * np.array([1e-5, 1e-6])).all()
+    assert (found[2, :2] < CARRIED * np.array([1e-4, 1e-5])).all()
+
+
+def test_missing_and_zero_errors_of_a_reduction(tmp_path, monkeypatch):
+    """A complete basis has none: zero; a reduced one without any sample: not known."""
+    plan = plan_of(3, 1)
+    write(tmp_path, plan, drifting(plan, 4))
+    table = _tables(plan, tmp_path)
+    assert (table["error_reduction"] == 0).all()
+    monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
+    table = _tables(plan, tmp_path)
+    assert table["error_reduction"].isna().all()
+    assert table["error_estimate"].isna().all()
+
+
+def _tables(plan, directory, samples=()):
+    build_tables(plan, directory, 1, lambda *_: None, samples)
+    return pq.read_table(directory / "modes.parquet").to_pandas()
+
+
+def test_errors_add_up_and_only_the_rungs_decides_on_status_and_sign(tmp_path, monkeypatch):
+    """A reduction far beyond the tolerance: points stay ok, no mode is turned stable by it."""
+    plan = plan_of(3, 1)
+    modes = {i: modes_of(np.random.default_rng(i), 5) for i in range(3)}
+    for one in modes.values():
+        object.__setattr__(one, "error_rung", np.full(5, 0.01))
+        one.lam.real[:] = [5.0, 1e5, -5.0, -1e5, 0.005]
+    write(tmp_path, plan, modes)
+    samples = [(i, Sample(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()]
+    monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
+    points, facts = build_tables(plan, tmp_path, 1, lambda *_: None, samples)
+    table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
+    assert table["error_reduction"].to_numpy() == pytest.approx(10.0)
+    assert (table["error_estimate"] == table["error_rung"] + table["error_reduction"]).all()
+    assert table["unstable"].tolist() == 3 * [True, True, False, False, False]
+    names = ["uncertain", "unstable", "uncertain", "stable", "uncertain"]
+    assert table["stability"].tolist() == 3 * names
+    assert points["status"].tolist() == 3 * ["ok"]
+    assert points["n_unstable"].tolist() == 3 * [2]
+    assert points["n_unstable_low"].tolist() == 3 * [1]
+    assert points["n_unstable_high"].tolist() == 3 * [4]
+    assert facts["errors"]["largest_reduction"] > plan.method.tolerance / 100
+
+
+def test_a_mode_is_uncertain_within_its_error_but_not_for_round_off():
+    lam = np.array([1.0, -1.0, 1.0, 1e-9, -1.0]) + 1e3j
+    error = np.array([1.0, 2.0, 0.5, 1e-8, np.nan])
+    assert uncertain_roots(lam, error, 1e-7).tolist() == [True, True, False, False, False]
+    assert uncertain_roots(lam, error, 0.0).tolist() == [True, True, False, True, False]
+
+
+def reference_of(lam):
+    return {"roots": [[x.real, x.imag] for x in lam], "root_errors": [1e-9] * len(lam)}
+
+
+def test_full_order_solutions_widen_errors_and_never_narrow_them(tmp_path, monkeypatch):
+    plan = plan_of(2, 1)
+    modes = {i: modes_of(np.random.default_rng(i), 40) for i in range(2)}
+    for one in modes.values():
+        object.__setattr__(one, "error_rung", np.full(40, 1e-9))
+    write(tmp_path, plan, modes)
+    monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
+    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
+    samples = [(i, Sample(m.lam, np.full(40, 1e-3) / np.abs(m.lam))) for i, m in modes.items()]
+    first = plan.tasks[0].point_id
+    own = modes[0].lam
+    for off, factor in ((1e-5, 1.0), (1e-3, 1.0), (7e-3, 7.0)):
+        errors, facts = mode_errors(plan, columns, samples, {first: reference_of(own + off)})
+        assert facts["reduction_widened"] == pytest.approx(factor, rel=1e-3)
+        assert errors.reduction == pytest.approx(factor * 1e-3, rel=1e-3)
+    below = {first: reference_of(own + 5e-8)}  # within 100 errors of the reference: no evidence
+    assert widening(plan, columns, np.full(80, 1e-12), below) == 1.0
+
+
+# -- enrichment
+
+BRAKE = """
+[study]
+name = "b"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+[[sweep]]
+parameter = "friction"
+start = 0.1
+stop = 0.5
+num = 5
+[modes]
+band = [500.0, 4000.0]
+"""
+
+
+@pytest.mark.parametrize(("worst", "is_enriched"), [(2e-4, True), (5e-5, False)])
+def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_tolerance(
+    worst, is_enriched, monkeypatch
+):
+    plan = Plan(parse_study(BRAKE, Path("study.toml")))
+    heavy = Sample(np.array([-50.0 + 100.0j, 100.0j]), np.array([1.0, worst]))
+    monkeypatch.setattr(reduction, "make_samples", lambda *_: [(0, heavy)])
+    kind = ComplexModes()
+    better = kind.accurate(plan, {}, 1, lambda *_: None)
+    assert better.enriched == is_enriched
+    assert (better is plan) != is_enriched
+    if is_enriched:
+        ids = [{t.point_id for t in p.tasks} for p in (plan, better)]
+        assert not ids[0] & ids[1]  # rows of the coarse basis are never taken for its own
+        assert kind.accurate(better, {}, 1, lambda *_: None) is better
+
+
+def test_sample_points_are_spread_over_each_structure():
+    text = BRAKE.replace("num = 5", "num = 41").replace(
+        "[modes]", '[[sweep]]\nparameter = "disc.thickness"\nvalues = [0.011, 0.012]\n[modes]'
+    )
+    plan = Plan(parse_study(text, Path("study.toml")))
+    chosen = reduction.sample_points(plan)
+    friction = plan.coordinates[chosen, 0].reshape(2, -1)
+    assert friction.shape == (2, reduction.LEAST)
+    for own in friction:
+        assert {0.1, 0.5} <= set(np.round(own, 9))
+        assert np.diff(np.sort(own)).max() < 0.11
