@@ -14,14 +14,17 @@ HEAVY = {"numba", "matplotlib", "skfem", "scipy.stats", "scipy.optimize", "scipy
 COMMAND = """
 import sys
 from squealstudy.cli.app import app
+if {patient}:  # a machine in use is slow, and the study would get workers
+    from squealstudy.study import structures
+    structures.PATIENCE = 1e6
 app({arguments!r}, standalone_mode=False)
 sys.stderr.write(" ".join(sys.modules))
 """
 
 
-def imported(*arguments, **environment):
+def imported(*arguments, patient=False, **environment):
     """Modules that a process has when a command is done."""
-    code = COMMAND.format(arguments=list(map(str, arguments)))
+    code = COMMAND.format(arguments=list(map(str, arguments)), patient=patient)
     done = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
@@ -39,7 +42,8 @@ def test_check_of_a_minimal_model_imports_no_heavy_library():
 
 
 def test_small_study_runs_without_workers(tmp_path):
-    found = imported("run", STUDY, "--output", tmp_path / "out", "--no-pictures", "--jobs", "2")
+    options = ("--output", tmp_path / "out", "--no-pictures", "--jobs", "2")
+    found = imported("run", STUDY, *options, patient=True)
     assert (tmp_path / "out" / "modes.parquet").is_file()
     assert not found & (HEAVY - {"scipy.optimize", "scipy.spatial"})  # onsets, tracking
 
