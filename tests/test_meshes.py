@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import CUTOFF, benchmark
 
-from squealstudy.errors import ParameterError
+from squealstudy.analysis.point import PointModes
+from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.disc_brake.density import COARSE, DENSITIES, FINE, MEDIUM
@@ -17,7 +19,11 @@ from squealstudy.models.disc_brake.solids import ASCENDING, BrakeMesher
 from squealstudy.models.fem.grid import cylindrical_mesh
 from squealstudy.models.fem.sampling import shape_functions
 from squealstudy.models.fem.solid import FULL
+from squealstudy.study.definition import load_study
+from squealstudy.study.mesh_error import mesh_error
+from squealstudy.study.plan import Plan
 
+STUDY = Path(__file__).parents[1] / "studies" / "friction_pressure.toml"
 SOLIDS = ("disc", "inner_pad", "caliper")
 TOP = 6e3  # Hz
 # lengths and angles that meshes follow; the fingers end with the bridge by default, see below
@@ -144,3 +150,33 @@ def test_points_of_thin_cells_are_found():
     np.testing.assert_allclose(
         shape_functions(solid, points) @ solid.coordinates, points, atol=1e-12
     )
+
+
+# -- what a study is told ------------------------------------------------------------------------
+def found_modes(lam):
+    """Modes of roots lam, each with a shape of its own."""
+    lam = np.array(lam)
+    some = np.zeros(len(lam))
+    modes = PointModes(lam, some > 0, some, np.zeros((1, len(lam))), np.eye(len(lam)), None)
+    return modes, np.eye(len(lam), 8), 1.0
+
+
+def test_error_of_a_mesh_is_that_of_paired_light_modes(monkeypatch):
+    own = [-3.0 + 1010j, 8.0 + 2000j, -900.0 + 3000j]
+    finer = [-2.0 + 1000j, -4.0 + 2000j, -800.0 + 3000j, 1.0 + 9000j]
+    answers = iter([found_modes(own), found_modes(finer)])
+    monkeypatch.setattr("squealstudy.study.mesh_error._nominal_modes", lambda *_: next(answers))
+    found = mesh_error(Plan(load_study(STUDY)), 1)
+    assert found.meshes == ("medium", "fine")
+    assert found.frequency == pytest.approx([0.01, 0.0], abs=1e-4)
+    assert found.damping == pytest.approx([3 / 1010 - 2 / 1000, 12 / 2000], rel=1e-3)
+    assert found.unpaired == 1
+    assert found.unstable == (1, 1)
+
+
+@pytest.mark.parametrize("mesh", ["fine", ""])
+def test_error_of_a_mesh_without_a_finer_one_is_refused(mesh):
+    study = load_study(STUDY)
+    options = {k: v for k, v in (study.options | {"mesh": mesh}).items() if v}
+    with pytest.raises(SquealstudyError, match="finer mesh than 'fine'" if mesh else "no mesh"):
+        mesh_error(Plan(replace(study, options=options)), 1)

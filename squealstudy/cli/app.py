@@ -65,11 +65,19 @@ def check(
     build: Annotated[
         bool, typer.Option("--build", help="Make and cache the first reduction, then time points.")
     ] = False,
+    mesh_error: Annotated[
+        bool,
+        typer.Option(
+            "--mesh-error",
+            help="Solve the values of [parameters] on the study's mesh and on the next finer one, "
+            "and state how far modes differ.",
+        ),
+    ] = False,
 ) -> None:
     """Validate a study, count its points, estimate time and memory. Writes no results."""
     from squealstudy.cli.check import check_command
 
-    check_command(study, output, jobs, build)
+    check_command(study, output, jobs, build, mesh_error)
 
 
 @app.command()

@@ -8,6 +8,8 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from squealstudy.analysis.tables.validity import BETWEEN, rule_counts
 from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.errors import SquealstudyError
@@ -32,7 +34,9 @@ from squealstudy.study.validity import parameter_reasons
 from squealstudy.wording import plural
 
 
-def check_command(path: Path, output: Path | None, jobs: int | None, build: bool) -> None:
+def check_command(
+    path: Path, output: Path | None, jobs: int | None, build: bool, of_mesh: bool
+) -> None:
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
     loaded = load_any(path)
     if isinstance(loaded, Experiment):
@@ -64,6 +68,7 @@ def check_command(path: Path, output: Path | None, jobs: int | None, build: bool
     done = chunks.finished_points(directory, kind.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
+    rows += _mesh_error(plan, jobs) if of_mesh else []
     screen.facts([*rows, *fidelity_screen.facts(facts)])
     if text := outdated(directory, found):
         screen.warning(f"{text}; all design points will be solved again")
@@ -128,6 +133,27 @@ def _validity(plan: Plan) -> list[tuple[str, str]]:
         return []
     text = f"{len(reasons)} of {len(plan.tasks)} points will be outside: "
     return [("validity", text + screen.broken_rules(rule_counts(reasons)))]
+
+
+def _mesh_error(plan: Plan, jobs: int) -> list[tuple[str, str]]:
+    """What the next finer mesh changes; it is solved for this."""
+    from squealstudy.study.mesh_error import mesh_error
+
+    found = mesh_error(plan, jobs)
+    mesh, finer = found.meshes
+    text = f"{mesh} against {finer} at the values of [parameters], in the band: "
+    if len(found.frequency):
+        text += (
+            f"frequencies differ by {100 * found.frequency.max():.2f} % at most "
+            f"({100 * np.median(found.frequency):.2f} % in the median), damping ratios by "
+            f"{100 * found.damping.max():.3f} % of critical at most, over "
+            f"{plural(len(found.frequency), 'mode')} of |damping| < 5 %; "
+        )
+    if found.unpaired:
+        text += f"{plural(found.unpaired, 'more mode')} of {finer} without a counterpart; "
+    text += f"unstable are {found.unstable[0]} on {mesh}, {found.unstable[1]} on {finer}"
+    cost = f"{_duration(found.seconds[0])} on {mesh}, {_duration(found.seconds[1])} on {finer}"
+    return [("mesh error", f"{text} ({cost})")]
 
 
 def _bound(plan: Plan) -> str:

@@ -17,6 +17,7 @@ from squealstudy.study.sampling import check_limit
 from squealstudy.wording import plural
 
 LISTED = 12  # modes in the ranking that a run prints
+OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
 
 
 def run_command(
@@ -157,6 +158,8 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
     asked = manifest.get("reference", [])
     checks = [c for c in asked if c.get("status") == "ok"]
     other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
+    meshed = "mesh" in manifest.get("options", {})
+    other += " of the same mesh" if meshed else ""
     if not asked:
         failed = ", or those points failed" if manifest["n_failed"] else ""
         return f"not checked against {other} ([modes] reference_points = 0{failed})"
@@ -170,5 +173,5 @@ def error_statement(directory: Path, manifest: dict[str, Any]) -> str:
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
         f"modes of |damping| < 5 % against {other} at "
-        f"{plural(len(checks), 'point')}"
+        f"{plural(len(checks), 'point')}{OF_MESH if meshed else ''}"
     )

@@ -24,7 +24,7 @@ def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Asse
 
 DISC_BRAKE = ModelDefinition(
     "disc_brake",
-    "finite-element disc brake: disc with bell, two pads, floating caliper; about 25,000 DOF",
+    "finite-element disc brake: disc with bell, two pads, floating caliper; about 29,000 DOF",
     OPTIONS,
     PARAMETERS,
     COMPONENTS,

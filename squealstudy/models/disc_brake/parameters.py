@@ -21,7 +21,11 @@ from squealstudy.models.parameter import Assumption, Option, Parameter, structur
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 OPTIONS = (
-    Option("mesh", ("medium", "coarse", "fine"), "element size: 1, 1.5 or 0.67 times the default"),
+    Option(
+        "mesh",
+        ("medium", "coarse", "fine"),
+        "cells: about 29,000, 15,000 or 83,000 DOF",
+    ),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
     Option("contact_law", ("exponential", "unilateral", "power", "bilateral"), "contact law"),
 )
