@@ -124,7 +124,7 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             if task.top_hz is not None:
                 about = (assembly, modes, points, task.top_hz)
                 prepared, basis = with_finer_model(prepared, basis, *about)
-                if task.coarse_key:
+                if task.coarse_key and prepared.finer is not None:
                     prepared = enriched(prepared, assembly, basis)
                     prepared, basis = with_finer_model(prepared, basis, *about)
             timings["finer_model_s"] = time.perf_counter() - started

@@ -9,6 +9,7 @@ the distance of the roots of both models is the error of the smaller one.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -44,6 +45,8 @@ def with_finer_model(
 ) -> tuple[PreparedModel, Basis]:
     """A prepared model with its finer model, and the finer model's basis.
 
+    Without a working point whose modes can be found there is no finer model: None.
+
     Parameters
     ----------
     prepared : PreparedModel
@@ -55,6 +58,8 @@ def with_finer_model(
         Modes up to here leave loads.
     """
     loads = residual_loads(prepared, assembly, basis, points, top_hz)
+    if loads is None:
+        return replace(prepared, finer=None), basis
     finer, larger = extended_basis(assembly, modes, basis, _responses(prepared, assembly, loads))
     return replace(prepared, finer=finer), larger
 
@@ -74,32 +79,48 @@ def residual_loads(
     basis: Basis,
     points: Sequence[OperatingPoint],
     top_hz: float,
-) -> np.ndarray:
+) -> np.ndarray | None:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
-    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
-    relatively. Working points that do not exist are left out.
+    Points without a working point or modes are left out; None where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
+    states = map(DesignState, [*points, replace(points[0], friction=0.0)])
+    found = []
+    for state in states:
+        with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
+            found.append(_loads_at(prepared, assembly, basis, state, top_hz, rng))
+    return sum(found[1:], found[0]) if found else None
+
+
+def _loads_at(
+    prepared: PreparedModel,
+    assembly: Assembly,
+    basis: Basis,
+    state: DesignState,
+    top_hz: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """The same of one design point, of right and left modes.
+
+    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
+    relatively.
+    """
+    point = state_working_point(prepared, state)
+    small = linearise(prepared.model, point, state)
+    full = full_order_system(assembly, {}, point, state, top_hz)
+    C, K = full.C.sparse, full.K.sparse
+    sides = [(small.C, small.K, C, K)]
+    if state.operating.mu_steady:
+        sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
     total = np.zeros((assembly.n_dof, DIRECTIONS))
     band = (LOWEST * 2 * np.pi * top_hz, 2 * np.pi * top_hz)
-    for state in map(DesignState, [*points, replace(points[0], friction=0.0)]):
-        try:
-            point = state_working_point(prepared, state)
-        except ConvergenceError:
-            continue
-        small = linearise(prepared.model, point, state)
-        full = full_order_system(assembly, {}, point, state, top_hz)
-        C, K = full.C.sparse, full.K.sparse
-        sides = [(small.C, small.K, C, K)]
-        if state.operating.mu_steady:
-            sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
-        for C_r, K_r, C_f, K_f in sides:
-            lam, psi = dense_roots(C_r, K_r, band)
-            psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
-            load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
-            mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
-            total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
+    for C_r, K_r, C_f, K_f in sides:
+        lam, psi = dense_roots(C_r, K_r, band)
+        psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
+        load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
+        mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+        total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
     return total
 
 
@@ -122,9 +143,10 @@ def reduction_errors(
     Raises
     ------
     ConvergenceError
-        Where there is no working point.
+        Where there is no working point, or no finer model.
     """
-    assert prepared.finer is not None
+    if prepared.finer is None:
+        raise ConvergenceError("failed", "there is no finer model of this structure")
     found = solve_point(prepared, state, band_hz)
     n = prepared.finer.n
     larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
