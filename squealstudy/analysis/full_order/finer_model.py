@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import linear_sum_assignment
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import full_order_system
@@ -176,6 +175,8 @@ def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
 
     Infinite where there is none.
     """
+    from scipy.optimize import linear_sum_assignment  # slow to import, and workers alone need it
+
     distance = np.abs(lam[:, None] - others[None, :])
     found = np.full(len(lam), np.inf)
     rows, columns = linear_sum_assignment(distance)
