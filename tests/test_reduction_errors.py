@@ -13,7 +13,9 @@ from test_tables import drifting, modes_of, plan_of, write
 
 from squealstudy.analysis import point as point_module
 from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.full_order import finer_model
 from squealstudy.analysis.full_order.finer_model import (
+    Reduction,
     enriched,
     partner_distances,
     reduction_errors,
@@ -92,10 +94,9 @@ def bars():
     assembly = two_bars()
     settings = BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
     prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, settings)
-    about = (assembly, modes, (NOMINAL,), TOP)
-    prepared, larger = with_finer_model(prepared, basis, *about)
-    better, _ = with_finer_model(enriched(prepared, assembly, larger), larger, *about)
-    return assembly, modes, prepared, better
+    made = Reduction(assembly, modes, (NOMINAL,), TOP, CUTOFF)
+    better = with_finer_model(*enriched(prepared, basis, made), made)
+    return assembly, modes, with_finer_model(prepared, basis, made), better
 
 
 UNTRAINED = [
@@ -103,6 +104,7 @@ UNTRAINED = [
     DesignState(replace(NOMINAL, friction=0.6, pressure=2e5)),
     DesignState(replace(NOMINAL, friction=0.5, law=ContactLaw(lam=1e6), sliding_speed=0.2)),
     DesignState(NOMINAL, {("pad", 9): 0.8}, {("disc", 8): 0.02}, stiffness_damping=1e-7),
+    DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.02),
 ]
 
 
@@ -124,8 +126,9 @@ def test_the_finer_model_tells_the_error_against_full_order(bars, state):
     assert told.sum() >= 20
     assert (true / np.abs(lam)).max() > 1e-6  # the basis is coarse: there is something to tell
     ratio = error[told] / true[told]
-    assert np.median(ratio) == pytest.approx(1.0, abs=1e-3)
-    assert (np.abs(ratio - 1.0) < 0.1).mean() >= 0.95
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
+    assert (ratio > 1 / reduction.SAFETY).mean() >= 0.95
+    assert np.quantile(ratio, 0.9) < 2.0
 
 
 def test_an_enriched_basis_is_within_a_tolerance_that_its_own_is_not(bars):
@@ -138,11 +141,12 @@ def test_an_enriched_basis_is_within_a_tolerance_that_its_own_is_not(bars):
         )
         for model in (prepared, better)
     )
-    tolerance = 1e-5
+    tolerance = 3e-5
     assert after < tolerance < before
-    told = [
-        (e / np.abs(lam)).max() for lam, e in (reduction_errors(better, s, BAND) for s in UNTRAINED)
-    ]
+    told = []
+    for state in states:
+        lam, error = reduction_errors(better, state, BAND)
+        told.append((error / np.abs(lam)).max())
     assert 0.5 * after < max(told) < tolerance
     assert better.model.mode_counts == prepared.model.mode_counts
     for key in (("disc", 8), ("pad", 9)):  # parameters of component modes keep their coordinates
@@ -150,14 +154,20 @@ def test_an_enriched_basis_is_within_a_tolerance_that_its_own_is_not(bars):
         assert better.model.k_el[better.model.mode_coordinate(*key)] == pytest.approx(first)
 
 
-def test_a_complete_basis_gets_no_directions_of_round_off():
+def test_a_basis_is_extended_up_to_completeness_and_no_further(monkeypatch):
+    """Directions of round-off are none: the last steps find one or two left, or nothing."""
+    monkeypatch.setattr(finer_model, "ENRICHING", 1e-12)
     assembly = two_bars()
-    everything = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
-    prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, everything)
-    made, _ = with_finer_model(prepared, basis, assembly, modes, (NOMINAL,), TOP)
-    assert made.finer is not None
-    assert made.finer.n == made.model.n == assembly.n_dof
-    lam, error = reduction_errors(made, UNTRAINED[1], BAND)
+    prepared, modes, basis = prepare_with_basis(
+        assembly, NOMINAL, BasisSettings(4 * CUTOFF, 4 * CUTOFF, 0.0, 1e-3)
+    )
+    made, sizes = Reduction(assembly, modes, (NOMINAL,), TOP, np.inf), [0]
+    while prepared.model.n > sizes[-1]:
+        sizes.append(prepared.model.n)
+        prepared, basis = enriched(prepared, basis, made)
+        assert prepared.model.n <= assembly.n_dof
+    prepared = with_finer_model(prepared, basis, made)
+    lam, error = reduction_errors(prepared, UNTRAINED[1], BAND)
     assert (error < 1e-9 * np.abs(lam)).all()
 
 

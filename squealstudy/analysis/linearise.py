@@ -74,14 +74,18 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> R
     for key, c in state.modal_dampers(omega).items():
         j = model.mode_coordinate(*key)
         C[j, j] += c
-    C += assembly_damping(K_sym, state)
+    C += assembly_damping(K_sym, state, model.damped_to)
     if state.stiffness_damping:
         C += state.stiffness_damping * K_sym
     return ReducedSystem(C, K, k_el, K_sym)
 
 
-def assembly_damping(K_sym: np.ndarray, state: DesignState) -> np.ndarray | float:
+def assembly_damping(
+    K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
+) -> np.ndarray | float:
     """Modal damping (n, n) of a design point's assembly, rad/s; 0 where it has none.
+
+    Real modes beyond `damped_to` [rad/s] carry none.
 
     Raises
     ------
@@ -89,10 +93,11 @@ def assembly_damping(K_sym: np.ndarray, state: DesignState) -> np.ndarray | floa
         Damping of an assembly mode that the basis does not have.
     """
     zeta = state.assembly_damping_ratios(len(K_sym))
-    return modal_damping(K_sym, zeta) if zeta.any() else 0.0
+    return modal_damping(K_sym, zeta, damped_to) if zeta.any() else 0.0
 
 
-def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """Modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over all real modes, zeta (n,)."""
+def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
+    """Modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over real modes, zeta (n,)."""
     w2, phi = la.eigh(K_sym)
-    return (phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))) @ phi.T
+    omega = np.sqrt(np.maximum(w2, 0.0))
+    return (phi * np.where(omega <= damped_to, 2.0 * zeta * omega, 0.0)) @ phi.T

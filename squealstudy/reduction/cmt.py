@@ -69,6 +69,8 @@ class ReducedModel:
     N, T, T_perp : ndarray (nc, n)
         Contact observation (models.interface.ContactInterface).
     area, frictional, radius : ndarray (nc,)
+    damped_to : float
+        Real modes of the assembly up to here [rad/s] carry its modal damping.
     """
 
     components: tuple[str, ...]
@@ -82,6 +84,7 @@ class ReducedModel:
     area: np.ndarray
     frictional: np.ndarray
     radius: np.ndarray
+    damped_to: float = np.inf
 
     @property
     def n(self) -> int:

@@ -20,6 +20,7 @@ OVERHEAD = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
 # of the least and the longest time: exact complex modes; reanalysis; other kinds of study
 EXACT, REANALYSIS, OTHER = (0.9, 1.1), (0.5, 1.5), (0.8, 1.6)
 BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
+SAMPLE = 3.0  # exact solves that a sample point of the reduction's error costs: of two models
 FULL_ORDER = 20.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
 
@@ -59,7 +60,8 @@ def run_seconds(
     Points of exact methods take what the timed ones did, and as many again or more may be solved
     between them by tracking and onsets; those of reanalysis the share of an exact point that they
     take on the brake, after a basis for each structure that has none in the cache. Points checked
-    at full order come on top. Runs that end once their outcome is known may be over soon.
+    at full order and sample points of the reduction's error come on top. Runs that end once their
+    outcome is known may be over soon.
 
     Parameters
     ----------
@@ -91,7 +93,11 @@ def run_seconds(
         low = 0.0
     if complex_modes and served is None and _refines(plan):
         high += BETWEEN
-    build += _check_seconds(plan, cost.point_s) / jobs if complex_modes else 0.0
+    if complex_modes:
+        from squealstudy.study.complex_modes.reduction import is_reduced, sample_points
+
+        samples = len(sample_points(plan)) if is_reduced(plan) else 0
+        build += (_check_seconds(plan, cost.point_s) + samples * SAMPLE * cost.point_s) / jobs
     points = [n * own / min(jobs, n) + bases for n in (missing, most or missing)]
     return build + low * points[0] + OVERHEAD[0], build + high * points[1] + OVERHEAD[1]
 

@@ -177,9 +177,10 @@ class ModesSection(Section):
         gt=0,
         le=0.1,
         description="largest estimated error of lightly damped and of growing modes, relative in "
-        "frequency and absolute in damping ratio: where a method that is not exact exceeds it a "
-        "point is solved exactly, and where that does too (stiff springs beside soft ones) its "
-        "status is inaccurate",
+        "frequency and absolute in damping ratio: where error_rung of a method that is not exact "
+        "exceeds it a point is solved exactly, and where that does too (stiff springs beside soft "
+        "ones) its status is inaccurate; where error_reduction exceeds it the basis is enriched, "
+        "once for the study",
     )
     audit: float = Field(
         default=0.0,

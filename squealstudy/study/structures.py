@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order.finer_model import enriched, with_finer_model
+from squealstudy.analysis.full_order.finer_model import Reduction, enriched, with_finer_model
 from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
@@ -120,13 +120,13 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             )
             timings = {"assembly_s": assembly_s, **prepared.timings}
             started = time.perf_counter()
-            points = (task.nominal, *task.training)
             if task.top_hz is not None:
-                about = (assembly, modes, points, task.top_hz)
-                prepared, basis = with_finer_model(prepared, basis, *about)
+                points = (task.nominal, *task.training)
+                cutoff = task.settings.assembly_cutoff
+                made = Reduction(assembly, modes, points, task.top_hz, cutoff)
                 if task.coarse_key:
-                    prepared = enriched(prepared, assembly, basis)
-                    prepared, basis = with_finer_model(prepared, basis, *about)
+                    prepared, basis = enriched(prepared, basis, made)
+                prepared = with_finer_model(prepared, basis, made)
             timings["finer_model_s"] = time.perf_counter() - started
         save_prepared(key, replace(prepared, timings=timings))
     except SquealstudyError as error:

@@ -9,8 +9,9 @@ the distance of the roots of both models is the error of the smaller one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import contextlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,81 +25,119 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import factorise
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
-from squealstudy.reduction.cmt import Basis, ComponentModes
+from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
 from squealstudy.reduction.extended_basis import extended_basis
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 
-DIRECTIONS = 40  # static responses; as many new coordinates in each component
+DIRECTIONS = 40  # static responses
+FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
+ENRICHING = 0.05  # and of what enriches a basis
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
 
 
-def with_finer_model(
-    prepared: PreparedModel,
-    basis: Basis,
-    assembly: Assembly,
-    modes: Mapping[str, ComponentModes],
-    points: Sequence[OperatingPoint],
-    top_hz: float,
-) -> tuple[PreparedModel, Basis]:
-    """A prepared model with its finer model, and the finer model's basis.
+@dataclass(frozen=True)
+class Reduction:
+    """What a prepared model was made from.
 
-    Parameters
+    Attributes
     ----------
-    prepared : PreparedModel
-    basis, assembly, modes
-        What it was made from.
-    points : sequence of OperatingPoint
+    assembly : Assembly
+    modes : mapping of component name -> ComponentModes
+    points : tuple of OperatingPoint
         The nominal one first; residual loads are taken there, and without friction.
     top_hz : float
         Modes up to here leave loads.
+    damped_to_hz : float
+        Real modes up to here carry the modal damping of the unreduced assembly, and of the finer
+        model: that a reduced one damps all of its modes is part of its error.
     """
-    loads = residual_loads(prepared, assembly, basis, points, top_hz)
-    finer, larger = extended_basis(assembly, modes, basis, _responses(prepared, assembly, loads))
-    return replace(prepared, finer=finer), larger
+
+    assembly: Assembly
+    modes: Mapping[str, ComponentModes]
+    points: tuple[OperatingPoint, ...]
+    top_hz: float
+    damped_to_hz: float
 
 
-def enriched(prepared: PreparedModel, assembly: Assembly, larger: Basis) -> PreparedModel:
-    """The prepared model whose model is the finer one; it has no finer one yet."""
-    assert prepared.finer is not None
-    phi, sensors = shape_basis(assembly, prepared.finer, larger, prepared.nominal_tangent)
-    return replace(
-        prepared, model=prepared.finer, shape_basis=phi, sensor_shapes=sensors, finer=None
-    )
+def with_finer_model(prepared: PreparedModel, basis: Basis, made: Reduction) -> PreparedModel:
+    """A prepared model, of this basis, with its finer model.
+
+    Without a working point whose modes can be found there is no finer model: None.
+    """
+    larger = _extended(prepared, basis, made, FINER)
+    if larger is None:
+        return replace(prepared, finer=None)
+    return replace(prepared, finer=replace(larger[0], damped_to=2 * np.pi * made.damped_to_hz))
 
 
-def residual_loads(
-    prepared: PreparedModel,
-    assembly: Assembly,
-    basis: Basis,
-    points: Sequence[OperatingPoint],
-    top_hz: float,
-) -> np.ndarray:
+def enriched(prepared: PreparedModel, basis: Basis, made: Reduction) -> tuple[PreparedModel, Basis]:
+    """The prepared model with the leading directions of its finer one in its basis, and that.
+
+    It has no finer model yet. Where there would be none, it is the same.
+    """
+    larger = _extended(prepared, basis, made, ENRICHING)
+    if larger is None:
+        return prepared, basis
+    model, basis = larger
+    phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
+    return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None), basis
+
+
+def _extended(
+    prepared: PreparedModel, basis: Basis, made: Reduction, share: float
+) -> tuple[ReducedModel, Basis] | None:
+    loads = residual_loads(prepared, basis, made)
+    if loads is None:
+        return None
+    responses = _responses(prepared, made.assembly, loads)
+    try:
+        return extended_basis(made.assembly, made.modes, basis, responses, share)
+    except np.linalg.LinAlgError:  # an error that is not known is better than no study
+        return None
+
+
+def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray | None:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
-    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
-    relatively. Working points that do not exist are left out.
+    Points without a working point or modes are left out; None where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
+    states = map(DesignState, [*made.points, replace(made.points[0], friction=0.0)])
+    found = []
+    for state in states:
+        with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
+            found.append(_loads_at(prepared, basis, made, state, rng))
+    return sum(found[1:], found[0]) if found else None
+
+
+def _loads_at(
+    prepared: PreparedModel,
+    basis: Basis,
+    made: Reduction,
+    state: DesignState,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """The same of one design point, of right and left modes.
+
+    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
+    relatively.
+    """
+    point = state_working_point(prepared, state)
+    small = linearise(prepared.model, point, state)
+    assembly, top = made.assembly, 2 * np.pi * made.top_hz
+    full = full_order_system(assembly, {}, point, state, made.top_hz)
+    C, K = full.C.sparse, full.K.sparse
+    sides = [(small.C, small.K, C, K)]
+    if state.operating.mu_steady:
+        sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
     total = np.zeros((assembly.n_dof, DIRECTIONS))
-    band = (LOWEST * 2 * np.pi * top_hz, 2 * np.pi * top_hz)
-    for state in map(DesignState, [*points, replace(points[0], friction=0.0)]):
-        try:
-            point = state_working_point(prepared, state)
-        except ConvergenceError:
-            continue
-        small = linearise(prepared.model, point, state)
-        full = full_order_system(assembly, {}, point, state, top_hz)
-        C, K = full.C.sparse, full.K.sparse
-        sides = [(small.C, small.K, C, K)]
-        if state.operating.mu_steady:
-            sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
-        for C_r, K_r, C_f, K_f in sides:
-            lam, psi = dense_roots(C_r, K_r, band)
-            psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
-            load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
-            mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
-            total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
+    for C_r, K_r, C_f, K_f in sides:
+        lam, psi = dense_roots(C_r, K_r, (LOWEST * top, top))
+        psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
+        load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
+        mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+        total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
     return total
 
 
@@ -121,9 +160,10 @@ def reduction_errors(
     Raises
     ------
     ConvergenceError
-        Where there is no working point.
+        Where there is no working point, or no finer model.
     """
-    assert prepared.finer is not None
+    if prepared.finer is None:
+        raise ConvergenceError("failed", "there is no finer model of this structure")
     found = solve_point(prepared, state, band_hz)
     n = prepared.finer.n
     larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
@@ -138,7 +178,7 @@ def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
 
     Infinite where there is none.
     """
-    from scipy.optimize import linear_sum_assignment  # slow to import
+    from scipy.optimize import linear_sum_assignment  # slow to import, and workers alone need it
 
     distance = np.abs(lam[:, None] - others[None, :])
     found = np.full(len(lam), np.inf)

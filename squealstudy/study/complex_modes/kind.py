@@ -67,12 +67,13 @@ class ComplexModes:
     ) -> Plan:
         """The plan, with an enriched basis where that of the study errs by more than its tolerance.
 
-        What no rung of reanalysis can lower is lowered once for all points of the study.
+        What no rung of reanalysis can lower is lowered once for all points of the study. A basis
+        that the study chooses itself, by any key of [reduction], stays as it is.
         """
+        if plan.enriched or plan.study.definition.reduction.model_fields_set:
+            return plan
         from squealstudy.study.complex_modes.reduction import make_samples
 
-        if plan.enriched:
-            return plan
         samples = make_samples(plan, jobs, failures, report)
         worst = max((sample.worst for _, sample in samples), default=0.0)
         return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
