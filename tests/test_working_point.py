@@ -40,8 +40,8 @@ def recover(brake):
 
 def full_order_residual(brake, q, operating):
     """Imbalance of all degrees of freedom, with the pressures of q itself, relative to the forces
-    that balance (load, contact, friction). Double precision itself leaves up to 3e-11 of them:
-    2.2e-16 |K| |q|.
+    that balance (load, contact, friction). Double precision itself leaves up to 3e-11 of them,
+    2.2e-16 |K| |q|, and compliances that are solved without refinement up to 1e-9.
     """
     c = brake.assembly.contact
     p, _ = operating.law.evaluate(c.gap0 + c.N @ q)
@@ -58,7 +58,7 @@ def test_full_order_equations_hold(brake, recover, friction, lam):
         operating = OperatingPoint(friction, pressure, 0.5, ContactLaw(lam=lam))
         point = working_point(brake.space, operating)
         q = recover(point, operating)
-        assert full_order_residual(brake, q, operating) <= 1e-10
+        assert full_order_residual(brake, q, operating) <= 1e-9
         gap = brake.assembly.contact.N @ q
         np.testing.assert_allclose(gap, point.gap, atol=1e-10 * np.abs(point.gap).max())
         assert point.residual <= 1e-11
