@@ -35,7 +35,7 @@ from squealstudy.wording import plural
 
 
 def check_command(
-    path: Path, output: Path | None, jobs: int | None, build: bool, of_mesh: bool
+    path: Path, output: Path | None, jobs: int | None, build: bool, of_mesh: bool = False
 ) -> None:
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
     loaded = load_any(path)
