@@ -21,7 +21,7 @@ OVERHEAD = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
 EXACT, REANALYSIS, OTHER = (0.9, 1.1), (0.5, 1.5), (0.8, 1.6)
 BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
 SAMPLE = 3.0  # exact solves that a sample point of the reduction's error costs: of two models
-FULL_ORDER = 20.0  # exact solves of a reduced brake that one of the full-order model costs, about
+FULL_ORDER = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ PAYS_FROM = {1: 60, 2: 300, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
 
-BASIS_SOLVES = 20  # exact solves that a sweep basis costs, about
+BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about: 20 of friction, 100 of a map
 # seconds of a design point over those of an exact solve, about
-SERVED = {WINDOWS: 0.03, SWEEP_BASIS: 0.1, TWO_STEP: 0.2, PERTURBATION: 0.15}
+SERVED = {WINDOWS: 0.13, SWEEP_BASIS: 0.4, TWO_STEP: 0.9, PERTURBATION: 0.6}
 
 
 class Method(NamedTuple):
