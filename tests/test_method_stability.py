@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from squealstudy import open_results
 from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.cli.app import app
+from squealstudy.cli.check import check_command
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
@@ -46,6 +47,11 @@ def write(tmp_path):
         return path
 
     return file
+
+
+def test_a_map_of_methods_has_no_mesh_error(write):
+    with pytest.raises(SquealstudyError, match=r"map\.toml: --mesh-error .* has not"):
+        check_command(write(MAP), None, 1, False, of_mesh=True)
 
 
 def test_cells_of_a_map(write, tmp_path):

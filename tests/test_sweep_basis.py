@@ -120,6 +120,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
     assert map_basis.error <= TOLERANCE
     assert map_basis.V.shape[1] < 0.8 * prepared.model.n
     true, estimate = [], []
+    interpolated = map_problem.modal_damping_error()
     for theta in random_points(10, 2, seed=42):
         assert np.abs(map_basis.trained - theta).sum(axis=1).min() > 1e-3
         weights = map_problem.weights(theta)
@@ -127,6 +128,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
         pairs = pairs.take(in_band(pairs.lam, map_problem.band, 1.05))
         full = map_basis.expand(weights, pairs)
         error = bounded(two_sided_error(map_problem, weights, full), pairs.lam)
+        error += interpolated * np.abs(pairs.lam)
         exact = dense(prepared, friction_pressure(theta))
         exact = exact[light(exact)]
         distance = np.abs(exact[:, None] - pairs.lam)
@@ -134,7 +136,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
         estimate.append(error[distance.argmin(axis=1)] / np.abs(exact))
     true, estimate = np.concatenate(true), np.concatenate(estimate)
     assert true.max() <= 3 * TOLERANCE
-    covered(true, estimate, 1e-2 * TOLERANCE)  # estimates are of first order: not where roots meet
+    covered(true, estimate, 1e-4 * TOLERANCE)
 
 
 def test_the_estimate_corrects_its_root(prepared, map_problem, map_basis):

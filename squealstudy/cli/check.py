@@ -42,6 +42,11 @@ def check_command(
     if isinstance(loaded, Experiment):
         from squealstudy.cli.experiment import check_experiment_command
 
+        if of_mesh:
+            raise SquealstudyError(
+                f"{path}: --mesh-error is of a study's design points, which a study of methods "
+                "has not: check the study that it varies"
+            )
         check_experiment_command(loaded, output)
         return
     plan, facts = Plan(loaded), None

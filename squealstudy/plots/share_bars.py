@@ -76,7 +76,7 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     wide = own.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
     wide = wide.reindex(line["point_id"]).fillna(0.0)
     mean, peak = wide.mean(), wide.max()
-    main = list(peak[peak >= LEAST].sort_values(ascending=False).index[:STACKED])
+    main = list(peak[peak >= LEAST].sort_values(ascending=False, kind="stable").index[:STACKED])
     main = sorted(main, key=lambda mode: -mean[mode])
     frequency = own.groupby("mode")["frequency_hz"].mean()
     table = wide[main].rename(columns=lambda mode: f"R{mode}  {in_digits(frequency[mode])} Hz")

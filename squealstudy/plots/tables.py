@@ -20,8 +20,8 @@ def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
 def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
     """The row of largest growth of each unstable track, fastest first."""
     unstable = modes[modes["unstable"].to_numpy(bool) & (modes["track"] > 0).to_numpy()]
-    worst = unstable.sort_values("growth_rate", ascending=False).drop_duplicates("track")
-    return worst.iloc[:top]
+    fastest = unstable.sort_values("growth_rate", ascending=False, kind="stable")
+    return fastest.drop_duplicates("track").iloc[:top]
 
 
 def slice_points(

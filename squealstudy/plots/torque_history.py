@@ -104,7 +104,7 @@ def _fit_window(row: pd.Series, growth: pd.DataFrame | None) -> tuple[float, flo
     if growth is None:
         return np.nan, np.nan
     own = own_rows(growth, row)
-    own = own[own["fitted_growth_rate"].notna().to_numpy()].sort_values("mode")
+    own = own[own["fitted_growth_rate"].notna().to_numpy()].sort_values("mode", kind="stable")
     if not len(own):
         return np.nan, np.nan
     return number(own.iloc[0], "fit_start"), number(own.iloc[0], "fit_stop")

@@ -35,7 +35,7 @@ class MeshError:
     unpaired : int
         Light modes of the finer mesh without a partner.
     unstable : tuple of int
-        Unstable modes on each mesh.
+        Unstable modes on each mesh, those of static divergence among them.
     seconds : tuple of float
         Of each mesh: to build and reduce it, unless the cache holds it, and to solve the point.
     """

@@ -17,14 +17,12 @@ TWO_STEP, PERTURBATION = "two_step", "perturbation"
 OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
 FOR_COMPARISON = (TWO_STEP, PERTURBATION)
 APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
-# design points of one structure from which on windows cost less than dense points, by the number
-# of parameters that vary (medium brake, damped: processor time is less from 35 and 250 on, but a
-# basis is made by one process)
+# design points of one structure from which on windows take less time than dense points, by the
+# number of parameters that vary; a basis is made by one process, points are solved by all
 PAYS_FROM = {1: 60, 2: 300, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
-
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about: 20 of friction, 100 of a map
+BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about
 # seconds of a design point over those of an exact solve, about
 SERVED = {WINDOWS: 0.13, SWEEP_BASIS: 0.4, TWO_STEP: 0.9, PERTURBATION: 0.6}
 

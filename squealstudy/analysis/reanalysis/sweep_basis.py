@@ -54,6 +54,9 @@ class SweepBasis:
     trained : ndarray (q, d)
         Design points whose modes it was made from.
     seconds : float
+    interpolated : float
+        Largest error of roots, relative to their moduli, by what the problem interpolates over the
+        box: no estimate in a design point sees it.
     """
 
     V: np.ndarray
@@ -62,6 +65,7 @@ class SweepBasis:
     error: float
     trained: np.ndarray
     seconds: float = field(compare=False, default=0.0)
+    interpolated: float = 0.0
 
     def pairs(self, weights: Weights) -> Eigenpairs:
         """All pairs of the projected problem in reduced coordinates."""

@@ -180,7 +180,7 @@ class Windows:
         real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~light(lam)
         lam = np.where(real, lam.real, lam)
         of_basis = np.where(light(lam), floor[0], floor[1]) * conditions(roots.X[k], roots.Y[k])
-        own = bounded(roots.error[k], lam)
+        own = bounded(roots.error[k], lam) + self.basis.interpolated * np.abs(lam)
         inside = in_band(lam, band, 1.0)
         kept = np.flatnonzero(inside)
         kept = kept[np.argsort(np.abs(lam[kept]))]
@@ -220,6 +220,7 @@ class Windows:
         pairs = _ordered(pairs.take(in_band(pairs.lam, self.problem.band, 1.0)))
         full = self.basis.expand(sample.weights, pairs)
         error = bounded(two_sided_error(self.problem, sample.weights, full), pairs.lam)
+        error += self.basis.interpolated * np.abs(pairs.lam)
         residual, _ = residuals(self.problem, sample.weights, full)
         found = PointRoots(
             index, sample, None, pairs.lam, full.X, error, residual, SWEEP_BASIS, True

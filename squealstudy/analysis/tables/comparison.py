@@ -183,7 +183,7 @@ def _nominal_text(
 
 def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Rows of one design point: the frequency study's by growth, then those of time alone."""
-    predicted = predicted.sort_values("growth_rate", ascending=False)
+    predicted = predicted.sort_values("growth_rate", ascending=False, kind="stable")
     wanted = predicted["frequency_hz"].mask(predicted["track"] == DIVERGENCE).to_numpy(dtype=float)
     partner = _partners(wanted, own["frequency_hz"].to_numpy(dtype=float))
     for row, match in zip(predicted.to_dict("records"), partner, strict=True):

@@ -105,7 +105,8 @@ def _worst(points: pd.DataFrame, modes: pd.DataFrame, names: list[str]) -> pd.Da
     torque = points["torque_rms"].to_numpy()[modes["point"].to_numpy(int)]
     loudness = modes["energy_share"].to_numpy() * torque
     loud = modes.assign(loudness=np.nan_to_num(loudness), torque_rms=torque)
-    worst = loud.sort_values("loudness").drop_duplicates("mode", keep="last").set_index("mode")
+    loudest = loud.sort_values("loudness", kind="stable").drop_duplicates("mode", keep="last")
+    worst = loudest.set_index("mode")
     shown = [n for n in names if len(points[n].unique()) > 1]
     designs = points[shown].iloc[worst["point"]].to_numpy(dtype=float)
     at = [", ".join(f"{n}={v:g}" for n, v in zip(shown, d, strict=True)) for d in designs]

@@ -288,7 +288,7 @@ def _thresholds(
         found.loc[better.index, "value"] = better
         found.loc[better.index, "kind"] = REFINED
     found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
-    return found.sort_values("value").drop_duplicates("track").set_index("track")
+    return found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
 
 
 def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,9 +88,10 @@ def make_basis(task: BasisTask, report: Report) -> SweepBasis:
     if task.path.is_file():
         return load_basis(task.path)
     problem = problem_of(task)
-    _check_modal_damping(problem, task.tolerance)
+    interpolated = _modal_damping_error(problem, task.tolerance)
     trained_to = SHARE * min(task.tolerance, LOOSEST)
     basis = build_sweep_basis(problem, trained_to, report=report)
+    basis = replace(basis, interpolated=interpolated)
     _save(task.path, basis)
     return basis
 
@@ -104,15 +105,16 @@ def refuse_basis(task: BasisTask, why: str) -> None:
     write_atomic(task.refusal, write)
 
 
-def _check_modal_damping(problem: Problem, tolerance: float) -> None:
-    """ConvergenceError where its interpolation, which no estimate sees, is not good enough."""
+def _modal_damping_error(problem: Problem, tolerance: float) -> float:
+    """Error of its interpolation; ConvergenceError where that is not good enough."""
     if not isinstance(problem, BrakeProblem):
-        return
+        return 0.0
     error = problem.modal_damping_error()
     if error > DAMPING_SHARE * tolerance:
         raise ConvergenceError(
             "not_converged", f"interpolated modal damping is wrong by {error:.0e} in damping ratio"
         )
+    return error
 
 
 class Served(NamedTuple):
@@ -145,7 +147,9 @@ def _save(path: Path, basis: SweepBasis) -> None:
         "V": basis.V,
         "flexibility": basis.flexibility,
         "trained": basis.trained,
-        "facts": np.array([basis.error, basis.seconds, float(basis.small.unit_mass)]),
+        "facts": np.array(
+            [basis.error, basis.seconds, basis.interpolated, float(basis.small.unit_mass)]
+        ),
         "orders": np.array([e.order for e in basis.small.expansions]),
     }
     for i, e in enumerate(basis.small.expansions):
@@ -165,11 +169,10 @@ def load_basis(path: Path) -> SweepBasis:
             Expansion(int(order), data[f"{i}.shapes"], data[f"{i}.matrices"])
             for i, order in enumerate(data["orders"])
         )
-        V, facts = data["V"], data["facts"]
-        small = CollocatedSystem(V.shape[1], expansions, bool(facts[2]))
-        return SweepBasis(
-            V, data["flexibility"], small, float(facts[0]), data["trained"], float(facts[1])
-        )
+        V, flexibility, trained = data["V"], data["flexibility"], data["trained"]
+        error, seconds, interpolated, unit_mass = (float(x) for x in data["facts"])
+        small = CollocatedSystem(V.shape[1], expansions, bool(unit_mass))
+        return SweepBasis(V, flexibility, small, error, trained, seconds, interpolated)
 
 
 def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -79,9 +79,10 @@ def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.nd
     """Roots (m,) that may be stable or unstable: |Re lam| <= error, both rad/s.
 
     An error within the damping ratio `neutral` that stability is not judged by tells of nothing:
-    roots of undamped models lie on the imaginary axis but for round-off, and count as stable. Where
-    the error is not known the sign of the growth counts.
+    roots of undamped models lie on the imaginary axis but for round-off, and count as stable. A
+    root whose error is not known (NaN) may be either.
     """
+    error = np.nan_to_num(error, nan=np.inf)
     seen = error > neutral * np.abs(lam)
     uncertain: np.ndarray = seen & (np.abs(lam.real) <= error)
     return uncertain
