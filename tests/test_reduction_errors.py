@@ -16,7 +16,6 @@ from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order import finer_model
 from squealstudy.analysis.full_order.finer_model import (
     Reduction,
-    enriched,
     partner_distances,
     reduction_errors,
     with_finer_model,
@@ -95,8 +94,9 @@ def bars():
     settings = BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
     prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, settings)
     made = Reduction(assembly, modes, (NOMINAL,), TOP, CUTOFF)
-    better = with_finer_model(*enriched(prepared, basis, made), made)
-    return assembly, modes, with_finer_model(prepared, basis, made), better
+    plain, once, twice = (with_finer_model(prepared, basis, made, n)[0] for n in range(3))
+    assert plain.model.n < once.model.n < plain.finer.n < twice.model.n
+    return assembly, modes, plain, once
 
 
 UNTRAINED = [
@@ -164,9 +164,8 @@ def test_a_basis_is_extended_up_to_completeness_and_no_further(monkeypatch):
     made, sizes = Reduction(assembly, modes, (NOMINAL,), TOP, np.inf), [0]
     while prepared.model.n > sizes[-1]:
         sizes.append(prepared.model.n)
-        prepared, basis = enriched(prepared, basis, made)
+        prepared, basis = with_finer_model(prepared, basis, made, 1)
         assert prepared.model.n <= assembly.n_dof
-    prepared = with_finer_model(prepared, basis, made)
     lam, error = reduction_errors(prepared, UNTRAINED[1], BAND)
     assert (error < 1e-9 * np.abs(lam)).all()
 

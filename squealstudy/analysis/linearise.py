@@ -85,7 +85,7 @@ def assembly_damping(
 ) -> np.ndarray | float:
     """Modal damping (n, n) of a design point's assembly, rad/s; 0 where it has none.
 
-    Real modes beyond `damped_to` [rad/s] carry none.
+    Real modes beyond `damped_to` [rad/s] have the coefficient of a mode there.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def assembly_damping(
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
-    """Modal damping (eq. 8): sum of phi (2 zeta omega) phi^T over real modes, zeta (n,)."""
+    """Modal damping (eq. 8): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,)."""
     w2, phi = la.eigh(K_sym)
     omega = np.sqrt(np.maximum(w2, 0.0))
-    return (phi * np.where(omega <= damped_to, 2.0 * zeta * omega, 0.0)) @ phi.T
+    return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T

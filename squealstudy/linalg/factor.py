@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +19,19 @@ from squealstudy.errors import ConvergenceError
 SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
+
+
+_threads: ContextVar[int] = ContextVar("threads", default=1)
+
+
+@contextlib.contextmanager
+def solve_threads(count: int) -> Iterator[None]:
+    """Threads among which solves with many right-hand sides are shared, inside the context."""
+    token = _threads.set(count)
+    try:
+        yield
+    finally:
+        _threads.reset(token)
 
 
 class Factor(Protocol):
@@ -119,7 +135,9 @@ class SuperLUFactor(_Refined):
         """See `RefinedFactor.solve_once`; in parts."""
         if b.ndim == 1 or b.shape[1] <= BLOCK:
             return self._lu.solve(np.ascontiguousarray(b))
-        return np.hstack([self._lu.solve(b[:, i : i + BLOCK]) for i in range(0, b.shape[1], BLOCK)])
+        parts = [b[:, i : i + BLOCK] for i in range(0, b.shape[1], BLOCK)]
+        with ThreadPoolExecutor(_threads.get()) as pool:  # SuperLU lets go of the interpreter
+            return np.hstack(list(pool.map(self._lu.solve, parts)))
 
 
 class PardisoFactor(_Refined):

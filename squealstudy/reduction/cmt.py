@@ -50,6 +50,11 @@ class BasisSettings:
     load_cutoff: float
     tolerance: float = 1e-4
 
+    @property
+    def damped_to(self) -> float:
+        """Real modes of the unreduced assembly up to here [Hz] have modal damping of their own."""
+        return max(self.component_cutoff, self.assembly_cutoff)
+
 
 @dataclass(frozen=True)
 class ReducedModel:
@@ -70,7 +75,8 @@ class ReducedModel:
         Contact observation (models.interface.ContactInterface).
     area, frictional, radius : ndarray (nc,)
     damped_to : float
-        Real modes of the assembly up to here [rad/s] carry its modal damping.
+        Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond
+        that of a mode here.
     """
 
     components: tuple[str, ...]

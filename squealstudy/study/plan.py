@@ -152,12 +152,27 @@ class Plan:
                     points.append(design.operating_point())
         return tuple(points)
 
+    @cached_property
+    def judged_to_hz(self) -> float | None:
+        """Top of the band, for errors of the reduction; None where a study does not ask for them.
+
+        Complete bases have none, and runs in time tell theirs by other means.
+        """
+        in_time = self.study.definition.study.kind == TRANSIENT
+        return None if in_time or not has_mesh(self.study) else self.band_hz[1]
+
+    @property
+    def enriching(self) -> int:
+        """How often what finer models show joins the basis (full_order/finer_model.py)."""
+        once = self.study.definition.reduction.enrichment and self.judged_to_hz is not None
+        return int(once) + int(self.enriched)
+
     def structure_key(self, design: Design, enriched: bool | None = None) -> str:
         """Content hash of the prepared model that a design needs; StudyFileError without files."""
         enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
-        s, top_hz = self.settings, self.band_hz[1] if has_mesh(self.study) else None
+        s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
         return content_hash(
             {
                 "source": source_hash(STRUCTURE_SOURCES),
@@ -169,7 +184,7 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
-                "finer": [source_hash(FINER_SOURCES), top_hz, enriched],
+                "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined],
             }
         )
 

@@ -20,7 +20,7 @@ MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 # enrichment shapes of small singular values are local contact shapes: in time they are modes far
 # above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
-TRANSIENT_TOLERANCE = 1e-3
+TRANSIENT_BASIS = {"tolerance": 1e-3, "assembly_cutoff_factor": 1.5}
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
 
 
@@ -218,17 +218,22 @@ class ReductionSection(Section):
         description="component modes up to this times the top of the band",
     )
     assembly_cutoff_factor: float = Field(
-        default=1.5, ge=1, le=100, description="assembly modes up to this times the top of the band"
+        default=1.25,
+        ge=1,
+        le=100,
+        description="assembly modes up to this times the top of the band; 1.5 in transient studies",
     )
     tolerance: float = Field(
-        default=3e-5,
+        default=1e-4,
         gt=0,
         le=0.1,
         description="enrichment shapes with relative singular values below this are left out; "
         "1e-3 in transient studies",
     )
     enrichment: bool = Field(
-        default=True, description="add static responses to the friction forces"
+        default=True,
+        description="add static responses to the friction forces and, but in transient studies, to "
+        "what reduced modes leave in the unreduced equations at strong friction",
     )
     friction_training: bool = Field(
         default=False,
@@ -291,7 +296,7 @@ class StudyDefinition(Section):
         if isinstance(name, str) and name in BANDS:
             given["modes"] = {"band": BANDS[name]}
         if kind == "transient":
-            given["reduction"] = {"tolerance": TRANSIENT_TOLERANCE}
+            given["reduction"] = dict(TRANSIENT_BASIS)
         usable = {k: v for k, v in given.items() if isinstance(data.get(k, {}), dict)}
         return {**data, **{k: {**v, **data.get(k, {})} for k, v in usable.items()}}
 

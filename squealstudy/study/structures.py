@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order.finer_model import Reduction, enriched, with_finer_model
+from squealstudy.analysis.full_order.finer_model import Reduction, with_finer_model
 from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import OperatingPoint
@@ -33,9 +34,9 @@ PATIENCE = 3.0  # s: two workers take 2 s to start
 class BuildTask:
     """A structure to assemble, reduce and store.
 
-    `top_hz` is that of the band of a reduction, None where the basis is complete. `coarse_key` is
-    that of the same structure without enrichment, empty where this one is not enriched: an enriched
-    one has the finer model for its reduced one, and a finer one still.
+    `top_hz` is that of the band of a reduction, None where no error of it is asked for.
+    `enriching` is how often what a finer model shows joins the basis (`with_finer_model`);
+    `coarse_key` that of the same structure with less of it, empty where there is none.
     """
 
     structure: Structure
@@ -44,6 +45,7 @@ class BuildTask:
     training: tuple[OperatingPoint, ...]
     settings: BasisSettings
     top_hz: float | None
+    enriching: int
     coarse_key: str
     threads: int
     parent: int
@@ -72,7 +74,8 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         plan.nominal,
         plan.training,
         plan.settings,
-        plan.band_hz[1] if has_mesh(study) else None,
+        plan.judged_to_hz,
+        plan.enriching,
         plan.structure_key(structure.design, False) if plan.enriched else "",
         threads,
         os.getpid(),
@@ -110,7 +113,7 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
     if is_prepared(key):
         return key, ""
     try:
-        with threadpool_limits(task.threads):
+        with threadpool_limits(1), solve_threads(task.threads):
             started = time.perf_counter()
             assembly = design.model.build(task.options, design.plain_values())
             assembly_s = time.perf_counter() - started
@@ -122,11 +125,8 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             started = time.perf_counter()
             if task.top_hz is not None:
                 points = (task.nominal, *task.training)
-                cutoff = task.settings.assembly_cutoff
-                made = Reduction(assembly, modes, points, task.top_hz, cutoff)
-                if task.coarse_key:
-                    prepared, basis = enriched(prepared, basis, made)
-                prepared = with_finer_model(prepared, basis, made)
+                made = Reduction(assembly, modes, points, task.top_hz, task.settings.damped_to)
+                prepared, _ = with_finer_model(prepared, basis, made, task.enriching)
             timings["finer_model_s"] = time.perf_counter() - started
         save_prepared(key, replace(prepared, timings=timings))
     except SquealstudyError as error:

@@ -147,7 +147,7 @@ def _check(quick: bool, folder: Path) -> dict[str, float]:
     point = state_working_point(prepared, state)
     assembly = design.model.build(plan.study.options, design.plain_values())
     expected = expected_roots(prepared.model, point, plan.band_hz[1])
-    cutoff = plan.settings.assembly_cutoff
+    cutoff = getattr(plan.settings, "damped_to", plan.settings.assembly_cutoff)
     full_order_modes(assembly, {}, point, state, plan.band_hz, cutoff, expected)
     return {"check": time.process_time() - started}
 

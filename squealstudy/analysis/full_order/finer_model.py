@@ -31,7 +31,8 @@ from squealstudy.reduction.prepared import PreparedModel, shape_basis
 
 DIRECTIONS = 40  # static responses
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
-ENRICHING = 0.05  # and of what enriches a basis
+ENRICHING = 0.02  # and of what enriches a basis
+STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
 
@@ -45,12 +46,12 @@ class Reduction:
     assembly : Assembly
     modes : mapping of component name -> ComponentModes
     points : tuple of OperatingPoint
-        The nominal one first; residual loads are taken there, and without friction.
+        Residual loads are taken there, at strong friction and at none.
     top_hz : float
         Modes up to here leave loads.
     damped_to_hz : float
-        Real modes up to here carry the modal damping of the unreduced assembly, and of the finer
-        model: that a reduced one damps all of its modes is part of its error.
+        Real modes of the unreduced assembly up to here have modal damping of their own, and those
+        of the finer model: that a reduced one has it of all its modes is part of its error.
     """
 
     assembly: Assembly
@@ -60,55 +61,74 @@ class Reduction:
     damped_to_hz: float
 
 
-def with_finer_model(prepared: PreparedModel, basis: Basis, made: Reduction) -> PreparedModel:
-    """A prepared model, of this basis, with its finer model.
+def with_finer_model(
+    prepared: PreparedModel, basis: Basis, made: Reduction, rounds: int = 0
+) -> tuple[PreparedModel, Basis]:
+    """A prepared model, of this basis or of one that is enriched, with its finer model.
 
-    Without a working point whose modes can be found there is no finer model: None.
+    Parameters
+    ----------
+    prepared : PreparedModel
+    basis : Basis
+    made : Reduction
+    rounds : int
+        0: the basis stays. 1: the leading static responses, which cover most of its error, join it,
+        all of them make the finer model. 2: first all of them join, then the leading ones of what
+        that basis lacks.
+
+    Returns
+    -------
+    PreparedModel, Basis
+        Without a finer model (None) where no working point has modes to be found.
     """
-    larger = _extended(prepared, basis, made, FINER)
-    if larger is None:
-        return replace(prepared, finer=None)
-    return replace(prepared, finer=replace(larger[0], damped_to=2 * np.pi * made.damped_to_hz))
-
-
-def enriched(prepared: PreparedModel, basis: Basis, made: Reduction) -> tuple[PreparedModel, Basis]:
-    """The prepared model with the leading directions of its finer one in its basis, and that.
-
-    It has no finer model yet. Where there would be none, it is the same.
-    """
-    larger = _extended(prepared, basis, made, ENRICHING)
-    if larger is None:
-        return prepared, basis
-    model, basis = larger
-    phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
-    return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None), basis
-
-
-def _extended(
-    prepared: PreparedModel, basis: Basis, made: Reduction, share: float
-) -> tuple[ReducedModel, Basis] | None:
-    loads = residual_loads(prepared, basis, made)
-    if loads is None:
-        return None
-    responses = _responses(prepared, made.assembly, loads)
     try:
-        return extended_basis(made.assembly, made.modes, basis, responses, share)
+        if rounds > 1:
+            responses = _responses(prepared, basis, made)
+            model, basis = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+            prepared = _in_basis(prepared, model, basis, made)
+        responses = _responses(prepared, basis, made)
+        finer, _ = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+        if rounds > 0:
+            model, basis = extended_basis(made.assembly, made.modes, basis, responses, ENRICHING)
+            prepared = _in_basis(prepared, model, basis, made)
     except np.linalg.LinAlgError:  # an error that is not known is better than no study
-        return None
+        return replace(prepared, finer=None), basis
+    finer = replace(finer, damped_to=2 * np.pi * made.damped_to_hz)
+    return replace(prepared, finer=finer), basis
 
 
-def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray | None:
+def _in_basis(
+    prepared: PreparedModel, model: ReducedModel, basis: Basis, made: Reduction
+) -> PreparedModel:
+    """The same structure in another basis."""
+    phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
+    return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
+
+
+def _responses(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
+    """K0^-1 of residual loads, K0 the symmetric stiffness of the nominal working point."""
+    loads = residual_loads(prepared, basis, made)
+    c = made.assembly.contact
+    normal = sp.diags(c.area * prepared.nominal_tangent)
+    K0 = made.assembly.K_el + made.assembly.K_springs() + c.N.T @ normal @ c.N
+    return factorise(K0.tocsr()).solve_once(loads)
+
+
+def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
-    Points without a working point or modes are left out; None where no other is left.
+    Points without a working point or modes are left out; LinAlgError where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
-    states = map(DesignState, [*made.points, replace(made.points[0], friction=0.0)])
+    strong = [replace(p, friction=max(p.friction, STRONG)) for p in made.points]
+    states = map(DesignState, [*strong, *(replace(p, friction=0.0) for p in made.points)])
     found = []
     for state in states:
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
             found.append(_loads_at(prepared, basis, made, state, rng))
-    return sum(found[1:], found[0]) if found else None
+    if not found:
+        raise np.linalg.LinAlgError("no point has modes")
+    return sum(found[1:], found[0])
 
 
 def _loads_at(
@@ -139,14 +159,6 @@ def _loads_at(
         mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
         total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
     return total
-
-
-def _responses(prepared: PreparedModel, assembly: Assembly, loads: np.ndarray) -> np.ndarray:
-    """K0^-1 of loads, K0 the symmetric stiffness of the nominal working point."""
-    c = assembly.contact
-    normal = sp.diags(c.area * prepared.nominal_tangent)
-    K0 = assembly.K_el + assembly.K_springs() + c.N.T @ normal @ c.N
-    return factorise(K0.tocsr()).solve_once(loads)
 
 
 def reduction_errors(

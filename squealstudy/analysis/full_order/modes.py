@@ -67,13 +67,15 @@ def full_order_modes(
     band_hz: tuple[float, float],
     damped_to_hz: float,
     expected: int | None = None,
+    expected_damped: int | None = None,
 ) -> FullOrderModes:
     """Complex modes of the unreduced assembly at a working point (theory.md section 1).
 
     Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`. `expected` is how many
-    roots the band's top may have below it, conjugates included: all are found whatever it says,
-    soonest where it is close.
+    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`, those beyond have the coefficient
+    2 zeta omega of a mode there. `expected` is how many
+    roots the band's top may have below it, conjugates included, `expected_damped` how many real
+    modes carry modal damping: all are found whatever they say, soonest where they are close.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def full_order_modes(
     ParameterError
         Damping of an assembly mode beyond `damped_to_hz`.
     """
-    system = full_order_system(assembly, modes, point, state, damped_to_hz)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz, expected_damped)
     C_sum, K_sum = system.C, system.K
     low, high = (2 * np.pi * f for f in band_hz)
     for refined in (False, True):  # the solves, where the roots without are not accurate
@@ -108,7 +110,7 @@ class FullOrderSystem:
     C, K : LowRankSum (n_dof, n_dof)
         Damping and non-symmetric stiffness.
     omega, phi : ndarray (m,), (n_dof, m)
-        Real modes that carry modal damping, mass-normalised; none without it.
+        Real modes whose modal damping is their own, mass-normalised; none without it.
     """
 
     C: LowRankSum
@@ -123,6 +125,7 @@ def full_order_system(
     point: WorkingPoint,
     state: DesignState,
     damped_to_hz: float,
+    expected_damped: int | None = None,
 ) -> FullOrderSystem:
     """The matrices that `full_order_modes` solves; parameters and errors are its own."""
     K, C, K_sym = _sparse_system(assembly, point, state)
@@ -130,12 +133,16 @@ def full_order_system(
     C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz)
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, expected_damped)
         omega, phi = _changed_modes(omega, phi, *K_low)
-        zeta = state.assembly_damping_ratios(len(omega))
+        dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
+        if len(omega) < assembly.n_dof:  # the others have one coefficient
+            beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
+            C = (C + beyond * assembly.M).tocsr()
+        changed = dampers != beyond
         C_low = (
-            np.hstack([C_low[0], assembly.M @ phi[:, zeta > 0]]),
-            np.concatenate([C_low[1], (2 * zeta * omega)[zeta > 0]]),
+            np.hstack([C_low[0], assembly.M @ phi[:, changed]]),
+            np.concatenate([C_low[1], (dampers - beyond)[changed]]),
         )
     if state.stiffness_damping:
         beta = state.stiffness_damping

@@ -44,7 +44,16 @@ def solve_full_order(
     low, high = angular_band(band_hz)
     band = (low / (2 * np.pi), high / (2 * np.pi))
     expected = expected_roots(prepared.model, point, band_hz[1])
-    found = full_order_modes(assembly, modes, point, state, band, damped_to_hz, expected)
+    found = full_order_modes(
+        assembly,
+        modes,
+        point,
+        state,
+        band,
+        damped_to_hz,
+        expected,
+        expected_roots(prepared.model, point, damped_to_hz) // 2,
+    )
     order = np.argsort(found.lam.imag == 0, kind="stable")
     lam, psi, residual = found.lam[order], found.psi[:, order], found.residual[order]
     seen = assembly.correspondence @ psi

@@ -40,14 +40,14 @@ class Structure:
         (values of all the model's parameters) -> Assembly.
     values : mapping of name -> float
         At the design point.
-    component_cutoff_hz, assembly_cutoff_hz : float
+    component_cutoff_hz, damped_to_hz : float
         Component modes that the design may change; assembly modes that carry modal damping.
     """
 
     build: Build
     values: Mapping[str, float]
     component_cutoff_hz: float
-    assembly_cutoff_hz: float
+    damped_to_hz: float
 
 
 def check_structural(structure: Structure, names: Sequence[str]) -> None:
@@ -82,7 +82,7 @@ def structural_sensitivities(
     found: list[list[Sensitivity]] = [[] for _ in design.families]
     if not design.families or not names:
         return found
-    cutoffs = structure.component_cutoff_hz, structure.assembly_cutoff_hz
+    cutoffs = structure.component_cutoff_hz, structure.damped_to_hz
     assembly = structure.build(structure.values)
     full = FullOrderPoint.at(assembly, design.state, design.point, *cutoffs)
     families = [mode_family(full.pencil, complex(f.lam[0])) for f in design.families]
@@ -124,7 +124,7 @@ def _reanalysis(
             design.prepared.space.k_c,
             np.asarray(design.point.gap),
             structure.component_cutoff_hz,
-            structure.assembly_cutoff_hz,
+            structure.damped_to_hz,
         )
         return [followed_root(full.pencil, f, changed.pencil) for f in families], ""
     except SquealstudyError as error:

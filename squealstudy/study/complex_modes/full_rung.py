@@ -32,7 +32,7 @@ class FullRung:
         if isinstance(prepared, PreparedFamily):
             return solve_design(prepared, point.design, band_hz)
         assembly, modes = self.assembly(point)
-        cutoff = self.settings.assembly_cutoff
+        cutoff = self.settings.damped_to
         return solve_full_order(prepared, assembly, modes, point.design.state(), band_hz, cutoff)
 
     def assembly(self, point: PointTask) -> tuple[Assembly, Mapping[str, ComponentModes]]:

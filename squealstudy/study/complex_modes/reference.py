@@ -76,9 +76,10 @@ def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
     state = design.state()
     point = state_working_point(prepared, state)
     assembly, modes = FullRung(task.options, task.settings).assembly(task.point)
-    cutoff = task.settings.assembly_cutoff
+    cutoff = task.settings.damped_to
     expected = expected_roots(prepared.model, point, task.band_hz[1])
-    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)
+    damped = expected_roots(prepared.model, point, cutoff) // 2
+    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected, damped)
 
 
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:

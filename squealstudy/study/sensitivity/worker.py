@@ -106,5 +106,5 @@ def design_structure(
         partial(design.model.build, options),
         design.plain_values(),
         settings.component_cutoff,
-        settings.assembly_cutoff,
+        settings.damped_to,
     )
