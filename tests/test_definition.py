@@ -99,8 +99,8 @@ def test_defaults_are_those_of_the_contract():
     assert (design.type, design.seed, design.limit) == ("grid", 0, 20000)
     assert modes.band == (500.0, 8000.0)
     assert (modes.stability_tolerance, modes.track, modes.reference_points) == (1e-7, True, 2)
-    assert (reduction.component_cutoff_factor, reduction.assembly_cutoff_factor) == (1.5, 1.5)
-    assert (reduction.tolerance, reduction.enrichment) == (3e-5, True)
+    assert (reduction.component_cutoff_factor, reduction.assembly_cutoff_factor) == (1.5, 1.25)
+    assert (reduction.tolerance, reduction.enrichment) == (1e-4, True)
 
 
 def test_band_of_minimal_models_is_wide_and_a_given_band_stays():

@@ -170,6 +170,25 @@ def test_a_basis_is_extended_up_to_completeness_and_no_further(monkeypatch):
     assert (error < 1e-9 * np.abs(lam)).all()
 
 
+def test_modes_beyond_the_cutoff_are_damped_alike_in_reduced_and_full_order_models():
+    """A complete basis has the roots of the full order, whatever the cutoff of modal damping."""
+    assembly = two_bars()
+    settings = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
+    prepared, modes, _ = prepare_with_basis(assembly, NOMINAL, settings)
+    assert prepared.model.n == assembly.n_dof
+    state = DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.05)
+    roots = {}
+    for cutoff in (0.5 * TOP, 1.5 * TOP, np.inf):
+        damped = replace(prepared, model=replace(prepared.model, damped_to=2 * np.pi * cutoff))
+        found = solve_point(damped, state, BAND)
+        full = full_order_modes(assembly, modes, found.working_point, state, BAND, cutoff)
+        assert (partner_distances(found.lam, full.lam) < 1e-8 * np.abs(found.lam)).all()
+        roots[cutoff] = full.lam
+    far = partner_distances(roots[0.5 * TOP], roots[np.inf]) / np.abs(roots[0.5 * TOP])
+    near = partner_distances(roots[1.5 * TOP], roots[np.inf]) / np.abs(roots[1.5 * TOP])
+    assert far.max() > 1e-2 > 1e-3 > near.max()  # the coefficient of the band's own modes shows
+
+
 def test_a_prepared_model_is_read_back_with_its_finer_model(bars, tmp_path, monkeypatch):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
     _, _, prepared, _ = bars

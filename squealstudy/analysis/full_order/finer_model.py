@@ -29,9 +29,9 @@ from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
 from squealstudy.reduction.extended_basis import extended_basis
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 
-DIRECTIONS = 40  # static responses
+DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
-ENRICHING = 0.02  # and of what enriches a basis
+ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies

@@ -72,10 +72,10 @@ def full_order_modes(
     """Complex modes of the unreduced assembly at a working point (theory.md section 1).
 
     Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`, those beyond have the coefficient
-    2 zeta omega of a mode there. `expected` is how many
-    roots the band's top may have below it, conjugates included, `expected_damped` how many real
-    modes carry modal damping: all are found whatever they say, soonest where they are close.
+    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`, those beyond have the
+    coefficient 2 zeta omega of a mode there. `expected` is how many roots the band's top may have
+    below it, conjugates included, `expected_damped` how many real modes have modal damping of their
+    own: all are found whatever they say, soonest where they are close.
 
     Raises
     ------
