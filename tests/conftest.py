@@ -143,7 +143,9 @@ def pytest_collection_modifyitems(config, items):
 
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 DATA = "SQUEALSTUDY_DATA"
-M0 = Path(os.environ.get(DATA) or Path(__file__).resolve().parents[2] / "shared" / "data") / "m0"
+M0 = (
+    Path(os.environ.pop(DATA, "") or Path(__file__).resolve().parents[2] / "shared" / "data") / "m0"
+)
 TOP = 4e3  # Hz, top of the band of the reduced brake, which holds its first lock-in
 CUTOFF = 1.5 * TOP  # as studies have it, whose [reduction] takes loads up to LOAD_FACTOR
 COARSE = {"mesh": "coarse", "contact_points": 2}  # the fewest of everything

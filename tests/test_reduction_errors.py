@@ -189,6 +189,20 @@ def test_modes_beyond_the_cutoff_are_damped_alike_in_reduced_and_full_order_mode
     assert far.max() > 1e-2 > 1e-3 > near.max()  # the coefficient of the band's own modes shows
 
 
+def test_changed_component_modes_have_the_modal_damping_of_a_complete_basis():
+    """Real modes with changed component modes are not sums of those without: they bend locally."""
+    assembly = two_bars()
+    settings = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
+    prepared, modes, _ = prepare_with_basis(assembly, NOMINAL, settings)
+    cutoff = 1.5 * TOP
+    damped = replace(prepared, model=replace(prepared.model, damped_to=2 * np.pi * cutoff))
+    scales = {("pad", 9): 0.7, ("disc", 8): 1.4}
+    state = DesignState(replace(NOMINAL, friction=0.6), scales, damping_ratio=0.05)
+    found = solve_point(damped, state, BAND)
+    full = full_order_modes(assembly, modes, found.working_point, state, BAND, cutoff)
+    assert (partner_distances(found.lam, full.lam) / np.abs(found.lam)).max() < 1e-5
+
+
 def test_a_prepared_model_is_read_back_with_its_finer_model(bars, tmp_path, monkeypatch):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
     _, _, prepared, _ = bars

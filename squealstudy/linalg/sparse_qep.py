@@ -31,6 +31,10 @@ class LowRankSum:
             y = y + self.U @ ((self.d * (self.U.T @ x).T).T)
         return y
 
+    def transpose(self) -> LowRankSum:
+        """Its transpose."""
+        return LowRankSum(self.sparse.T, self.U, self.d)
+
 
 class WoodburyFactor:
     """Solves with a sparse matrix plus U diag(d) U^T, refined unless told otherwise.

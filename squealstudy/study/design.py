@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
@@ -88,3 +88,21 @@ class Design:
         plain = {p.name for p in self.model.parameters}
         parsed = (parse_parameter(name, self.model) for name in self.values if name not in plain)
         return [p for p in parsed if isinstance(p, ModeParameter)]
+
+
+def extreme_scales(designs: Sequence[Design]) -> tuple[dict[ModeKey, float], ...]:
+    """Least and largest factors on component frequencies among designs of the same parameters.
+
+    All of them at their least, then all at their largest; without those that change nothing.
+    """
+    swept = [p for p in designs[0].mode_parameters() if p.quantity == "frequency_scale"]
+    found: list[dict[ModeKey, float]] = []
+    for end in (min, max):
+        scale = {
+            (p.component, mode): end(design.values[p.name] for design in designs)
+            for p in swept
+            for mode in p.modes
+        }
+        if any(factor != 1.0 for factor in scale.values()) and scale not in found:
+            found.append(scale)
+    return tuple(found)

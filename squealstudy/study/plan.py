@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.analysis.design_state import ModeKey
 from squealstudy.errors import StudyFileError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import CONTACT_LAW, OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
-from squealstudy.study.design import Design
+from squealstudy.study.design import Design, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
 from squealstudy.study.method import APPROXIMATE, DENSE, FULL, Method, choose_method
@@ -161,6 +162,11 @@ class Plan:
         in_time = self.study.definition.study.kind == TRANSIENT
         return None if in_time or not has_mesh(self.study) else self.band_hz[1]
 
+    @cached_property
+    def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
+        """Factors on component frequencies that residual loads are taken with."""
+        return () if self.judged_to_hz is None else extreme_scales(self.designs)
+
     @property
     def enriching(self) -> int:
         """How often what finer models show joins the basis (full_order/finer_model.py)."""
@@ -173,6 +179,7 @@ class Plan:
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
         s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
+        scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
         return content_hash(
             {
                 "source": source_hash(STRUCTURE_SOURCES),
@@ -184,7 +191,7 @@ class Plan:
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
-                "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined],
+                "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined, scales],
             }
         )
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.design_state import ModeKey
 from squealstudy.analysis.full_order.finer_model import Reduction, with_finer_model
 from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
@@ -45,6 +46,7 @@ class BuildTask:
     training: tuple[OperatingPoint, ...]
     settings: BasisSettings
     top_hz: float | None
+    scales: tuple[Mapping[ModeKey, float], ...]
     enriching: int
     coarse_key: str
     threads: int
@@ -75,6 +77,7 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         plan.training,
         plan.settings,
         plan.judged_to_hz,
+        plan.trained_scales,
         plan.enriching,
         plan.structure_key(structure.design, False) if plan.enriched else "",
         threads,
@@ -125,7 +128,8 @@ def _build_reduced(task: BuildTask) -> tuple[str, str]:
             started = time.perf_counter()
             if task.top_hz is not None:
                 points = (task.nominal, *task.training)
-                made = Reduction(assembly, modes, points, task.top_hz, task.settings.damped_to)
+                cutoff = task.settings.damped_to
+                made = Reduction(assembly, modes, points, task.top_hz, cutoff, task.scales)
                 prepared, _ = with_finer_model(prepared, basis, made, task.enriching)
             timings["finer_model_s"] = time.perf_counter() - started
         save_prepared(key, replace(prepared, timings=timings))

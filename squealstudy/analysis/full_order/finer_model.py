@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.full_order.modes import full_order_system
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import solve_point, state_working_point
@@ -47,6 +47,8 @@ class Reduction:
     modes : mapping of component name -> ComponentModes
     points : tuple of OperatingPoint
         Residual loads are taken there, at strong friction and at none.
+    scales : tuple of mapping of (component, mode) -> float
+        And at the first of them, at strong friction, with component frequencies times these.
     top_hz : float
         Modes up to here leave loads.
     damped_to_hz : float
@@ -59,6 +61,15 @@ class Reduction:
     points: tuple[OperatingPoint, ...]
     top_hz: float
     damped_to_hz: float
+    scales: tuple[Mapping[ModeKey, float], ...] = ()
+
+    @property
+    def states(self) -> list[DesignState]:
+        """Where residual loads are taken."""
+        strong = [replace(p, friction=max(p.friction, STRONG)) for p in self.points]
+        none = [replace(p, friction=0.0) for p in self.points]
+        changed = [DesignState(strong[0], scale) for scale in self.scales]
+        return [*map(DesignState, [*strong, *none]), *changed]
 
 
 def with_finer_model(
@@ -120,10 +131,8 @@ def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np
     Points without a working point or modes are left out; LinAlgError where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
-    strong = [replace(p, friction=max(p.friction, STRONG)) for p in made.points]
-    states = map(DesignState, [*strong, *(replace(p, friction=0.0) for p in made.points)])
     found = []
-    for state in states:
+    for state in made.states:
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
             found.append(_loads_at(prepared, basis, made, state, rng))
     if not found:
@@ -146,11 +155,10 @@ def _loads_at(
     point = state_working_point(prepared, state)
     small = linearise(prepared.model, point, state)
     assembly, top = made.assembly, 2 * np.pi * made.top_hz
-    full = full_order_system(assembly, {}, point, state, made.top_hz)
-    C, K = full.C.sparse, full.K.sparse
-    sides = [(small.C, small.K, C, K)]
-    if state.operating.mu_steady:
-        sides.append((small.C.T, small.K.T, C.T, K.T))  # left vectors, conjugate
+    full = full_order_system(assembly, made.modes, point, state, made.top_hz)
+    sides = [(small.C, small.K, full.C, full.K)]
+    if state.operating.mu_steady:  # left vectors, conjugate
+        sides.append((small.C.T, small.K.T, full.C.transpose(), full.K.transpose()))
     total = np.zeros((assembly.n_dof, DIRECTIONS))
     for C_r, K_r, C_f, K_f in sides:
         lam, psi = dense_roots(C_r, K_r, (LOWEST * top, top))

@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import (
@@ -20,10 +21,12 @@ from squealstudy.linalg.sparse_qep import (
 )
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.working_point import WorkingPoint
 
 FIRST_ROOTS = 120  # asked for where their number is not known
 MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
+DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
 LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
 
 
@@ -134,7 +137,8 @@ def full_order_system(
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
         omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, expected_damped)
-        omega, phi = _changed_modes(omega, phi, *K_low)
+        if len(K_low[1]):
+            omega, phi = _changed_modes(assembly.M, K_sym, phi, *K_low, damped_to_hz)
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient
             beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
@@ -169,14 +173,24 @@ def _sparse_system(
 
 
 def _changed_modes(
-    omega: np.ndarray, phi: np.ndarray, U: np.ndarray, d: np.ndarray
+    M: sp.csr_matrix,
+    K: sp.csr_matrix,
+    phi: np.ndarray,
+    U: np.ndarray,
+    d: np.ndarray,
+    cutoff_hz: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Real modes with the stiffness U diag(d) U^T added, within the span of the modes without."""
-    if not len(d):
-        return omega, phi
-    seen = phi.T @ U
-    w2, y = la.eigh(np.diag(omega**2) + (seen * d) @ seen.T)
-    return np.sqrt(np.maximum(w2, 0.0)), phi @ y
+    """Real modes up to a cutoff with U diag(d) U^T added to the stiffness.
+
+    Rayleigh-Ritz on the modes phi without it and on its static responses K^-1 U.
+    """
+    static = factorise(K).solve(U)
+    static = static / np.sqrt(np.einsum("ij,ij->j", static, M @ static))
+    X = np.hstack([phi, new_directions(M, phi, static, DEPENDENT)])
+    seen = X.T @ U
+    w2, y = la.eigh(X.T @ (K @ X) + (seen * d) @ seen.T)
+    kept = w2 <= (2 * np.pi * cutoff_hz) ** 2
+    return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
 
 
 def mode_frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
