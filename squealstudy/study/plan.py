@@ -169,8 +169,12 @@ class Plan:
 
     @property
     def enriching(self) -> int:
-        """How often what finer models show joins the basis (full_order/finer_model.py)."""
-        once = self.study.definition.reduction.enrichment and self.judged_to_hz is not None
+        """How often what finer models show joins the basis (full_order/finer_model.py).
+
+        A basis that the study chooses itself stays as it is: one of a study in time can be had.
+        """
+        chosen = bool(self.study.definition.reduction.model_fields_set)
+        once = self.judged_to_hz is not None and not chosen
         return int(once) + int(self.enriched)
 
     def structure_key(self, design: Design, enriched: bool | None = None) -> str:

@@ -232,8 +232,9 @@ class ReductionSection(Section):
     )
     enrichment: bool = Field(
         default=True,
-        description="add static responses to the friction forces and, but in transient studies, to "
-        "what reduced modes leave in the unreduced equations at strong friction",
+        description="add static responses to the friction forces; studies that set no key of "
+        "[reduction], but for transient ones, also have those to what reduced modes leave in the "
+        "unreduced equations at strong friction",
     )
     friction_training: bool = Field(
         default=False,
