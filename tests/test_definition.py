@@ -101,6 +101,7 @@ def test_defaults_are_those_of_the_contract():
     assert (modes.stability_tolerance, modes.track, modes.reference_points) == (1e-7, True, 2)
     assert (reduction.component_cutoff_factor, reduction.assembly_cutoff_factor) == (1.5, 1.25)
     assert (reduction.tolerance, reduction.enrichment) == (1e-4, True)
+    assert reduction.residual_responses
 
 
 def test_band_of_minimal_models_is_wide_and_a_given_band_stays():

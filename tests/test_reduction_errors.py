@@ -382,6 +382,24 @@ def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_toleranc
         assert kind.accurate(better, {}, 1, lambda *_: None) is better
 
 
+@pytest.mark.parametrize(
+    ("section", "kind", "enriching"),
+    [
+        ("", "complex_modes", 1),
+        ("[reduction]\ntolerance = 5e-5\n", "complex_modes", 1),  # smaller: not to lose others
+        ("[reduction]\nresidual_responses = false\n", "complex_modes", 0),
+        ("[reduction]\nenrichment = false\n", "complex_modes", 0),
+        ("", "transient", 0),
+        ("[reduction]\nresidual_responses = true\n", "transient", 1),
+    ],
+)
+def test_which_bases_have_residual_responses(section, kind, enriching):
+    text = BRAKE.replace("complex_modes", kind) + section
+    plan = Plan(parse_study(text, Path("study.toml")))
+    assert plan.enriching == enriching
+    assert (plan.judged_to_hz is None) == (kind == "transient" and not enriching)
+
+
 def test_sample_points_are_spread_over_each_structure():
     text = BRAKE.replace("num = 5", "num = 41").replace(
         "[modes]", '[[sweep]]\nparameter = "disc.thickness"\nvalues = [0.011, 0.012]\n[modes]'

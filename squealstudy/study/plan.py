@@ -160,7 +160,8 @@ class Plan:
         Complete bases have none, and runs in time tell theirs by other means.
         """
         in_time = self.study.definition.study.kind == TRANSIENT
-        return None if in_time or not has_mesh(self.study) else self.band_hz[1]
+        asked = not in_time or self.study.definition.reduction.residual_responses
+        return self.band_hz[1] if asked and has_mesh(self.study) else None
 
     @cached_property
     def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
@@ -169,12 +170,9 @@ class Plan:
 
     @property
     def enriching(self) -> int:
-        """How often what finer models show joins the basis (full_order/finer_model.py).
-
-        A basis that the study chooses itself stays as it is: one of a study in time can be had.
-        """
-        chosen = bool(self.study.definition.reduction.model_fields_set)
-        once = self.judged_to_hz is not None and not chosen
+        """How often what finer models show joins the basis (full_order/finer_model.py)."""
+        section = self.study.definition.reduction
+        once = section.enrichment and section.residual_responses and self.judged_to_hz is not None
         return int(once) + int(self.enriched)
 
     def structure_key(self, design: Design, enriched: bool | None = None) -> str:

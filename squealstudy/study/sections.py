@@ -20,7 +20,11 @@ MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 # enrichment shapes of small singular values are local contact shapes: in time they are modes far
 # above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
-TRANSIENT_BASIS = {"tolerance": 1e-3, "assembly_cutoff_factor": 1.5}
+TRANSIENT_BASIS = {
+    "tolerance": 1e-3,
+    "assembly_cutoff_factor": 1.5,
+    "residual_responses": False,
+}
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
 
 
@@ -231,10 +235,12 @@ class ReductionSection(Section):
         "1e-3 in transient studies",
     )
     enrichment: bool = Field(
+        default=True, description="add static responses to the friction forces"
+    )
+    residual_responses: bool = Field(
         default=True,
-        description="add static responses to the friction forces; studies that set no key of "
-        "[reduction], but for transient ones, also have those to what reduced modes leave in the "
-        "unreduced equations at strong friction",
+        description="where enrichment is true, add those to what reduced modes leave in the "
+        "unreduced equations at strong friction, too; false in transient studies",
     )
     friction_training: bool = Field(
         default=False,
