@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.models.interface import ContactInterface
+from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -30,6 +33,37 @@ class ReducedSystem:
     K: np.ndarray
     k_el: np.ndarray
     K_sym: np.ndarray
+
+
+class ContactCoefficients(NamedTuple):
+    """What contact and friction add to a linearised system, one figure a contact point (nc,).
+
+    Attributes
+    ----------
+    stiffness : ndarray
+        k_n of N^T k_n N, N/m.
+    coupling : ndarray
+        mu k_n of -T^T (mu k_n) N, N/m.
+    damping : ndarray
+        mu A p / |w0| of T_perp^T (.) T_perp, N s/m.
+    falling : ndarray
+        dmu/ds A p of T^T (.) T, N s/m.
+    """
+
+    stiffness: np.ndarray
+    coupling: np.ndarray
+    damping: np.ndarray
+    falling: np.ndarray
+
+
+def contact_coefficients(
+    contact: ReducedModel | ContactInterface, point: WorkingPoint, operating: OperatingPoint
+) -> ContactCoefficients:
+    """Coefficients of a working point (theory.md section 1), reduced or not."""
+    k_n, normal = contact.area * point.tangent, contact.area * point.pressure
+    mu = operating.mu_steady * contact.frictional
+    falling = operating.friction_slope * contact.frictional * normal
+    return ContactCoefficients(k_n, mu * k_n, mu * normal / operating.sliding_speed, falling)
 
 
 def component_frequencies(model: ReducedModel) -> dict[ModeKey, float]:
@@ -59,18 +93,13 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> R
     k_el = model.k_el.copy()
     for key, change in state.stiffness_changes(omega).items():
         k_el[model.mode_coordinate(*key)] += change
-    k_n = model.area * point.tangent
-    operating = state.operating
-    mu = operating.mu_steady * model.frictional
-    K_sym = model.K_springs + model.N.T @ (k_n[:, None] * model.N)
+    contact = contact_coefficients(model, point, state.operating)
+    K_sym = model.K_springs + model.N.T @ (contact.stiffness[:, None] * model.N)
     K_sym[np.diag_indices_from(K_sym)] += k_el
-    K = K_sym - model.T.T @ ((mu * k_n)[:, None] * model.N)
-    normal = model.area * point.pressure
-    damper = mu * normal / operating.sliding_speed
-    C = model.T_perp.T @ (damper[:, None] * model.T_perp)
-    if operating.friction_slope:
-        falling = operating.friction_slope * model.frictional * normal
-        C += model.T.T @ (falling[:, None] * model.T)
+    K = K_sym - model.T.T @ (contact.coupling[:, None] * model.N)
+    C = model.T_perp.T @ (contact.damping[:, None] * model.T_perp)
+    if state.operating.friction_slope:
+        C += model.T.T @ (contact.falling[:, None] * model.T)
     for key, c in state.modal_dampers(omega).items():
         j = model.mode_coordinate(*key)
         C[j, j] += c

@@ -26,12 +26,17 @@ _threads: ContextVar[int] = ContextVar("threads", default=1)
 
 @contextlib.contextmanager
 def solve_threads(count: int) -> Iterator[None]:
-    """Threads among which solves with many right-hand sides are shared, inside the context."""
+    """Threads for what can be shared inside the context: solves with many right-hand sides."""
     token = _threads.set(count)
     try:
         yield
     finally:
         _threads.reset(token)
+
+
+def side_by_side() -> ThreadPoolExecutor:
+    """A pool of that many threads; each of them shares its own solves with no other."""
+    return ThreadPoolExecutor(_threads.get())
 
 
 class Factor(Protocol):
@@ -106,6 +111,10 @@ class _Refined(ABC):
 
     A: sp.csr_matrix
 
+    def __reduce__(self) -> tuple[type[_Refined], tuple[sp.csr_matrix]]:
+        """Factorised anew where it is unpickled."""
+        return type(self), (self.A,)
+
     @abstractmethod
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """Solve once, real right-hand sides."""
@@ -136,7 +145,7 @@ class SuperLUFactor(_Refined):
         if b.ndim == 1 or b.shape[1] <= BLOCK:
             return self._lu.solve(np.ascontiguousarray(b))
         parts = [b[:, i : i + BLOCK] for i in range(0, b.shape[1], BLOCK)]
-        with ThreadPoolExecutor(_threads.get()) as pool:  # SuperLU lets go of the interpreter
+        with side_by_side() as pool:  # SuperLU lets go of the interpreter
             return np.hstack(list(pool.map(self._lu.solve, parts)))
 
 

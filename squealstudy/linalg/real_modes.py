@@ -7,7 +7,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from squealstudy.linalg.factor import factorise, lean_solve, symmetric_lu
+from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve, symmetric_lu
 
 # The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
 # at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
@@ -20,7 +20,11 @@ RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far abov
 
 
 def real_modes(
-    M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float, guess: int | None = None
+    M: sp.spmatrix,
+    K: sp.spmatrix,
+    cutoff_hz: float,
+    guess: int | None = None,
+    factor: RefinedFactor | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """All modes up to `cutoff_hz`, mass-normalised and ascending.
 
@@ -32,6 +36,8 @@ def real_modes(
         Modes above are dropped.
     guess : int or None
         First number of modes asked for; it grows until the cutoff is passed. None counts them.
+    factor : RefinedFactor or None
+        Of `shifted`, where it is there already.
 
     Returns
     -------
@@ -45,8 +51,8 @@ def real_modes(
     if n <= DENSE_LIMIT:
         w2, phi = la.eigh(K.toarray(), M.toarray())
         return _clip(w2, phi, limit)
-    shift = -(SHIFT_SHARE**2) * limit
-    factor = factorise(K - shift * M)
+    shift, above = -(SHIFT_SHARE**2) * limit, shifted(M, K, cutoff_hz)
+    factor = factorise(above) if factor is None else factor
     # unrefined: what Lanczos' residuals lack is mended below
     inverse = spla.LinearOperator((n, n), matvec=factor.solve_once, dtype=float)
     k = min((modes_below(M, K, limit) if guess is None else guess) + 1, n - 2)
@@ -56,9 +62,14 @@ def real_modes(
         w2, phi = spla.eigsh(K, k=k, M=M, sigma=shift, OPinv=inverse, v0=v0, ncv=space)
         if w2.max() > limit or k == n - 2:
             phi = phi[:, np.argsort(w2)]
-            return _clip(*_refine(M, K, lean_solve(factor, K - shift * M)(M @ phi)), limit)
+            return _clip(*_refine(M, K, lean_solve(factor, above)(M @ phi)), limit)
         growth = np.sqrt(limit / max(w2.max(), limit / 100))
         k = min(int(1.1 * k * growth) + 10, 2 * k + 20, n - 2)
+
+
+def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
+    """K + (SHIFT_SHARE 2 pi cutoff)^2 M: what `real_modes` factors for modes up to a cutoff."""
+    return (K + (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 * M).tocsr()
 
 
 def modes_below(M: sp.spmatrix, K: sp.spmatrix, limit: float) -> int:

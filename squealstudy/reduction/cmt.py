@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.linalg.factor import factorise, lean_solve
-from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve
+from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
@@ -123,16 +123,33 @@ class ReducedModel:
 
 @dataclass(frozen=True)
 class Basis:
-    """Component blocks of T_R (eq. 2) and the assembly modes they were made from."""
+    """Component blocks of T_R (eq. 2) and what they were made from.
+
+    Attributes
+    ----------
+    blocks : tuple of ndarray (n_component, k)
+    omega, phi : ndarray (m,), (n_dof, m)
+        Assembly modes.
+    factor : RefinedFactor (n_dof, n_dof)
+        Of the stiffness that they were found with, a positive multiple of M added: static response
+        to loads, as nearly as a basis above the modes' cutoff needs it.
+    """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
     omega: np.ndarray
     phi: np.ndarray = field(repr=False)
+    factor: RefinedFactor = field(repr=False)
 
     def expand(self, x: np.ndarray) -> np.ndarray:
         """Assembly displacements (n_dof, ...) from coordinates x (n, ...)."""
         ends = np.cumsum([0, *(b.shape[1] for b in self.blocks)])
         parts = [b @ x[i:j] for b, i, j in zip(self.blocks, ends, ends[1:], strict=False)]
+        return np.concatenate(parts)
+
+    def restrict(self, loads: np.ndarray) -> np.ndarray:
+        """Loads (n, ...) on the coordinates from loads (n_dof, ...) on the assembly."""
+        ends = np.cumsum([0, *(len(b) for b in self.blocks)])
+        parts = [b.T @ loads[i:j] for b, i, j in zip(self.blocks, ends, ends[1:], strict=False)]
         return np.concatenate(parts)
 
 
@@ -168,9 +185,12 @@ def reduce_cmt(
     c = assembly.contact
     K = assembly.K_el + assembly.K_springs()
     K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
-    omega, phi = real_modes(assembly.M, K, settings.assembly_cutoff)
+    cutoff = settings.assembly_cutoff
+    above = shifted(assembly.M, K, cutoff)
+    factor = factorise(above)
+    omega, phi = real_modes(assembly.M, K, cutoff, _most_modes(modes, settings), factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
-    extra = _load_responses(assembly, K, nominal, others, loaded)
+    extra = _load_responses(assembly, lean_solve(factor, above), nominal, others, loaded)
     blocks, diagonals = [], []
     for component in assembly.components:
         span = assembly.slices[component.name]
@@ -178,18 +198,26 @@ def reduce_cmt(
         T, k = complete_basis(component.M, component.K, modes[component.name].phi, shapes)
         blocks.append(T)
         diagonals.append(k)
-    basis = Basis(tuple(blocks), omega, phi)
+    basis = Basis(tuple(blocks), omega, phi, factor)
     return project(assembly, basis, diagonals, modes), basis
+
+
+def _most_modes(modes: Mapping[str, ComponentModes], settings: BasisSettings) -> int | None:
+    """Bound of the assembly modes up to the cutoff: springs and contact only stiffen components."""
+    if settings.component_cutoff < settings.assembly_cutoff:
+        return None
+    limit = 2 * np.pi * settings.assembly_cutoff
+    return sum(int((m.omega <= limit).sum()) for m in modes.values())
 
 
 def _load_responses(
     assembly: Assembly,
-    K: sp.csr_matrix,
+    solve: Callable[[np.ndarray], np.ndarray],
     nominal: WorkingPoint,
     others: Sequence[WorkingPoint],
     phi: np.ndarray,
 ) -> np.ndarray:
-    """K^-1 of the friction, friction-damping and contact-change loads of the modes `phi`.
+    """Responses to the friction, friction-damping and contact-change loads of the modes `phi`.
 
     Without the first two the basis has an error floor for complex modes (theory.md section 4);
     the contact-change loads serve design points at other pressures than the nominal one.
@@ -205,7 +233,6 @@ def _load_responses(
         c.T.T @ ((c.frictional * k_n)[:, None] * normal),
         *(c.N.T @ ((c.area * w.tangent - k_n)[:, None] * normal) for w in others),
     ]
-    solve = lean_solve(factorise(K), K)
     return np.hstack([_match_size(solve(load), phi) for load in loads])
 
 

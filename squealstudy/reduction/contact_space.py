@@ -7,7 +7,7 @@ low-rank change of K0, taken exactly by Woodbury's identity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise, lean_solve
 from squealstudy.models.assembly import Assembly
 
+INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
@@ -84,8 +85,13 @@ class ContactSpace:
         )
 
 
-def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> ContactSpace:
+def contact_space(
+    assembly: Assembly, k_c: float, shapes: np.ndarray | Callable[[], np.ndarray]
+) -> ContactSpace:
     """Factor K0 once and back-solve the contact columns once.
+
+    Of the contact's rows only as many are solved for as are independent: facets have more contact
+    points than nodes.
 
     Parameters
     ----------
@@ -93,7 +99,8 @@ def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> Contact
     k_c : float
         Contact stiffness per area, Pa/m: about that of the working points to come.
     shapes : ndarray (n_dof, m)
-        U = M phi of component modes that may change; m may be 0.
+        U = M phi of component modes that may change; m may be 0. Or what gives them, asked last:
+        they may be found meanwhile.
 
     Raises
     ------
@@ -106,23 +113,36 @@ def contact_space(assembly: Assembly, k_c: float, shapes: np.ndarray) -> Contact
     factor = factorise(K0)
     _check_held(K0, factor)
     solve = lean_solve(factor, K0)
-    X_N = solve(c.N.T.toarray())
+    Q, R = independent_rows(c.N)
+    X_Q = solve(Q)
+    shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
     loads = np.column_stack([assembly.load, assembly.constant_load])
-    H_NN = c.N @ X_N
+    H_NN = (c.N @ X_Q) @ R
     return ContactSpace(
         k_c,
         c.area,
         c.gap0,
         c.frictional,
         (H_NN + H_NN.T) / 2,
-        np.asarray((c.T @ X_N).T),
-        X_N.T @ loads,
+        R.T @ (c.T @ X_Q).T,
+        R.T @ (X_Q.T @ loads),
         np.asarray(c.N @ X_U),
         np.asarray(c.T @ X_U),
         loads.T @ X_U,
         shapes.T @ X_U,
     )
+
+
+def independent_rows(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray]:
+    """Q (n, r) and R (r, m) with N^T = Q R, r the rank of N (m, n) to round-off."""
+    columns = np.unique(N.indices)
+    own, R, order = la.qr(N[:, columns].T.toarray(), mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    rank = int((size > INDEPENDENT * size.max(initial=0.0)).sum())
+    Q, unsorted = np.zeros((N.shape[1], rank)), np.empty((rank, N.shape[0]))
+    Q[columns], unsorted[:, order] = own[:, :rank], R[:rank]
+    return Q, unsorted
 
 
 def _check_held(K0: sp.csc_matrix, factor: Factor) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -53,7 +54,7 @@ def extended_basis(
         k_phi = np.einsum("ij,ij->j", phi, component.K @ phi)
         blocks.append(np.ascontiguousarray(np.hstack([phi, rest @ y])))
         diagonals.append(np.concatenate([k_phi, k_rest]))
-    larger = Basis(tuple(blocks), basis.omega, basis.phi)
+    larger = replace(basis, blocks=tuple(blocks))
     return project(assembly, larger, diagonals, modes), larger
 
 

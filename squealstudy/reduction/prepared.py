@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import side_by_side
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
@@ -93,12 +94,15 @@ def prepare_with_basis(
         Where the nominal working point does not exist.
     """
     clock = _Clock()
-    modes = component_modes(assembly, settings.component_cutoff)
-    clock.stage("component_modes_s")
-    if space is None:
-        stiffness = reference_stiffness(assembly, nominal)
-        space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
-    clock.stage("contact_space_s")
+    with side_by_side() as pool:
+        found = pool.submit(component_modes, assembly, settings.component_cutoff)
+        if space is None:
+            stiffness = reference_stiffness(assembly, nominal)
+            space = pool.submit(
+                contact_space, assembly, stiffness, lambda: mode_shapes(assembly, found.result())
+            ).result()
+        modes = found.result()
+    clock.stage("components_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)
     clock.stage("working_point_s")

@@ -14,15 +14,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
-from squealstudy.analysis.full_order.modes import full_order_system
-from squealstudy.analysis.linearise import linearise
+from squealstudy.analysis.full_order.modes import component_terms
+from squealstudy.analysis.linearise import (
+    ContactCoefficients,
+    component_frequencies,
+    contact_coefficients,
+    linearise,
+)
 from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import factorise
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
@@ -117,56 +120,94 @@ def _in_basis(
 
 
 def _responses(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
-    """K0^-1 of residual loads, K0 the symmetric stiffness of the nominal working point."""
-    loads = residual_loads(prepared, basis, made)
-    c = made.assembly.contact
-    normal = sp.diags(c.area * prepared.nominal_tangent)
-    K0 = made.assembly.K_el + made.assembly.K_springs() + c.N.T @ normal @ c.N
-    return factorise(K0.tocsr()).solve_once(loads)
+    """Nearly static responses (n_dof, DIRECTIONS) to residual loads."""
+    return basis.factor.solve_once(residual_loads(prepared, basis, made))
 
 
 def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
+    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
+    relatively, and a phase of their own, so that sums do not hang on the eigensolver's. They are
+    added in reduced coordinates, where all their sums cost as much as one.
+
     Points without a working point or modes are left out; LinAlgError where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
-    found = []
+    seen = basis.restrict(rng.standard_normal(made.assembly.n_dof))
+    sums = _ResidualSums(prepared.model)
     for state in made.states:
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
-            found.append(_loads_at(prepared, basis, made, state, rng))
-    if not found:
+            point = state_working_point(prepared, state)
+            small = linearise(prepared.model, point, state)
+            contact = contact_coefficients(prepared.model, point, state.operating)
+            changes = state.stiffness_changes(component_frequencies(prepared.model))
+            for left in (False, True) if state.operating.mu_steady else (False,):
+                C, K = (small.C.T, small.K.T) if left else (small.C, small.K)
+                top = 2 * np.pi * made.top_hz
+                lam, x = dense_roots(C, K, (LOWEST * top, top))
+                toward = seen @ x
+                x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
+                mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+                sums.add([_mixed(x * lam**power, mixed) for power in range(3)], contact, left)
+                sums.add_changes(_mixed(x, mixed), changes)
+    if not sums.any:
         raise np.linalg.LinAlgError("no point has modes")
-    return sum(found[1:], found[0])
+    return sums.loads(basis, made)
 
 
-def _loads_at(
-    prepared: PreparedModel,
-    basis: Basis,
-    made: Reduction,
-    state: DesignState,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """The same of one design point, of right and left modes.
+def _mixed(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Real sums (n, k) of the real and the imaginary parts of x (n, m) with weights (2m, k)."""
+    sums: np.ndarray = np.hstack([x.real, x.imag]) @ weights
+    return sums
 
-    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
-    relatively.
+
+class _ResidualSums:
+    """Sums of loads lam^2 M psi + lam C psi + K psi of many points, in reduced coordinates.
+
+    Attributes
+    ----------
+    any : bool
+        Whether there are any.
     """
-    point = state_working_point(prepared, state)
-    small = linearise(prepared.model, point, state)
-    assembly, top = made.assembly, 2 * np.pi * made.top_hz
-    full = full_order_system(assembly, made.modes, point, state, made.top_hz)
-    sides = [(small.C, small.K, full.C, full.K)]
-    if state.operating.mu_steady:  # left vectors, conjugate
-        sides.append((small.C.T, small.K.T, full.C.transpose(), full.K.transpose()))
-    total = np.zeros((assembly.n_dof, DIRECTIONS))
-    for C_r, K_r, C_f, K_f in sides:
-        lam, psi = dense_roots(C_r, K_r, (LOWEST * top, top))
-        psi = basis.expand(psi / np.abs(lam))  # M-orthonormal coordinates
-        load = assembly.M @ (psi * lam**2) + C_f @ (psi * lam) + K_f @ psi
-        mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
-        total += load.real @ mixed[: len(lam)] + load.imag @ mixed[len(lam) :]
-    return total
+
+    def __init__(self, model: ReducedModel) -> None:
+        self._model, self.any = model, False
+        self._inertia = self._elastic = np.zeros((model.n, DIRECTIONS))
+        self._normal = self._sliding = self._across = np.zeros((len(model.area), DIRECTIONS))
+        self._changed: dict[ModeKey, np.ndarray] = {}
+
+    def add(self, powers: list[np.ndarray], contact: ContactCoefficients, left: bool) -> None:
+        """Sums (n, DIRECTIONS) of x, lam x and lam^2 x of one point; `left` of left vectors."""
+        x, speed, inertia = powers
+        model, self.any = self._model, True
+        self._inertia, self._elastic = self._inertia + inertia, self._elastic + x
+        normal = model.N @ x
+        self._normal = self._normal + contact.stiffness[:, None] * normal
+        if left:  # of K^T
+            self._normal = self._normal - contact.coupling[:, None] * (model.T @ x)
+        else:
+            self._sliding = self._sliding - contact.coupling[:, None] * normal
+        self._sliding = self._sliding + contact.falling[:, None] * (model.T @ speed)
+        self._across = self._across + contact.damping[:, None] * (model.T_perp @ speed)
+
+    def add_changes(self, x: np.ndarray, changes: Mapping[ModeKey, float]) -> None:
+        """Sums (n, DIRECTIONS) of x with changes of modal stiffness [(rad/s)^2]."""
+        for key, change in changes.items():
+            load = change * x[self._model.mode_coordinate(*key)]
+            self._changed[key] = self._changed.get(key, 0.0) + load
+
+    def loads(self, basis: Basis, made: Reduction) -> np.ndarray:
+        """The loads (n_dof, DIRECTIONS)."""
+        assembly, c = made.assembly, made.assembly.contact
+        stiffness = assembly.K_el + assembly.K_springs()
+        total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
+        total += c.N.T @ self._normal + c.T.T @ self._sliding + c.T_perp.T @ self._across
+        if self._changed:
+            U, _ = component_terms(assembly, made.modes, dict.fromkeys(self._changed, 1.0))
+            total += U @ np.vstack(list(self._changed.values()))
+        loads: np.ndarray = total
+        return loads
 
 
 def reduction_errors(

@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
+from squealstudy.analysis.linearise import contact_coefficients
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
@@ -159,16 +160,12 @@ def _sparse_system(
     assembly: Assembly, point: WorkingPoint, state: DesignState
 ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
     c = assembly.contact
-    k_n = c.area * point.tangent
-    operating = state.operating
-    mu = operating.mu_steady * c.frictional
-    K_sym = assembly.K_el + assembly.K_springs() + c.N.T @ sp.diags(k_n) @ c.N
-    K = K_sym - c.T.T @ sp.diags(mu * k_n) @ c.N
-    normal = c.area * point.pressure
-    C = c.T_perp.T @ sp.diags(mu * normal / operating.sliding_speed) @ c.T_perp
-    if operating.friction_slope:
-        falling = operating.friction_slope * c.frictional * normal
-        C = C + c.T.T @ sp.diags(falling) @ c.T
+    own = contact_coefficients(c, point, state.operating)
+    K_sym = assembly.K_el + assembly.K_springs() + c.N.T @ sp.diags(own.stiffness) @ c.N
+    K = K_sym - c.T.T @ sp.diags(own.coupling) @ c.N
+    C = c.T_perp.T @ sp.diags(own.damping) @ c.T_perp
+    if state.operating.friction_slope:
+        C = C + c.T.T @ sp.diags(own.falling) @ c.T
     return K.tocsr(), C.tocsr(), K_sym.tocsr()
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from skfem import CellBasis, ElementHexS2, FacetBasis
+from skfem import CellBasis
+from skfem.quadrature import get_quadrature
 
 from squealstudy.errors import ModelError
 from squealstudy.models.fem.solid import Solid
@@ -26,23 +27,16 @@ def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) ->
     corner weights of an 8-node face are negative. Raises ModelError where no facet is kept.
     """
     mesh, kept = solid.grid.mesh, kept_facets(solid, keep)
-    basis = FacetBasis(mesh, ElementHexS2(), facets=kept, intorder=2 * points_per_side - 1)
-    n_facets, n_qp = basis.dx.shape
-    shape = np.stack([np.asarray(f[0]) for f in basis.basis])  # (20, n_facets, n_qp)
-    rows = np.arange(n_facets * n_qp)
-    nodes = np.repeat(basis.element_dofs, n_qp, axis=1)  # (20, n_facets * n_qp)
-    S = sp.coo_matrix(
-        (shape.reshape(20, -1).ravel(), (np.tile(rows, 20), nodes.ravel())),
-        shape=(len(rows), basis.N),
-    ).tocsr()
+    mapping, cells = mesh.mapping(), mesh.f2t[0, kept]
+    X, weights = get_quadrature(mesh.brefdom, 2 * points_per_side - 1)
+    points = mapping.G(X, find=kept)
+    local = _local_coordinates(solid.basis, points, cells)
+    S = _values(solid.basis, local, cells)
     S.data[np.abs(S.data) < 1e-14] = 0.0  # nodes off the facet
     S.eliminate_zeros()
-    return Surface(
-        np.asarray(basis.global_coordinates()).reshape(3, -1).T,
-        basis.dx.ravel(),
-        np.asarray(basis.normals).reshape(3, -1).T,
-        S,
-    )
+    normals = mapping.normals(local, cells, kept, mesh.t2f)
+    area = np.abs(mapping.detDG(X, find=kept)) * weights
+    return Surface(points.reshape(3, -1).T, area.ravel(), normals.reshape(3, -1).T, S)
 
 
 def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
@@ -86,25 +80,34 @@ def shape_functions(
         raise ModelError(
             f"{(cells < 0).sum()} of {len(cells)} points of a surface lie outside the facing solid"
         )
-    local = _local_coordinates(basis, points, cells)
-    shape = [basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0] for k in range(basis.Nbfun)]
-    rows = np.tile(np.arange(len(cells)), basis.Nbfun)
-    nodes = basis.element_dofs[:, cells].ravel()
-    return sp.csr_matrix((np.ravel(shape), (rows, nodes)), shape=(len(points), basis.N))
+    return _values(basis, _local_coordinates(basis, points.T[:, :, None], cells), cells)
+
+
+def _values(basis: CellBasis, local: np.ndarray, cells: np.ndarray) -> sp.csr_matrix:
+    """Shape functions (n * q, n_nodes) at local places (3, n, q) of cells (n,)."""
+    shape = np.stack([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+    n_points = shape[0].size
+    rows = np.tile(np.arange(n_points), basis.Nbfun)
+    nodes = np.repeat(basis.element_dofs[:, cells], local.shape[2], axis=1).ravel()
+    return sp.csr_matrix((shape.ravel(), (rows, nodes)), shape=(n_points, basis.N))
 
 
 def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Reference coordinates (3, n, 1) of points (n, 3) [m], each in its cell, by Newton.
+    """Reference coordinates (3, n, q) of points (3, n, q) [m] in cells (n,), by Newton.
 
     The mapping's own inverse stops by one absolute norm of all points together, which thin cells
-    do not reach. A cell follows the cylinder to 1e-5 of its radius: a point may be found that far
-    outside. Raises ModelError where the iteration does not converge.
+    do not reach, and evaluates its shape functions for each entry of a Jacobian. A cell follows the
+    cylinder to 1e-5 of its radius: a point may be found that far outside. Raises ModelError where
+    the iteration does not converge.
     """
-    wanted = points.T[:, :, None]
-    X = np.full(wanted.shape, 0.5)
+    mesh, element = basis.mesh, basis.mapping.elem
+    nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, cells]]
+    X = np.full(points.shape, 0.5)
     for _ in range(NEWTON_STEPS):
-        off = wanted - basis.mapping.F(X, cells)
-        X = X + np.einsum("ijkl,jkl->ikl", basis.mapping.invDF(X, cells), off)
+        phi, slopes = zip(*(element.lbasis(X, k) for k in range(nodes.shape[1])), strict=True)
+        off = points - np.einsum("ikn,knq->inq", nodes, np.stack(phi))
+        J = np.einsum("ikn,kjnq->nqij", nodes, np.stack(slopes))
+        X = X + np.linalg.solve(J, off.transpose(1, 2, 0)[..., None])[..., 0].transpose(2, 0, 1)
         if np.abs(off).max() <= NEARLY * np.abs(points).max():  # squared by this last step
             return X
     raise ModelError("points of a surface are not found in the cells of the facing solid")
