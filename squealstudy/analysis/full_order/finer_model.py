@@ -1,10 +1,11 @@
 """The next larger component-mode model: how far a reduced model is from the full-order one.
 
 At a few working points the reduced right and left modes leave loads r = Q(lam) T psi in the
-unreduced equations. The static responses K0^-1 r to random sums of them, each mode of unit energy,
-span what the basis lacks (a randomised range finder: Halko, Martinsson, Tropp 2011). With them it
-is a finer model, whose roots are nearer to those of the full-order model by orders of magnitude:
-the distance of the roots of both models is the error of the smaller one.
+unreduced equations. The nearly static responses (K0 + s M)^-1 r to random sums of them, each mode
+of unit energy, span what the basis lacks (a randomised range finder: Halko, Martinsson, Tropp
+2011); K0 + s M is what the assembly's modes were found with. With them it is a finer model, whose
+roots are nearer to those of the full-order model by orders of magnitude: the distance of the roots
+of both models is the error of the smaller one.
 """
 
 from __future__ import annotations
