@@ -22,12 +22,12 @@ if sys.platform != "win32":
 
 
 def warm_kernels(single_storage: bool = False) -> float:
-    """Compile the single and the batched kernel, or load them from the cache; seconds it took.
+    """Compile the kernel, or load it from the cache; seconds it took.
 
     Parameters
     ----------
     single_storage : bool
-        Also those for an observation matrix in single precision.
+        Also that for an observation matrix in single precision.
 
     Notes
     -----
@@ -40,8 +40,7 @@ def warm_kernels(single_storage: bool = False) -> float:
     with alone():
         for stored in (False, True) if single_storage else (False,):
             chosen = replace(settings, single_storage=stored)
-            for designs in ([design], [design, design]):
-                simulate(system, designs, chosen, np.zeros(1), np.zeros(1))
+            simulate(system, [design], chosen, np.zeros(1), np.zeros(1))
     return time.perf_counter() - began
 
 
