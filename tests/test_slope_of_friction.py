@@ -154,7 +154,7 @@ def creep_of(system, design, q, v):
 @pytest.mark.parametrize("method", ["exponential", "newmark", "newmark_newton"])
 @pytest.mark.parametrize("count", [1, 5])
 def test_creep_is_the_largest_sliding_speed_of_what_sticks(method, count):
-    """Read from the motion itself, in the single and in the batched kernel."""
+    """Read from the motion itself, alone and in a batch."""
     system, design = random_system()
     system = replace(system, sensors=np.eye(system.n))
     settings = TransientSettings(1e-3, 2e-6, 1, method, tolerance=1e-10, tolerance_t=1e-9)

@@ -37,13 +37,24 @@ def kernel(function: F) -> F:
 
     No ``fastmath``: several kernels detect NaN and inf to report a failed iteration.
     """
-    compiled: F = numba.njit(cache=True, error_model="numpy")(function)
+    compiled: F = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     return compiled
 
 
 def entry_kernel(function: F) -> F:
     """Like `kernel`, for long runs: other threads of Python go on meanwhile."""
-    compiled: F = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    return _entry(function, set())
+
+
+def fast_entry_kernel(function: F) -> F:
+    """The same with `fast_kernel`'s freedom, for a kernel whose parts may have it."""
+    return _entry(function, REORDER)
+
+
+def _entry(function: F, fastmath: set[str]) -> F:
+    compiled: F = numba.njit(
+        cache=True, error_model="numpy", nogil=True, fastmath=fastmath, no_cfunc_wrapper=True
+    )(function)
     return compiled
 
 
@@ -63,7 +74,15 @@ def fast_kernel(function: F) -> F:
     return _inner(function, REORDER)
 
 
-def _inner(function: F, fastmath: set[str]) -> F:
+def part_kernel(function: F) -> F:
+    """Like `fast_kernel`, for a function of one caller, of which it becomes a part.
+
+    Every function is optimised on its own and again within all that are above it.
+    """
+    return _inner(function, REORDER, inline="always")
+
+
+def _inner(function: F, fastmath: set[str], inline: str = "never") -> F:
     """Without wrappers for Python, which would be most of the time to compile."""
     compiled: F = numba.njit(
         cache=True,
@@ -71,5 +90,6 @@ def _inner(function: F, fastmath: set[str]) -> F:
         fastmath=fastmath,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
+        inline=inline,
     )(function)
     return compiled

@@ -1,11 +1,11 @@
-"""The Newmark kernel for design points that advance together over one observation matrix."""
+"""The Newmark kernel: one design point, or several together over one observation matrix."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from squealstudy.kernels.contact_point import point_forces
-from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.jit import fast_entry_kernel, fast_kernel, part_kernel
 from squealstudy.kernels.newmark_layout import (
     FORCE,
     PAUSE,
@@ -75,7 +75,7 @@ def panel_of_eight(
         spread_eight(panel[t], tiles[t], F)
 
 
-@fast_kernel
+@part_kernel
 def pass_eight(B: np.ndarray, modal: Modal, work: Work, designs: np.ndarray) -> None:
     """`pass_one` for up to LANES designs, B (nt, n, ROWS) read once."""
     for d in range(designs.size):
@@ -112,15 +112,22 @@ def paused(counts: np.ndarray) -> bool:
     return False
 
 
-@entry_kernel
+@fast_entry_kernel
 def newmark_batch(
     B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved
 ) -> None:
-    """Integrate all designs to their ends or failures; arguments as of `newmark.newmark`.
+    """Integrate all designs to their ends or failures; `work.counts` and `work.real` tell which.
 
     A design that needs more iterations falls behind in time and goes on alone in the end. One that
-    comes to its pause stops all, the others where they are: which designs share a pass, and so
-    every rounding, is then the same as without a pause.
+    comes to its pause is RUNNING and stops all, the others where they are: with a later PAUSE the
+    next call goes on, and which designs share a pass, and so every rounding, is as without one.
+
+    Parameters
+    ----------
+    B : ndarray (nt, n, ROWS), f8 or f4
+        Tiles of the observation matrix, see tile.
+    modal, settings, work, saved : newmark_layout tuples
+        `work` holds the initial q and v in the rows Q_TRIAL and V_TRIAL as well.
     """
     listed = np.zeros(work.counts.shape[0], dtype=np.int64)
     while True:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_dense import fixed_jacobian, lu_factor, lu_solve, true_jacobian
 from squealstudy.kernels.newmark_layout import (
     CONTRACTION,
@@ -98,7 +98,7 @@ def relax(settings: Settings, work: Work, k: int, E: np.ndarray, e2: float) -> N
     real[E2_OLD] = e2
 
 
-@fast_kernel
+@part_kernel
 def correct_fixed(
     B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int, e2: float
 ) -> bool:
@@ -109,7 +109,7 @@ def correct_fixed(
     return True
 
 
-@fast_kernel
+@part_kernel
 def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -> bool:
     """One correction by a fresh Jacobian; a step that made the residual grow is halved instead."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]

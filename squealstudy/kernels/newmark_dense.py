@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.kernels.contact_laws import law_at
 from squealstudy.kernels.friction_laws import friction_tangent
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_layout import LAST_Q, LAST_V, Modal
 from squealstudy.kernels.newmark_vector import fill, move
 from squealstudy.kernels.tile import POINTS
@@ -108,7 +108,7 @@ def point_row(B: np.ndarray, i: int, row: np.ndarray) -> None:
             row[c, j] = tile[j, c * POINTS + p]
 
 
-@fast_kernel
+@part_kernel
 def fixed_jacobian(
     B: np.ndarray, modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray
 ) -> None:
@@ -125,7 +125,7 @@ def fixed_jacobian(
             add_point(A, row, E, normal, 0.0, tangential, 0.0, 0.0, tangential)
 
 
-@fast_kernel
+@part_kernel
 def true_jacobian(
     B: np.ndarray,
     modal: Modal,

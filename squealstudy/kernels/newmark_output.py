@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels.contact_point import potential
 from squealstudy.kernels.friction_laws import mu_at
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_layout import (
     D_DAMPING,
     D_FRICTION,
@@ -146,7 +146,7 @@ def contact_row(
     row[12] = creep
 
 
-@fast_kernel
+@part_kernel
 def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> None:
     """Append the accepted state of design k to its histories."""
     counts, x = work.counts[k], work.x[k]

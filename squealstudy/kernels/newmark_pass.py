@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels.contact_point import OUT_X, R_N, point_forces
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_layout import FORCE, Q_TRIAL, V_TRIAL, Modal, Work
 from squealstudy.kernels.newmark_vector import fill
 from squealstudy.kernels.tile import POINTS, observe_one, spread_one
@@ -31,7 +31,7 @@ def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
             tile[c * POINTS + i] = point[R_N + c, first + i]
 
 
-@fast_kernel
+@part_kernel
 def one_panel(panel: np.ndarray, first: int, modal: Modal, work: Work, k: int) -> None:
     """Add the forces of a panel of tiles (.., n, ROWS), its first point `first`, to row FORCE."""
     x, point, tiles = work.x[k], work.point[k], work.tiles

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_correct import correct_fixed, correct_newton, direction, place
 from squealstudy.kernels.newmark_dense import point_row
 from squealstudy.kernels.newmark_layout import (
@@ -106,7 +106,7 @@ def guess_friction(point: np.ndarray, h: float) -> None:
         point[GUESS + 1, i] = point[OLD + 3, i] + h * point[SLOPE + 1, i]
 
 
-@fast_kernel
+@part_kernel
 def begin(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
     """Open a sub-step h from the accepted state."""
     counts, real = work.counts[k], work.real[k]
@@ -149,7 +149,7 @@ def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
     return ROUND_OFF * ROUND_OFF * total
 
 
-@fast_kernel
+@part_kernel
 def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
     """Pull of the initial state from the first evaluation; False if it is not finite."""
     x, real = work.x[k], work.real[k]
@@ -177,7 +177,7 @@ def fail(settings: Settings, counts: np.ndarray, reason: int) -> int:
     return BEGIN
 
 
-@fast_kernel
+@part_kernel
 def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
     """Close a sub-step: the last residual still corrects the state, at no evaluation's cost."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
@@ -203,7 +203,7 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
     return CLOSE
 
 
-@fast_kernel
+@part_kernel
 def iterate(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
     """Judge an evaluation and correct, accept or give up; what to do next."""
     counts, real = work.counts[k], work.real[k]
@@ -226,7 +226,7 @@ def iterate(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int)
     return GO_ON if solved else fail(settings, counts, SINGULAR)
 
 
-@fast_kernel
+@part_kernel
 def advance(
     B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved, k: int
 ) -> None:

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from squealstudy.kernels.friction_laws import mu_at, resistance
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_layout import DELTA, GUESS, LAST_V, ROOM, Modal, Work
 from squealstudy.kernels.newmark_vector import dot, move
 
@@ -110,7 +110,7 @@ def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
     return change / total if total > 0.0 else 0.0
 
 
-@fast_kernel
+@part_kernel
 def mock_up(modal: Modal, work: Work, k: int, level: int) -> None:
     """Correct row DELTA, which holds the residual, for the stiff points; the friction expected."""
     if modal.own.size == 0:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.jit import entry_kernel
+from squealstudy.kernels.jit import fast_entry_kernel
 from squealstudy.kernels.newmark_correct import place
 from squealstudy.kernels.newmark_layout import (
     E2_OLD,
@@ -27,7 +27,7 @@ from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.newmark_vector import copy
 
 
-@entry_kernel
+@fast_entry_kernel
 def newmark_trace(
     B: np.ndarray,
     modal: Modal,
@@ -42,7 +42,7 @@ def newmark_trace(
     Parameters
     ----------
     B, modal, settings, work, saved
-        As of `newmark.newmark`, of one step without halvings.
+        As of `newmark_batch.newmark_batch`, of one step without halvings.
     first : ndarray (n,) or (0,)
         Trial pull to start from; empty for that of the predictor.
 

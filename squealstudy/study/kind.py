@@ -44,6 +44,10 @@ class Kind(Protocol):
         """The plan whose reduced models are good enough for the study; by default as it is."""
         return plan
 
+    def begin(self, plan: Plan) -> None:
+        """Begin, in other processes, what can be made beside the structures; `prepare` waits."""
+        return
+
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """What must be there before workers start, beside the structures."""
         ...

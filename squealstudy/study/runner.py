@@ -187,6 +187,8 @@ def build_structures(
     missing = [s for s in asked if not is_prepared(s.key)]
     if not missing:
         return {}
+    if jobs > 1:
+        kind_of(plan).begin(plan)
     stage = "reduction"
     progress(stage, 0, len(missing))
     threads = jobs if len(missing) == 1 else 1

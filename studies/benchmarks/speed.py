@@ -1,6 +1,6 @@
 """Time of the main jobs beside an earlier state of the project, in turns on one machine.
 
-Run:  python studies/benchmarks/speed.py [--rows study reduction point check basis map] [--rounds 2]
+Run:  python studies/benchmarks/speed.py [--rows study reduction point ..] [--rounds 2]
       --quick          the coarse mesh and few points, to try it
       --then COMMIT    the earlier state (a git worktree of it is made and removed)
 
@@ -15,6 +15,11 @@ reduction   its assembly and component-mode model
 point       a dense design point: working point, roots, vectors, errors
 check       a design point at full order
 basis       sweep bases over 400 frictions to 1e-2, 1e-3 and 1e-4: looser must not be dearer
+kernels     those of a study in time, compiled
+squeal      100 ms as [fidelity] chooses to 1 %, a design of a batch of eight, without the choice
+fidelity    complex modes below 3 kHz as [fidelity] chooses, with what that costs beside `by hand`:
+            the same settings written into the file
+nominal     `squealstudy run` of 100 ms of squeal (studies/squeal_nominal.toml)
 map         20,000 points to 1e-4, with the largest memory of one process in MB beside
 """
 
@@ -72,10 +77,53 @@ num = {}
 scale = "log"
 """
 
+IN_TIME = """
+[study]
+name = "{name}"
+kind = "transient"
+
+[model]
+name = "disc_brake"
+mesh = "{mesh}"
+contact_points = 2
+
+[parameters]
+friction = 0.5
+pressure = 12e5
+sliding_speed = 0.5
+damping_ratio = 0.005
+stiffness_damping = 1.5e-7
+
+[transient]
+duration = {duration}
+{more}
+"""
+NOMINAL = "step = 1e-6\nperturbation = 1e-3\nsave_every = 10\nsensors = [500.0, 8000.0]\n"
+SQUEAL = """
+perturbation = 2e-2
+save_every = 0
+
+[fidelity]
+tolerance = 0.01
+
+[[sweep]]
+parameter = "friction"
+start = 0.46
+stop = 0.54
+num = 8
+"""
+LOW_BAND = "track = false\nreference_points = 0\n\n[fidelity]\ntolerance = 1e-3\n"
+
 
 def study_text(row: str, quick: bool, tolerance: float = 1e-4) -> str:
     """The study of a row."""
     mesh = "coarse" if quick else "medium"
+    if row in ("nominal", "squeal"):
+        more, duration = (NOMINAL if row == "nominal" else SQUEAL), (0.02 if quick else 0.1)
+        return IN_TIME.format(name=row, mesh=mesh, duration=duration, more=more)
+    if row == "fidelity":
+        text = STUDY.format(name=row, mesh=mesh, frictions=400, pressures="", more=LOW_BAND)
+        return text.replace("8000.0", "3000.0")
     frictions, pressures, more = (8 if quick else 29), PRESSURES, ""
     if row == "map":
         frictions = 40 if quick else 200
@@ -167,13 +215,60 @@ def _basis(quick: bool, folder: Path) -> dict[str, float]:
     return found
 
 
+def _kernels(_quick: bool, _folder: Path) -> dict[str, float]:
+    from squealstudy.analysis.transient.warmup import warm_kernels
+
+    started = time.process_time()
+    warm_kernels()
+    return {"kernels": time.process_time() - started}
+
+
+def _resolved(row: str, quick: bool, folder: Path) -> Any:
+    from squealstudy.study.fidelity.run import resolve
+
+    study = _plan(row, quick, folder).study
+    found = resolve(study, 1, lambda stage, done, total: None)
+    print(found.choice.chosen.text, file=sys.stderr)
+    return found
+
+
+def _squeal(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.study.runner import run_study
+
+    plan = _resolved("squeal", quick, folder).plan
+    started = time.process_time()
+    run_study(plan, folder / "results", 1)
+    return {"squeal": (time.process_time() - started) / len(plan.tasks)}
+
+
+def _fidelity(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.study.fidelity.run import run_resolved
+    from squealstudy.study.runner import run_study
+
+    _reduced(_plan("study", True, folder))  # imports, which the first of the two would pay for both
+    started = time.process_time()
+    found = _resolved("fidelity", quick, folder)
+    chosen = time.process_time()
+    run_resolved(found, folder / "chosen", True, lambda *progress: None, lambda text: None)
+    whole = time.process_time() - started
+    print(f"choice {chosen - started:.1f} s of {whole:.1f} s", file=sys.stderr)
+    os.environ["SQUEALSTUDY_CACHE"] = str(folder / "empty")
+    started = time.process_time()
+    run_study(found.plan, folder / "by_hand", 1)
+    by_hand = time.process_time() - started
+    return {"fidelity": whole, "by hand": by_hand, "over by hand": whole / by_hand}
+
+
 MEASURES: dict[str, Callable[[bool, Path], dict[str, float]]] = {
     "reduction": _reduction,
     "point": _point,
     "check": _check,
     "basis": _basis,
+    "kernels": _kernels,
+    "squeal": _squeal,
+    "fidelity": _fidelity,
 }
-WHOLE = ("study", "map")
+WHOLE = ("study", "nominal", "map")
 
 
 # -- in turns ------------------------------------------------------------------------------------
@@ -233,7 +328,7 @@ def main() -> None:
     if arguments.measure:
         print(json.dumps(measure(arguments.measure, arguments.quick)))
         return
-    rows = arguments.rows or ["study", "reduction", "point", "check", "basis", "map"]
+    rows = arguments.rows or ["study", *MEASURES, "nominal", "map"]
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "then"
         git = ["git", "-C", str(ROOT), "worktree"]

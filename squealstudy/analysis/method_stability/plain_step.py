@@ -21,7 +21,7 @@ from squealstudy.analysis.transient.observation import observation
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.friction_laws import friction_tangent
-from squealstudy.kernels.newmark import newmark
+from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.kernels.newmark_trace import newmark_trace
 
 MOST = 4000  # iterations: 2 % below the boundary a step takes 1,000
@@ -90,7 +90,7 @@ def solved(state: ContactState, step: float) -> Solution | None:
         max_halvings=0,
     )
     arrays = _arrays(state, settings)
-    newmark(*arrays)
+    newmark_batch(*arrays)
     work, n = arrays[3], state.system.n
     if work.counts[0, layout.STATUS] != layout.DONE:
         return None

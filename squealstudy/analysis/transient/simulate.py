@@ -24,7 +24,6 @@ from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
 from squealstudy.analysis.transient.watch import Watch, block_steps, paused, stop
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.newmark import newmark
 from squealstudy.kernels.newmark_batch import newmark_batch
 
 OUTCOMES = {
@@ -58,7 +57,7 @@ def simulate(
     ----------
     system : ModalSystem
     designs : sequence of TransientDesign
-        One runs in the single kernel, several in the batched one, to the same result.
+        Each comes to the same result alone.
     settings : TransientSettings
     q0, v0 : ndarray (n,) or (nb, n)
         Initial deviation and velocity.
@@ -83,17 +82,16 @@ def simulate(
     saved = saved_arrays(modal, system.n, settings)
     stopped = [""] * len(designs)
     seen = [(system.n, len(x.sensor_rows(system))) for x in designs]
-    kernel = newmark if len(designs) == 1 else newmark_batch
     blocks = block_steps(watch, len(designs), settings)
     work.counts[:, layout.PAUSE] = blocks
-    kernel(B, modal, options, work, saved)
+    newmark_batch(B, modal, options, work, saved)
     while watch is not None and (at_pause := paused(work)):
         for k in at_pause:
             stopped[k] = watch.judge(k, result_of(work, saved, settings, k, seen[k], np.asarray))
             if stopped[k]:
                 stop(work, saved, k)
             work.counts[k, layout.PAUSE] += blocks[k]
-        kernel(B, modal, options, work, saved)
+        newmark_batch(B, modal, options, work, saved)
     finished = [result_of(work, saved, settings, k, x) for k, x in enumerate(seen)]
     starts = zip(*(np.broadcast_to(x, (len(designs), system.n)) for x in (q0, v0)), strict=True)
     return [

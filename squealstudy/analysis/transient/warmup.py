@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -9,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 
 from squealstudy.analysis.transient.settings import TransientSettings
@@ -21,13 +25,37 @@ if sys.platform != "win32":
     import fcntl
 
 
+_begun: list[subprocess.Popen[bytes]] = []
+
+
+def begin_warming(single_storage: bool = False) -> None:
+    """Let a process of its own do what `warm_kernels` does, which then waits for it.
+
+    Nothing where there are compiled kernels already: a process takes longer to start than they
+    take to load.
+    """
+    if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
+        return
+    call = f"from {__name__} import warm_kernels; warm_kernels({single_storage})"
+    nothing = subprocess.DEVNULL
+    _begun.append(
+        subprocess.Popen(
+            [sys.executable, "-c", call],
+            env=os.environ | {"NUMBA_CACHE_DIR": numba.config.CACHE_DIR},
+            stdin=nothing,
+            stdout=nothing,
+            stderr=nothing,
+        )
+    )
+
+
 def warm_kernels(single_storage: bool = False) -> float:
-    """Compile the single and the batched kernel, or load them from the cache; seconds it took.
+    """Compile the kernel, or load it from the cache; seconds it took.
 
     Parameters
     ----------
     single_storage : bool
-        Also those for an observation matrix in single precision.
+        Also that for an observation matrix in single precision.
 
     Notes
     -----
@@ -35,14 +63,27 @@ def warm_kernels(single_storage: bool = False) -> float:
     different types at once may both take the same file name.
     """
     began = time.perf_counter()
+    while _begun:
+        _begun.pop().wait()
     system, design = smallest()
     settings = TransientSettings(duration=2e-6, step=1e-6, save_every=1)
-    with alone():
+    with alone(), uncollected():
         for stored in (False, True) if single_storage else (False,):
             chosen = replace(settings, single_storage=stored)
-            for designs in ([design], [design, design]):
-                simulate(system, designs, chosen, np.zeros(1), np.zeros(1))
+            simulate(system, [design], chosen, np.zeros(1), np.zeros(1))
     return time.perf_counter() - began
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Without garbage collection: that is a seventh of compiling, which leaves little garbage."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
 from squealstudy.study.family_cache import load_any
-from squealstudy.study.kind import Progress
+from squealstudy.study.kind import Kind, Progress
 from squealstudy.study.method import APPROXIMATE, AUTO, FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import in_parallel, split_chunks
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
 
 
-class ComplexModes:
+class ComplexModes(Kind):
     """Working point and complex modes of every design point; full-order checks of some."""
 
     schema: pa.Schema = rows.SCHEMA

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.transient.warmup import begin_warming
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.cache import is_prepared
@@ -87,6 +88,12 @@ class Transient(Kind):
     def warnings(self, plan: Plan) -> list[str]:
         """Growth above the band, and friction too stiff for the step."""
         return forecast.warnings(plan)
+
+    def begin(self, plan: Plan) -> None:
+        """Compile the kernels."""
+        section = plan.study.definition.transient
+        if section.representation == "modal":
+            begin_warming(section.storage == "single")
 
     def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
