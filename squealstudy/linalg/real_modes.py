@@ -1,32 +1,31 @@
-"""Real modes of symmetric sparse pencils K phi = omega^2 M phi, by shift-invert Lanczos."""
+"""Real modes of symmetric sparse pencils K phi = omega^2 M phi, by shift-invert block Lanczos."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
-from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve, symmetric_lu
+from squealstudy.linalg.block_krylov import BLOCK, BlockKrylov
+from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve
 
 # The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
 # at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
 # times larger (1e-10 against 3e-14 on the coarse pad), at the same time.
 SHIFT_SHARE = 1 / 6  # of the cutoff
 DENSE_LIMIT = 400
-SPACE, LEAST_MORE = 1.4, 20  # Lanczos vectors a mode, and beside the modes: more cost more
-FIRST_GUESS = 40  # modes asked for where they cannot be counted
+FIRST, STEP = 48, 12  # states before the first test of convergence, and 1 in so many between two
+LARGEST = 0.4  # of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
+CONVERGED = 1e-10  # residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
 RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far above round-off
 
 
 def real_modes(
-    M: sp.spmatrix,
-    K: sp.spmatrix,
-    cutoff_hz: float,
-    guess: int | None = None,
-    factor: RefinedFactor | None = None,
+    M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float, factor: RefinedFactor | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """All modes up to `cutoff_hz`, mass-normalised and ascending.
+
+    A Krylov space grows until the modes up to the first one beyond the cutoff have converged.
 
     Parameters
     ----------
@@ -34,8 +33,6 @@ def real_modes(
         Positive definite and positive semi-definite.
     cutoff_hz : float
         Modes above are dropped.
-    guess : int or None
-        First number of modes asked for; it grows until the cutoff is passed. None counts them.
     factor : RefinedFactor or None
         Of `shifted`, where it is there already.
 
@@ -48,40 +45,36 @@ def real_modes(
     """
     n = M.shape[0]
     limit = (2 * np.pi * cutoff_hz) ** 2
-    if n <= DENSE_LIMIT:
-        w2, phi = la.eigh(K.toarray(), M.toarray())
-        return _clip(w2, phi, limit)
-    shift, above = -(SHIFT_SHARE**2) * limit, shifted(M, K, cutoff_hz)
-    factor = factorise(above) if factor is None else factor
-    # unrefined: what Lanczos' residuals lack is mended below
-    inverse = spla.LinearOperator((n, n), matvec=factor.solve_once, dtype=float)
-    k = min((modes_below(M, K, limit) if guess is None else guess) + 1, n - 2)
-    while True:
-        rng = np.random.default_rng(0)  # a fixed start: the same model gives the same basis
-        v0, space = rng.standard_normal(n), min(max(int(SPACE * k), k + LEAST_MORE), n - 1)
-        w2, phi = spla.eigsh(K, k=k, M=M, sigma=shift, OPinv=inverse, v0=v0, ncv=space)
-        if w2.max() > limit or k == n - 2:
-            phi = phi[:, np.argsort(w2)]
-            return _clip(*_refine(M, K, lean_solve(factor, above)(M @ phi)), limit)
-        growth = np.sqrt(limit / max(w2.max(), limit / 100))
-        k = min(int(1.1 * k * growth) + 10, 2 * k + 20, n - 2)
+    if n > DENSE_LIMIT:
+        above = shifted(M, K, cutoff_hz)
+        held = factorise(above) if factor is None else factor
+        phi = _space_below(M, held, limit)
+        if phi is not None:  # from unrefined solves: what they lack is mended here
+            return _clip(*_refine(M, K, lean_solve(held, above)(M @ phi)), limit)
+    w2, phi = la.eigh(K.toarray(), M.toarray())
+    return _clip(w2, phi, limit)
+
+
+def _space_below(M: sp.spmatrix, factor: RefinedFactor, limit: float) -> np.ndarray | None:
+    """Modes (n, m) with omega^2 <= limit and the next; None where they are most of all."""
+    space = BlockKrylov(factor.solve_once, M.shape[0], M)
+    size = FIRST
+    while size <= LARGEST * M.shape[0]:
+        space.grow(size)
+        theta, y = la.eigh((space.projected + space.projected.T) / 2)
+        theta, y = theta[::-1], y[:, ::-1]
+        inside = int((theta >= 1.0 / (limit + SHIFT_SHARE**2 * limit)).sum())
+        if inside < space.size:
+            y = y[:, : inside + 1]
+            if (space.left_out(y) <= CONVERGED * theta[: inside + 1]).all():
+                return space.vectors @ y
+        size = space.size + max(2 * BLOCK, space.size // STEP)
+    return None
 
 
 def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
     """K + (SHIFT_SHARE 2 pi cutoff)^2 M: what `real_modes` factors for modes up to a cutoff."""
     return (K + (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 * M).tocsr()
-
-
-def modes_below(M: sp.spmatrix, K: sp.spmatrix, limit: float) -> int:
-    """How many modes have omega^2 < limit, by Sylvester's law: the negative pivots of K - limit M.
-
-    Without pivoting: round-off may change the count where a pivot is close to zero.
-    """
-    try:
-        factor = symmetric_lu(K - limit * M)
-    except RuntimeError:  # a pivot is zero
-        return FIRST_GUESS
-    return int((factor.U.diagonal() < 0).sum())
 
 
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:

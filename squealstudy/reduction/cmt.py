@@ -188,7 +188,7 @@ def reduce_cmt(
     cutoff = settings.assembly_cutoff
     above = shifted(assembly.M, K, cutoff)
     factor = factorise(above)
-    omega, phi = real_modes(assembly.M, K, cutoff, _most_modes(modes, settings), factor)
+    omega, phi = real_modes(assembly.M, K, cutoff, factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, lean_solve(factor, above), nominal, others, loaded)
     blocks, diagonals = [], []
@@ -200,14 +200,6 @@ def reduce_cmt(
         diagonals.append(k)
     basis = Basis(tuple(blocks), omega, phi, factor)
     return project(assembly, basis, diagonals, modes), basis
-
-
-def _most_modes(modes: Mapping[str, ComponentModes], settings: BasisSettings) -> int | None:
-    """Bound of the assembly modes up to the cutoff: springs and contact only stiffen components."""
-    if settings.component_cutoff < settings.assembly_cutoff:
-        return None
-    limit = 2 * np.pi * settings.assembly_cutoff
-    return sum(int((m.omega <= limit).sum()) for m in modes.values())
 
 
 def _load_responses(

@@ -193,7 +193,7 @@ def _of_halves(r: Line, theta: Line, z: Line, cells: np.ndarray, material, cutof
 
 
 def _elastic(M: sp.csr_matrix, K: sp.csr_matrix, cutoff: float) -> np.ndarray:
-    omega, _ = real_modes(M, K, cutoff, guess=12)
+    omega, _ = real_modes(M, K, cutoff)
     hz: np.ndarray = omega[rigid_modes(M, K, omega) :] / (2 * np.pi)
     return hz[hz > RIGID_BELOW]
 

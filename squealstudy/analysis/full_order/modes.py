@@ -71,15 +71,13 @@ def full_order_modes(
     band_hz: tuple[float, float],
     damped_to_hz: float,
     expected: int | None = None,
-    expected_damped: int | None = None,
 ) -> FullOrderModes:
     """Complex modes of the unreduced assembly at a working point (theory.md section 1).
 
     Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
     (eq. 8) is put on the assembly's real modes up to `damped_to_hz`, those beyond have the
     coefficient 2 zeta omega of a mode there. `expected` is how many roots the band's top may have
-    below it, conjugates included, `expected_damped` how many real modes have modal damping of their
-    own: all are found whatever they say, soonest where they are close.
+    below it, conjugates included: all are found whatever it says, soonest where it is close.
 
     Raises
     ------
@@ -88,7 +86,7 @@ def full_order_modes(
     ParameterError
         Damping of an assembly mode beyond `damped_to_hz`.
     """
-    system = full_order_system(assembly, modes, point, state, damped_to_hz, expected_damped)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz)
     C_sum, K_sum = system.C, system.K
     low, high = (2 * np.pi * f for f in band_hz)
     for refined in (False, True):  # the solves, where the roots without are not accurate
@@ -129,7 +127,6 @@ def full_order_system(
     point: WorkingPoint,
     state: DesignState,
     damped_to_hz: float,
-    expected_damped: int | None = None,
 ) -> FullOrderSystem:
     """The matrices that `full_order_modes` solves; parameters and errors are its own."""
     K, C, K_sym = _sparse_system(assembly, point, state)
@@ -137,7 +134,7 @@ def full_order_system(
     C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz, expected_damped)
+        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz)
         if len(K_low[1]):
             omega, phi = _changed_modes(assembly.M, K_sym, phi, *K_low, damped_to_hz)
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0

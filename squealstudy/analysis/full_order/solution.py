@@ -52,7 +52,6 @@ def solve_full_order(
         band,
         damped_to_hz,
         expected,
-        expected_roots(prepared.model, point, damped_to_hz) // 2,
     )
     order = np.argsort(found.lam.imag == 0, kind="stable")
     lam, psi, residual = found.lam[order], found.psi[:, order], found.residual[order]

@@ -78,8 +78,7 @@ def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
     assembly, modes = FullRung(task.options, task.settings).assembly(task.point)
     cutoff = task.settings.damped_to
     expected = expected_roots(prepared.model, point, task.band_hz[1])
-    damped = expected_roots(prepared.model, point, cutoff) // 2
-    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected, damped)
+    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)
 
 
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:
