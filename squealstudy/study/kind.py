@@ -44,7 +44,7 @@ class Kind(Protocol):
         """The plan whose reduced models are good enough for the study; by default as it is."""
         return plan
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """What must be there before workers start, beside the structures."""
         ...
 

@@ -88,7 +88,7 @@ class Transient(Kind):
         """Growth above the band, and friction too stiff for the step."""
         return forecast.warnings(plan)
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
         forecast.warm(plan.study.definition.transient)
         make_training_runs(plan, report)
