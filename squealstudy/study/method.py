@@ -18,8 +18,9 @@ OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
 FOR_COMPARISON = (TWO_STEP, PERTURBATION)
 APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
 # design points of one structure from which on windows take less time than dense points, by the
-# number of parameters that vary; a basis is made by one process, points are solved by all
-PAYS_FROM = {1: 60, 2: 300, 3: 1500}
+# number of parameters that vary; a basis is made by one process, points are solved by all.
+# studies/benchmarks/method_costs.py measures these and what follows
+PAYS_FROM = {1: 60, 2: 500, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
 BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about

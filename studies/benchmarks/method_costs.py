@@ -85,15 +85,16 @@ def exact_seconds(plan: Plan, folder: Path) -> float:
     return seconds(lambda: solve_chunk(rest)) / len(others)
 
 
-def served_seconds(plan: Plan, folder: Path) -> tuple[float, float]:
-    """Of the basis, if the method has one, and of a point."""
+def served_seconds(plan: Plan, folder: Path, most: int | None = None) -> tuple[float, float]:
+    """Of the basis, if the method has one and it is not there yet, and of one of `most` points."""
     (task,) = basis_tasks(plan)
     over_a_basis = plan.method.name in OVER_A_BASIS
     basis = seconds(lambda: make_basis(task, lambda done, most: None)) if over_a_basis else 0.0
     served(task, over_a_basis)
-    boxes = window_tasks(plan, folder, plan.tasks)
+    points = plan.tasks[:most]
+    boxes = window_tasks(plan, folder, points)
     spent = seconds(lambda: [solve_box(box) for box in boxes])
-    return basis, spent / len(plan.tasks)
+    return basis, spent / len(points)
 
 
 def main() -> None:
@@ -123,8 +124,8 @@ def main() -> None:
             )
             print(f"{line}{pays:>11.0f}", flush=True)
             for method in (SWEEP_BASIS, TWO_STEP, PERTURBATION) if varied == 2 else ():
-                other = plan_of(folder, mesh, varied, OTHER_POINTS, method)
-                _, point = served_seconds(other, folder)
+                other = plan_of(folder, mesh, varied, samples, method)
+                _, point = served_seconds(other, folder, OTHER_POINTS)
                 print(f"{method:<14}{OTHER_POINTS:>7}{'':>16}{point / exact:>8.2f}", flush=True)
 
 
