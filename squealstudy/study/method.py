@@ -23,7 +23,7 @@ APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
 PAYS_FROM = {1: 60, 2: 500, 3: 1500}
 BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
 
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs, about: 23 over one parameter, 75 over two
+BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
 # seconds of a design point over those of an exact solve, about
 SERVED = {WINDOWS: 0.13, SWEEP_BASIS: 0.55, TWO_STEP: 0.9, PERTURBATION: 0.6}
 
