@@ -351,10 +351,10 @@ def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
         patch.setattr(
             "squealstudy.study.complex_modes.window_tasks.basis_tasks", lambda _: [unbuilt]
         )
-        ComplexModes().prepare(plan, lambda *_: None, 1)
+        ComplexModes().prepare(plan, lambda *_: None)
     assert not unbuilt.path.is_file()
     build_structures(plan, 1, lambda *_: None)
-    ComplexModes().prepare(plan, lambda *_: None, 1)
+    ComplexModes().prepare(plan, lambda *_: None)
     assert task.path.is_file()
 
 

@@ -123,7 +123,8 @@ class ParametricSystem:
         """y_j^H Q'(lam_j) x_j for every pair of columns (m,)."""
         right, left = columns(X), columns(Y)
         total = np.zeros(len(lam), dtype=complex)
-        for term, w in self._gathered(weights):
+        system, weights = self.gathered(weights)
+        for term, w in zip(system.terms, weights, strict=True):
             if term.order == STIFFNESS or _vanishes(w):
                 continue
             seen, seen_left = right.through(term.right), left.through(term.left)
@@ -132,24 +133,23 @@ class ParametricSystem:
             total += moved if term.order == DAMPING else 2.0 * lam * moved
         return total
 
-    def _gathered(self, weights: Weights) -> list[tuple[Term, Any]]:
-        """Terms and weights; many whole matrices of one order are summed before any product."""
-        pairs: list[tuple[Term, Any]] = []
-        whole: dict[int, list[tuple[np.ndarray, float]]] = {STIFFNESS: [], DAMPING: [], MASS: []}
-        for term, w in zip(self.terms, weights, strict=True):
+    def gathered(self, weights: Weights) -> tuple[ParametricSystem, Weights]:
+        """The same system at one design point with few terms, for several products there.
+
+        Many whole matrices of one order are summed before any product.
+        """
+        whole: dict[int, list[int]] = {STIFFNESS: [], DAMPING: [], MASS: []}
+        for i, (term, w) in enumerate(zip(self.terms, weights, strict=True)):
             if term.left is None and isinstance(term.right, np.ndarray) and not np.ndim(w):
-                whole[term.order].append((term.right, w))
-            else:
-                pairs.append((term, w))
-        for order, found in whole.items():
-            if len(found) <= MANY:
-                pairs += [(Term(order, None, A), w) for A, w in found]
-                continue
-            total = np.zeros((self.n, self.n))
-            for A, w in found:
-                total += w * A
-            pairs.append((Term(order, dense=True), total))
-        return pairs
+                whole[term.order].append(i)
+        many = {order: found for order, found in whole.items() if len(found) > MANY}
+        if not many:
+            return self, weights
+        summed = {i for found in many.values() for i in found}
+        kept = [i for i in range(len(self.terms)) if i not in summed]
+        totals = [sum(weights[i] * self.terms[i].right for i in found) for found in many.values()]
+        terms = (*(self.terms[i] for i in kept), *(Term(order, dense=True) for order in many))
+        return ParametricSystem(self.n, terms), (*(weights[i] for i in kept), *totals)
 
     def _sum(
         self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, left: bool
@@ -160,7 +160,8 @@ class ParametricSystem:
         """
         total = np.zeros(X.values.shape, dtype=complex)
         before: dict[int, tuple[Matrix, np.ndarray]] = {}
-        for term, w in self._gathered(weights):
+        system, weights = self.gathered(weights)
+        for term, w in zip(system.terms, weights, strict=True):
             if _vanishes(w):
                 continue
             factor = factors[term.order]

@@ -48,7 +48,7 @@ class Kind(Protocol):
         """Begin, in other processes, what can be made beside the structures; `prepare` waits."""
         return
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """What must be there before workers start, beside the structures."""
         ...
 

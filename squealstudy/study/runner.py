@@ -241,7 +241,7 @@ def _solve_points(
         rows = [kind.failed_row(t.point_id, "structure", failures[t.prepared_key]) for t in unbuilt]
         chunks.write_chunk(directory, chunk_id(t.point_id for t in unbuilt), rows, kind.schema)
     if solvable:
-        kind.prepare(plan, progress, jobs)
+        kind.prepare(plan, progress)
     tasks = kind.tasks(plan, directory, solvable, jobs)
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     progress("design points", done, total)

@@ -171,7 +171,7 @@ def _plan(family: Family, kick: float, designs: dict[str, np.ndarray]) -> Plan:
 def long_runs(plan: Plan) -> Iterator[tuple[PointTask, ModalRun]]:
     """Task and motion of each point that has a steady sliding state."""
     build_structures(plan, 1, _quiet)
-    kind_of(plan).prepare(plan, _quiet, 1)
+    kind_of(plan).prepare(plan, _quiet)
     tasks = plan.tasks
     for first in range(0, len(tasks), BATCH):
         part = tuple(tasks[first : first + BATCH])

@@ -15,7 +15,7 @@ Matrices = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Expansion:
-    """One term of the system: w = shapes c, so that L^T diag(w) R = sum of c_i matrices_i.
+    """The weights of one term of the system, w = shapes c.
 
     Attributes
     ----------
@@ -23,12 +23,10 @@ class Expansion:
         Power of lambda.
     shapes : ndarray (k, q)
         Orthonormal; (1, 1) of one for scalar weights.
-    matrices : ndarray (q, r * r)
     """
 
     order: int
     shapes: np.ndarray
-    matrices: np.ndarray
 
     def coefficients(self, weights: Sequence[np.ndarray | float]) -> np.ndarray:
         """Coefficients (b, q) of a batch of weights; a number stands for equal weights."""
@@ -44,47 +42,43 @@ class CollocatedSystem:
     ----------
     r : int
     expansions : tuple of Expansion
-        None of a mass that is the identity at every design point.
+        Of each term; without shapes that of a mass which is the identity at every design point.
+    stacks : tuple of three ndarray (q, r * r)
+        Matrices of each power of lambda: L^T diag(shape) R of all shapes of its terms, in order.
+        They are one array, so that a batch of design points is one product.
     unit_mass : bool
     """
 
     r: int
     expansions: tuple[Expansion, ...]
+    stacks: tuple[np.ndarray, ...]
     unit_mass: bool
 
-    def matrices(self, batch: Sequence[Weights], kept: Sequence[int] = ()) -> Matrices:
+    def matrices(self, batch: Sequence[Weights]) -> Matrices:
         """C, K (b, r, r) of a batch of design points, premultiplied by M^-1 where M varies.
 
-        Parameters
-        ----------
-        batch : sequence of Weights
-            Of the full system, in the order of its terms.
-        kept : sequence of int
-            Terms to sum; all by default.
+        The weights are those of the full system, in the order of its terms.
         """
-        parts = {order: np.zeros((len(batch), self.r**2)) for order in (STIFFNESS, DAMPING, MASS)}
-        for number, expansion in enumerate(self.expansions):
-            if (kept and number not in kept) or not len(expansion.shapes.T):
-                continue
-            c = expansion.coefficients([w[number] for w in batch])
-            if c.any():
-                parts[expansion.order] += c @ expansion.matrices
-        shape = (len(batch), self.r, self.r)
-        C, K = parts[DAMPING].reshape(shape), parts[STIFFNESS].reshape(shape)
-        if self.unit_mass or kept:
+        C, K = self.summed(DAMPING, batch), self.summed(STIFFNESS, batch)
+        if self.unit_mass:
             return C, K
-        M = parts[MASS].reshape(shape)
+        M = self.summed(MASS, batch)
         return np.linalg.solve(M, C), np.linalg.solve(M, K)
 
     def mass(self, weights: Weights) -> np.ndarray:
         """M (r, r) at one design point."""
-        if self.unit_mass:
-            return np.eye(self.r)
-        total = np.zeros(self.r**2)
-        for number, expansion in enumerate(self.expansions):
-            if expansion.order == MASS:
-                total += (expansion.coefficients([weights[number]]) @ expansion.matrices)[0]
-        return total.reshape(self.r, self.r)
+        return np.eye(self.r) if self.unit_mass else self.summed(MASS, [weights])[0]
+
+    def summed(self, order: int, batch: Sequence[Weights]) -> np.ndarray:
+        """The terms of one power of lambda (b, r, r) at a batch of design points."""
+        parts = [
+            expansion.coefficients([w[number] for w in batch])
+            for number, expansion in enumerate(self.expansions)
+            if expansion.order == order
+        ]
+        c = np.hstack([np.zeros((len(batch), 0)), *parts])
+        total: np.ndarray = c @ self.stacks[order]
+        return total.reshape(len(batch), self.r, self.r)
 
 
 def collocate(
@@ -104,22 +98,22 @@ def collocate(
         Singular values of the weights, relative to the largest, below which shapes are dropped.
     """
     expansions = []
+    stacks: dict[int, list[np.ndarray]] = {STIFFNESS: [], DAMPING: [], MASS: []}
     unit = _unit_mass(system, samples, W, V)
     r = V.shape[1]
     for number, term in enumerate(system.terms):
         left, right = term.seen_left(W), term.seen_right(V)
-        sampled = [s[number] for s in samples]
         if term.order == MASS and unit:
-            expansions.append(Expansion(MASS, np.zeros((1, 0)), np.zeros((0, r * r))))
+            expansions.append(Expansion(MASS, np.zeros((1, 0))))
             continue
-        shapes = _shapes(sampled, tolerance)
+        shapes = _shapes([s[number] for s in samples], tolerance)
+        expansions.append(Expansion(term.order, shapes))
         if len(shapes) == 1:
-            products = [left.T @ right] * shapes.shape[1]
+            stacks[term.order] += [left.T @ right] * shapes.shape[1]
         else:
-            products = [left.T @ (phi[:, None] * right) for phi in shapes.T]
-        flat = np.array([p.ravel() for p in products]).reshape(len(products), r * r)
-        expansions.append(Expansion(term.order, shapes, flat))
-    return CollocatedSystem(r, tuple(expansions), unit)
+            stacks[term.order] += [left.T @ (phi[:, None] * right) for phi in shapes.T]
+    flat = [np.array(stacks[order]).reshape(-1, r * r) for order in range(len(stacks))]
+    return CollocatedSystem(r, tuple(expansions), tuple(flat), unit)
 
 
 def _shapes(sampled: Sequence[np.ndarray | float], tolerance: float) -> np.ndarray:

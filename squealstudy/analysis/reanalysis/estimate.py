@@ -19,7 +19,8 @@ def two_sided_error(problem: Problem, weights: Weights, pairs: Eigenpairs) -> np
     in the full problem (theory.md section 5). The first part vanishes where the small model is an
     exact projection, the second is what its basis lacks.
     """
-    system, lam = problem.system, pairs.lam
+    system, weights = problem.system.gathered(weights)
+    lam = pairs.lam
     X, Y = Columns(pairs.X), Columns(pairs.Y)
     rx = system.apply(weights, lam, X)
     ry = system.apply_adjoint(weights, lam, Y)

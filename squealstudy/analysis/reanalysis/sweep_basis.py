@@ -160,7 +160,8 @@ def build_sweep_basis(
         V, flexibility = _truncated(problem, np.hstack(blocks), cut)
         small = collocate(problem.system, samples, V, V, limit)
         basis = SweepBasis(V, flexibility, small, np.inf, np.array(trained))
-        worst, error = _worst(problem, basis, len(trained), seed)
+        points, errors = _estimates(problem, basis, len(trained), seed)
+        worst, error = points[errors.argmax()], float(errors.max())
         basis = replace(basis, error=error, seconds=time.perf_counter() - started)
         good = error <= tolerance
         if len(trained) >= most or (good and _all_seen(problem, basis, worst, tolerance)):
@@ -171,7 +172,7 @@ def build_sweep_basis(
                 return basis
             cut *= FINER
         last = error
-        pending = worst[None] if problem.dimension else worst[:0, None]
+        pending = _next_points(points, errors, tolerance)[: most - len(trained)]
 
 
 def _first_points(dimension: int) -> np.ndarray:
@@ -236,14 +237,28 @@ def _truncated(
     return V @ y, 1.0 / w2
 
 
-def _worst(problem: Problem, basis: SweepBasis, step: int, seed: int) -> tuple[np.ndarray, float]:
-    """The design point of a fresh sample with the largest estimated error, and that error."""
+def _estimates(
+    problem: Problem, basis: SweepBasis, step: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A fresh sample of design points (n, d) and the estimated errors there (n,)."""
     points = _on_faces(sample_box(problem.dimension, CANDIDATES, seed + 1000 + step))
     if step <= 3 and problem.dimension:
         points = np.vstack([corners(problem.dimension), points])
-    errors = np.array([estimated_error(problem, basis, theta) for theta in points])
+    return points, np.array([estimated_error(problem, basis, theta) for theta in points])
+
+
+def _next_points(points: np.ndarray, errors: np.ndarray, tolerance: float) -> np.ndarray:
+    """Points to be trained at: that of the largest error, and another one away from it.
+
+    The latter where it needs it too: estimates at a sample cost more than two points to train at.
+    """
+    if not points.shape[1]:
+        return points[:0]
     worst = int(errors.argmax())
-    return points[worst], float(errors[worst])
+    away = np.linalg.norm(points - points[worst], axis=1)
+    other = int((errors * away).argmax())
+    chosen = [worst, other] if errors[other] > tolerance and other != worst else [worst]
+    return points[chosen]
 
 
 def _on_faces(points: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from squealstudy.analysis.design_state import DesignState
+from squealstudy.analysis.parametric import DAMPING, MASS, STIFFNESS
 from squealstudy.analysis.reanalysis.brake_modes import BrakeModes
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, Expansion
@@ -152,8 +153,8 @@ def _save(path: Path, basis: SweepBasis) -> None:
         ),
         "orders": np.array([e.order for e in basis.small.expansions]),
     }
-    for i, e in enumerate(basis.small.expansions):
-        arrays |= {f"{i}.shapes": e.shapes, f"{i}.matrices": e.matrices}
+    arrays |= {f"shapes.{i}": e.shapes for i, e in enumerate(basis.small.expansions)}
+    arrays |= {f"stack.{order}": stack for order, stack in enumerate(basis.small.stacks)}
 
     def write(temporary: Path) -> None:
         with temporary.open("wb") as handle:
@@ -166,12 +167,12 @@ def load_basis(path: Path) -> SweepBasis:
     """Read a basis that `make_basis` kept."""
     with np.load(path) as data:
         expansions = tuple(
-            Expansion(int(order), data[f"{i}.shapes"], data[f"{i}.matrices"])
-            for i, order in enumerate(data["orders"])
+            Expansion(int(order), data[f"shapes.{i}"]) for i, order in enumerate(data["orders"])
         )
+        stacks = tuple(data[f"stack.{order}"] for order in (STIFFNESS, DAMPING, MASS))
         V, flexibility, trained = data["V"], data["flexibility"], data["trained"]
         error, seconds, interpolated, unit_mass = (float(x) for x in data["facts"])
-        small = CollocatedSystem(V.shape[1], expansions, bool(unit_mass))
+        small = CollocatedSystem(V.shape[1], expansions, stacks, bool(unit_mass))
         return SweepBasis(V, flexibility, small, error, trained, seconds, interpolated)
 
 

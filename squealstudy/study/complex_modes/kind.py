@@ -78,12 +78,12 @@ class ComplexModes(Kind):
         worst = max((sample.worst for _, sample in samples), default=0.0)
         return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """The sweep bases of methods that need them."""
         if plan.method.name in OVER_A_BASIS:
             from squealstudy.study.complex_modes.window_tasks import basis_tasks
 
-            with threadpool_limits(jobs):
+            with threadpool_limits(1):  # matrices are small: more threads wait for each other
                 for task in basis_tasks(plan):
                     if is_prepared(task.key):
                         self._make_basis(plan, task, report)
@@ -195,7 +195,7 @@ class ComplexModes(Kind):
         from squealstudy.study.complex_modes.tables import build_tables
 
         if plan.study.definition.modes.track:  # which solves points in between
-            self.prepare(plan, report, jobs)
+            self.prepare(plan, report)
         built = {s.key: "" for s in plan.structures if not is_prepared(s.key)}
         samples = make_samples(plan, jobs, built, report)
         points, facts = build_tables(plan, directory, jobs, report, samples)

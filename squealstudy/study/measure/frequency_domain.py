@@ -49,7 +49,7 @@ def measure_modes(
     """
     kind = ComplexModes()
     with threadpool_limits(1):
-        kind.prepare(plan, lambda stage, done, total: None, 1)
+        kind.prepare(plan, lambda stage, done, total: None)
     chosen = [plan.tasks[i] for i in measured]
     lines = {} if lines is None else lines
     on_lines = [i for line in lines.values() for i in line]

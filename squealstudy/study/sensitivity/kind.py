@@ -66,7 +66,7 @@ class Sensitivities(Kind):
         except ParameterError as error:
             raise error_at_name(plan.study, error) from None
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """Structures are all that sensitivities need."""
 
     def tasks(

@@ -95,7 +95,7 @@ class Transient(Kind):
         if section.representation == "modal":
             begin_warming(section.storage == "single")
 
-    def prepare(self, plan: Plan, report: Progress, jobs: int) -> None:
+    def prepare(self, plan: Plan, report: Progress) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
         forecast.warm(plan.study.definition.transient)
         make_training_runs(plan, report)
