@@ -119,10 +119,10 @@ def matrices(r: Line, theta: Line | Harmonic, z: Line, cells: np.ndarray, materi
             weight = one[4] * other[4] * C[:, one[0], other[0], None, None]
             if one[1] <= other[1] and weight.any():
                 K[one[1]][other[1]] += scattered(weight * product(one, other, one[3] + other[3]))
-    for c, d in ((0, 1), (0, 2), (1, 2)):
+    for c, d in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        K[c][d] = (K[c][c] + K[c][c].T) / 2 if c == d else K[c][d]
         K[d][c] = K[c][d].T
-    stiffness = sp.bmat(K, format="csr")
-    return M, (stiffness + stiffness.T) / 2, (used // z.n) % theta.n
+    return M, sp.bmat(K, format="csr"), (used // z.n) % theta.n
 
 
 def reference_lines(breaks: np.ndarray, length: float, layers: int):
