@@ -25,7 +25,7 @@ OPTIONS = (
     Option(
         "mesh",
         ("medium", "coarse", "fine"),
-        "cells: about 29,000, 15,000 or 83,000 DOF",
+        "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
     Option("contact_law", ("exponential", "unilateral", "power", "bilateral"), "contact law"),
