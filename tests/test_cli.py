@@ -244,6 +244,43 @@ def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path)
     assert "--build" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("parameter", "values", "key", "line"),
+    [
+        ("caliper.finger_inner_angle", "[26.0, 30.0]", "sweep[1].parameter", 12),
+        ("pad.outer_radius", "[0.09]", "sweep[1].parameter", 12),
+        ("friction", "[0.5]\n[parameters]\ncaliper.outer_radius = 0.146", "parameters", 15),
+    ],
+)
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_a_part_that_vanishes_is_told_before_anything_is_built(
+    study, monkeypatch, capsys, tmp_path, verb, parameter, values, key, line
+):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
+    text = STUDY.replace('"hulten"', '"disc_brake"').replace(
+        "[parameters]\nfriction = 0.5\n", "\n\n"
+    )
+    text = text.replace('parameter = "friction"', f'parameter = "{parameter}"')
+    study.write_text(text.replace("start = 0.0\nstop = 0.6\nnum = 13", f"values = {values}"))
+    assert command(monkeypatch, verb, "study.toml") == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"squealstudy: study.toml, line {line}, key '{key}")
+    assert "expected" in message
+    assert "a part would vanish" in message
+    assert not (tmp_path / "empty").exists()
+
+
+def test_geometries_that_cannot_be_built_are_counted(study, monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
+    text = STUDY.replace('"hulten"', '"disc_brake"').replace("1000.0", "8000.0")
+    text = text.replace('parameter = "friction"', 'parameter = "hub.radius"')
+    study.write_text(
+        text.replace("start = 0.0\nstop = 0.6\nnum = 13", "values = [0.05, 0.03, 0.07]")
+    )
+    assert command(monkeypatch, "check", "study.toml") == 0
+    assert "2 of 3 geometries cannot be built" in capsys.readouterr().err
+
+
 def test_models_lists_units_and_defaults(monkeypatch, capsys):
     assert command(monkeypatch, "models") == 0
     assert "disc_brake" in capsys.readouterr().out

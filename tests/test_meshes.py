@@ -15,7 +15,8 @@ from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.disc_brake.density import COARSE, DENSITIES, FINE, MEDIUM
-from squealstudy.models.disc_brake.solids import ASCENDING, BrakeMesher
+from squealstudy.models.disc_brake.parameters import ASCENDING
+from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.grid import cylindrical_mesh
 from squealstudy.models.fem.sampling import shape_functions
 from squealstudy.models.fem.solid import FULL
@@ -65,9 +66,10 @@ def test_free_modes_of_the_coarse_mesh_against_elements_of_third_order(component
 @pytest.mark.parametrize("geometry", list(benchmark("mesh_convergence").GEOMETRIES))
 @pytest.mark.parametrize("component", SOLIDS)
 def test_free_modes_of_medium_and_fine_meshes(component, geometry):
-    values = default() | benchmark("mesh_convergence").GEOMETRIES[geometry]
-    exact, _ = benchmark("component_reference").extrapolated(component, values, TOP, 3, 2)
-    for density, error in ((COARSE, 0.03), (MEDIUM, 0.01), (FINE, 0.004)):
+    measured = benchmark("mesh_convergence")
+    values, reference = default() | measured.GEOMETRIES[geometry], measured.SOLIDS[component]
+    exact, _ = benchmark("component_reference").extrapolated(component, values, TOP, *reference)
+    for density, error in ((COARSE, 0.03), (MEDIUM, 0.01), (FINE, 0.003)):
         hz = elastic(BrakeMesher(values, density).component(component), 1.05 * TOP)
         np.testing.assert_allclose(hz[: len(exact)], exact, rtol=error)
 

@@ -25,6 +25,7 @@ from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
     build_first,
     check_component_modes,
+    check_shapes,
     default_directory,
     kind_of,
 )
@@ -62,6 +63,8 @@ def check_command(
     if found and found.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)
     jobs = jobs or os.cpu_count() or 1
+    if text := check_shapes(plan):
+        screen.warning(text)
     if build or not has_mesh(plan.study):
         reason = build_first(plan, jobs)
         if reason:

@@ -145,6 +145,9 @@ class ModelDefinition:
         Names, known before the model is built.
     assumptions : tuple of Assumption
         What must hold of the parameters for a design point's results to be valid.
+    vanishing : callable
+        Values of all parameters -> (smaller, larger): two names in order, of values that are not,
+        so that a part of the model vanishes; None where all is there.
     torque_unit : str
         Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
         straight belt (its interfaces have an arm of 1).
@@ -159,6 +162,9 @@ class ModelDefinition:
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
+    vanishing: Callable[[Mapping[str, float]], tuple[str, str] | None] = field(
+        default=lambda values: None, kw_only=True
+    )
     torque_unit: str = field(default="N", kw_only=True)
     changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
 

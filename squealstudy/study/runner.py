@@ -75,6 +75,24 @@ def check_component_modes(plan: Plan) -> None:
         plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
 
 
+def check_shapes(plan: Plan) -> str:
+    """What of the geometry vanishes in some structures of a plan, to warn of; nothing is built.
+
+    Raises StudyFileError where it does in all of them.
+    """
+    model = plan.study.model
+    values = [s.design.plain_values() for s in plan.structures]
+    found = [(pair, v) for v in values if (pair := model.vanishing(v))]
+    if not found:
+        return ""
+    (smaller, larger), first = found[0]
+    text = f"expected {smaller} ({first[smaller]:g}) below {larger} ({first[larger]:g})"
+    if len(found) < len(values):
+        return f"{len(found)} of {len(values)} geometries cannot be built; the first: {text}"
+    given = {*plan.study.definition.parameters, *(s.name for s in plan.study.sweeps)}
+    raise plan.error(larger if larger in given else smaller, f"{text}: a part would vanish")
+
+
 def default_directory(plan: Plan) -> Path:
     """results/<study name>, in the current directory."""
     return Path("results") / plan.study.definition.study.name
@@ -116,6 +134,8 @@ def run_study(
     check_limit(plan.study, yes)
     check_ownership(directory, plan)
     started = time.perf_counter()
+    if text := check_shapes(plan):
+        warn(text)
     check_component_modes(plan)
     failures = build_structures(plan, jobs, progress)
     kind = kind_of(plan)

@@ -119,20 +119,22 @@ def matrices(r: Line, theta: Line | Harmonic, z: Line, cells: np.ndarray, materi
             weight = one[4] * other[4] * C[:, one[0], other[0], None, None]
             if one[1] <= other[1] and weight.any():
                 K[one[1]][other[1]] += scattered(weight * product(one, other, one[3] + other[3]))
-    for c, d in ((0, 1), (0, 2), (1, 2)):
+    for c, d in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        K[c][d] = (K[c][c] + K[c][c].T) / 2 if c == d else K[c][d]
         K[d][c] = K[c][d].T
-    stiffness = sp.bmat(K, format="csr")
-    return M, (stiffness + stiffness.T) / 2, (used // z.n) % theta.n
+    return M, sp.bmat(K, format="csr"), (used // z.n) % theta.n
 
 
 def reference_lines(breaks: np.ndarray, length: float, layers: int):
     """Lines through the breaks; all but the ends count as re-entrant corners.
 
-    Cells between the layers are no longer than `length`, where it is not zero.
+    Cells between the layers are no longer than `length`, where it is not zero. An interval that is
+    short beside the longest is a layer of its own: it has fewer.
     """
-    shares = tuple(2 * RATIO**n for n in range(layers, 0, -1))
-    intervals = []
-    for i, size in enumerate(np.diff(breaks)):
+    intervals, sizes = [], np.diff(breaks)
+    for i, size in enumerate(sizes):
+        fewer = int(np.log(sizes.max() / size) / -np.log(RATIO))
+        shares = tuple(2 * RATIO**n for n in range(layers - fewer, 0, -1))
         low = shares if i else ()
         high = shares if i < len(breaks) - 2 else ()
         cells = int(np.ceil(size / length - 1e-9)) if length else 1
@@ -198,7 +200,7 @@ def _elastic(M: sp.csr_matrix, K: sp.csr_matrix, cutoff: float) -> np.ndarray:
     return hz[hz > RIGID_BELOW]
 
 
-RIGID_BELOW = 20.0  # Hz: turns are not polynomials in theta, rigid rotations come out nearly so
+RIGID_BELOW = 100.0  # Hz: turns are not polynomials in theta, rigid rotations come out nearly so
 
 
 def extrapolated(
@@ -208,9 +210,31 @@ def extrapolated(
 
     Aitken's rule on each frequency: errors of graded meshes fall by a constant factor an order.
     """
-    orders = range(order - 2, order + 1)
-    three = [frequencies(component, values, cutoff * 1.1, n, layers) for n in orders]
+
+    def at(order: int, layers: int) -> np.ndarray:
+        return frequencies(component, values, cutoff * 1.1, order, layers)
+
+    three = [at(order - 2, layers), at(order - 1, layers)]
+    if component == "caliper" and layers > 1:
+        coarser = [at(n, layers - 1) for n in (order - 2, order - 1, order)]
+        three.append(_with_last_layer(three, coarser, order))
+    else:
+        three.append(at(order, layers))
     count = int((three[2] < cutoff).sum())
     a, b, c = (f[:count] for f in three)
     first, second = a - b, b - c
     return c - second**2 / (first - second), second / c
+
+
+def _with_last_layer(two: list[np.ndarray], coarser: list[np.ndarray], order: int) -> np.ndarray:
+    """Frequencies at an order and all layers, which together need 6 GB for the caliper.
+
+    What a layer at a corner changes falls by a power of the order, which the two orders below,
+    solved with all layers (`two`) and with one fewer (`coarser`), tell. Against a solution:
+    0.005 % at most on the default caliper.
+    """
+    count = min(len(f) for f in (*two, *coarser))
+    (a, b), (c, d, top) = ([f[:count] for f in part] for part in (two, coarser))
+    power = np.log((c - a) / (d - b)) / np.log((order - 1) / (order - 2))
+    found: np.ndarray = top - (d - b) * ((order - 1) / order) ** power
+    return found

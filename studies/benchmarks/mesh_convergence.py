@@ -2,13 +2,16 @@
 
 Run:  python studies/benchmarks/mesh_convergence.py components [GEOMETRY ...]
       python studies/benchmarks/mesh_convergence.py refined
+      python studies/benchmarks/mesh_convergence.py chart
       python studies/benchmarks/mesh_convergence.py assembled [coarse medium fine]
 
 `components`: elastic free modes below 6 kHz of each component and density against references of
 high order (`component_reference.py`), for the default geometry and five others; half an hour, the
 default alone some minutes. `refined`: the medium mesh with all cells divided in r, around, in z
-and in all, and with full integration. `assembled`: unstable modes of the brake to 8 kHz at 12 bar
-and friction 0.5, each density against the next finer one, in the reduced model of each mesh.
+and in all, and with full integration; ten minutes. Both keep their rows in
+results/mesh_convergence.csv, which `chart` draws; with PARDISO (extra `mkl`) they stay below 6 GB.
+`assembled`: unstable modes of the brake to 8 kHz at 12 bar and friction 0.5, each density against
+the next finer one, in the reduced model of each mesh.
 """
 
 from __future__ import annotations
@@ -16,9 +19,12 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from component_reference import extrapolated
+from mesh_chart import mesh_chart
 
 from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.point import solve_point
@@ -35,6 +41,8 @@ from squealstudy.reduction.prepared import prepare
 TOP = 6e3  # Hz, of the free modes
 BAND = (500.0, 8000.0)
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+TABLE, CHART = Path("results/mesh_convergence.csv"), Path("results/charts/mesh.png")
+COLUMNS = ["geometry", "component", "mesh", "points", "dof", "low", "high", "median"]  # errors, %
 SOLIDS = {"disc": (5, 3), "inner_pad": (4, 1), "caliper": (4, 2)}  # order, layers of the reference
 GEOMETRIES: dict[str, dict[str, float]] = {
     "default": {},
@@ -108,17 +116,25 @@ GEOMETRIES: dict[str, dict[str, float]] = {
 def errors(mesher: BrakeMesher, component: str, exact: np.ndarray) -> tuple[int, np.ndarray]:
     """Degrees of freedom, and relative errors of the free modes in percent."""
     solid = mesher.component(component)
-    omega, _ = real_modes(solid.M, solid.K, 1.15 * TOP)
+    omega, _ = real_modes(solid.M, solid.K, 1.15 * TOP, len(exact) + 8)  # about so many
     hz = omega[rigid_modes(solid.M, solid.K, omega) :] / (2 * np.pi)
     return solid.M.shape[0], 100 * (hz[: len(exact)] / exact - 1)
 
 
-def show(label: str, n_dof: int, error: np.ndarray, started: float) -> None:
+def show(key: tuple[str, str, str, int], n_dof: int, error: np.ndarray, started: float) -> None:
+    """Print the errors of a mesh, and keep them; `key`: geometry, component, mesh, points."""
+    label = f"{key[2]} {key[3]} points"
     print(
-        f"  {label:22s}{n_dof:8d} DOF   from {error.min():+.2f} to {error.max():+.2f} %, "
+        f"  {label:24s}{n_dof:8d} DOF   from {error.min():+.2f} to {error.max():+.2f} %, "
         f"median {np.median(error):+.2f} %   {time.perf_counter() - started:.1f} s",
         flush=True,
     )
+    row = [*key, n_dof, error.min(), error.max(), np.median(error)]
+    table = pd.DataFrame([row], columns=COLUMNS)
+    if TABLE.exists():
+        table = pd.concat([pd.read_csv(TABLE), table]).drop_duplicates(COLUMNS[:4], keep="last")
+    TABLE.parent.mkdir(exist_ok=True)
+    table.to_csv(TABLE, index=False, float_format="%.5g")
 
 
 def reference(component: str, values: dict[str, float]) -> np.ndarray:
@@ -141,7 +157,8 @@ def components(geometries: list[str]) -> None:
             exact = reference(component, values)
             for name, density in DENSITIES.items():
                 started = time.perf_counter()
-                show(name, *errors(BrakeMesher(values, density), component, exact), started)
+                found = errors(BrakeMesher(values, density), component, exact)
+                show((geometry, component, name, 8), *found, started)
 
 
 def refined() -> None:
@@ -153,8 +170,9 @@ def refined() -> None:
             for order in (REDUCED, FULL):
                 started = time.perf_counter()
                 mesher = BrakeMesher(values, replace(MEDIUM, split=split), order)
-                word = "8 points" if order == REDUCED else "27 points"
-                show(f"{split} {word}", *errors(mesher, component, exact), started)
+                mesh = "medium " + "x".join(map(str, split))
+                key = ("default", component, mesh, 8 if order == REDUCED else 27)
+                show(key, *errors(mesher, component, exact), started)
 
 
 def unstable(mesh: str) -> tuple[np.ndarray, np.ndarray]:
@@ -199,6 +217,8 @@ def main() -> None:
     task, names = (sys.argv[1:2] or ["components"])[0], sys.argv[2:]
     if task == "refined":
         refined()
+    elif task == "chart":
+        mesh_chart(pd.read_csv(TABLE)).savefig(CHART, dpi=90)
     elif task == "assembled":
         assembled(names)
     else:

@@ -11,6 +11,7 @@ from squealstudy.models.disc_brake.parameters import (
     OPTIONS,
     PARAMETERS,
     UNDAMPED,
+    vanishing,
 )
 from squealstudy.models.parameter import ModelChange, ModelDefinition
 
@@ -30,6 +31,7 @@ DISC_BRAKE = ModelDefinition(
     COMPONENTS,
     build,
     BRAKE_ASSUMPTIONS,
+    vanishing=vanishing,
     torque_unit="N m",
     changes=(
         ModelChange(

@@ -15,6 +15,7 @@ from squealstudy.models.fem.grid import Interval
 ONE = (0.15,)
 TWO = (0.04, 0.15)
 WIDE = (0.06, 0.25)
+THREE = (0.02, 0.07, 0.25)
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,9 @@ FINE = replace(
     pad_r=(Interval(5),),
     pad_theta=(Interval(2), Interval(6), Interval(6), Interval(6), Interval(2)),
     pad_z=(Interval(3), Interval(2)),
-    caliper_r=(Interval(3), Interval(1, high=WIDE), Interval(3)),
-    caliper_z=(Interval(3, high=WIDE), Interval(3, WIDE, WIDE), Interval(3)),
+    caliper_r=(Interval(3), Interval(1, high=THREE), Interval(3)),
+    caliper_z=(Interval(3, high=THREE), Interval(3, THREE, THREE), Interval(3)),
+    caliper_middle=Interval(1, high=WIDE),
     caliper_angles=Interval(2, ONE, ONE),
 )
 DENSITIES = {"coarse": COARSE, "medium": MEDIUM, "fine": FINE}

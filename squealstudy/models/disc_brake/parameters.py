@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,14 +25,37 @@ OPTIONS = (
     Option(
         "mesh",
         ("medium", "coarse", "fine"),
-        "cells: about 29,000, 15,000 or 83,000 DOF",
+        "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
     Option("contact_law", ("exponential", "unilateral", "power", "bilateral"), "contact law"),
 )
 
+MEET = 1e-6  # m or rad: breaks of a mesh nearer than this leave no room for a cell
+# Each must be smaller than the next, or a part of the brake vanishes.
+ASCENDING = (
+    ("disc.inner_radius", "hub.radius", "disc.bell_inner_radius", "disc.bell_outer_radius"),
+    ("disc.bell_outer_radius", "disc.outer_radius"),
+    ("pad.inner_radius", "pad.outer_radius"),
+    ("piston.half_angle", "pad.half_angle"),
+    ("caliper.inner_radius", "pad.outer_radius", "caliper.bridge_inner_radius"),
+    ("caliper.bridge_inner_radius", "caliper.outer_radius"),
+    ("caliper.finger_inner_angle", "caliper.finger_outer_angle"),
+    ("caliper.finger_inner_angle", "caliper.body_half_angle"),
+    ("caliper.finger_inner_angle", "caliper.bridge_half_angle"),
+)
 HALF_TURN = 180.0  # deg
 LARGEST_STRAIN = 0.02  # of linear elasticity
+
+
+def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
+    """The first two lengths or angles, (smaller, larger), between which no room is left."""
+    for names in ASCENDING:
+        for pair in pairwise(names):
+            gap = values[pair[1]] - values[pair[0]]
+            if (np.deg2rad(gap) if pair[0].endswith("angle") else gap) <= MEET:
+                return pair
+    return None
 
 
 def _bounded(parameter: Parameter) -> Parameter:

@@ -10,24 +10,12 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.disc_brake.density import Density
+from squealstudy.models.disc_brake.parameters import MEET, vanishing
 from squealstudy.models.fem.grid import Block, cylindrical_mesh, graded_lines
 from squealstudy.models.fem.material import Isotropic, Material, TransverselyIsotropic
 from squealstudy.models.fem.solid import REDUCED, Solid, assemble_solid
 
 FULL_TURN = (0.0, 2 * np.pi)
-MEET = 1e-6  # m or rad: breaks nearer than this leave no room for a cell
-# Each must be smaller than the next, or a part of the brake vanishes.
-ASCENDING = (
-    ("disc.inner_radius", "hub.radius", "disc.bell_inner_radius", "disc.bell_outer_radius"),
-    ("disc.bell_outer_radius", "disc.outer_radius"),
-    ("pad.inner_radius", "pad.outer_radius"),
-    ("piston.half_angle", "pad.half_angle"),
-    ("caliper.inner_radius", "pad.outer_radius", "caliper.bridge_inner_radius"),
-    ("caliper.bridge_inner_radius", "caliper.outer_radius"),
-    ("caliper.finger_inner_angle", "caliper.finger_outer_angle"),
-    ("caliper.finger_inner_angle", "caliper.body_half_angle"),
-    ("caliper.finger_inner_angle", "caliper.bridge_half_angle"),
-)
 
 
 @dataclass(frozen=True)
@@ -43,16 +31,11 @@ class BrakeMesher:
     stiffness_order: int = REDUCED
 
     def __post_init__(self) -> None:
-        for names in ASCENDING:
-            for smaller, larger in pairwise(names):
-                if not self._at(smaller) + MEET < self._at(larger):
-                    raise ParameterError(
-                        larger,
-                        f"{self.v(larger):g} must be larger than {smaller}, {self.v(smaller):g}",
-                    )
-
-    def _at(self, name: str) -> float:
-        return self.angle(name) if name.endswith("angle") else self.v(name)
+        if pair := vanishing(self.values):
+            smaller, larger = pair
+            raise ParameterError(
+                larger, f"{self.v(larger):g} must be larger than {smaller}, {self.v(smaller):g}"
+            )
 
     def v(self, name: str) -> float:
         """Value of a parameter."""
