@@ -166,7 +166,7 @@ def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pr
 
 @pytest.mark.parametrize(
     ("method", "least", "longest"),
-    [("auto", 100.0, 300.0), ("dense", 380.0, 1200.0), ("two_step", 180.0, 700.0)],
+    [("auto", 150.0, 600.0), ("dense", 380.0, 1200.0), ("two_step", 180.0, 700.0)],
 )
 def test_time_is_estimated_by_the_method_that_serves_the_points(tmp_path, method, least, longest):
     """820 points of 1 s exactly, two workers."""

@@ -9,7 +9,7 @@ from squealstudy.study.cache import is_prepared
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Kind
 from squealstudy.study.kinds import kind_named
-from squealstudy.study.method import BASIS_SOLVES, FULL, OVER_A_BASIS, SERVED
+from squealstudy.study.method import BASIS_SOLVES, FULL, OVER_A_BASIS, served_share
 from squealstudy.study.plan import Plan, checked_points, has_mesh
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.tasks import PointTask
@@ -78,7 +78,7 @@ def run_seconds(
     assert cost.point_s is not None
     own, bases = cost.point_s, 0.0
     complex_modes = plan.study.definition.study.kind == "complex_modes"
-    served = SERVED.get(plan.method.name) if complex_modes else None
+    served = plan_share(plan, plan.method.name) if complex_modes else None
     if served is not None:
         own *= served
     if complex_modes and plan.method.name in OVER_A_BASIS:
@@ -100,6 +100,12 @@ def run_seconds(
         build += (_check_seconds(plan, cost.point_s) + samples * SAMPLE * cost.point_s) / jobs
     points = [n * own / min(jobs, n) + bases for n in (missing, most or missing)]
     return build + low * points[0] + OVERHEAD[0], build + high * points[1] + OVERHEAD[1]
+
+
+def plan_share(plan: Plan, method: str) -> float | None:
+    """`served_share` of the points of a plan by a method."""
+    varied = sum(not sweep.parameter.structural for sweep in plan.study.sweeps)
+    return served_share(method, len(plan.tasks) // len(plan.structures), varied)
 
 
 def _refines(plan: Plan) -> bool:

@@ -25,7 +25,21 @@ BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basi
 
 BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
 # seconds of a design point over those of an exact solve, about
-SERVED = {WINDOWS: 0.13, SWEEP_BASIS: 0.55, TWO_STEP: 0.9, PERTURBATION: 0.6}
+SERVED = {SWEEP_BASIS: 0.55, TWO_STEP: 0.9, PERTURBATION: 0.6}
+# and in windows, where many points share a patch: (ALONE / points) ** FALLS, by the number of
+# parameters that vary: .23 at 60 points over one; .89, .64 and .13 at 300, 500 and 20,000 over two
+ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
+
+
+def served_share(method: str, points: int, varied: int) -> float | None:
+    """Seconds of a design point over those of an exact solve, about; None of exact methods.
+
+    `points` are those of a structure, over so many parameters that vary.
+    """
+    if method != WINDOWS:
+        return SERVED.get(method)
+    share: float = min(1.0, (ALONE.get(varied, ALONE[2]) / max(points, 1)) ** FALLS)
+    return share
 
 
 class Method(NamedTuple):

@@ -4,8 +4,8 @@ Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--va
       --quick     the coarse mesh and a fifth of the points
 
 For one to three parameters (friction, pressure, sliding speed): processor seconds of an exact
-point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows (SERVED,
-patches included); and the number of points from which on a study by windows is over sooner
+point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows with its
+patches (ALONE, FALLS); and the number of points from which on a study by windows is over sooner
 (PAYS_FROM), with its basis made by one process and points solved by --jobs. Over two parameters the
 other methods follow. Points are those of a Sobol design, as many as PAYS_FROM says now.
 """

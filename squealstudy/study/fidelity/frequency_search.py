@@ -10,6 +10,7 @@ import numpy as np
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study.definition import Study, given_keys
+from squealstudy.study.estimate import plan_share
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
 from squealstudy.study.fidelity.scene import SPARE, Scene
@@ -20,7 +21,6 @@ from squealstudy.study.method import (
     FULL,
     OVER_A_BASIS,
     PAYS_FROM,
-    SERVED,
     WINDOWS,
 )
 from squealstudy.study.plan import has_mesh, reference_choice
@@ -167,7 +167,8 @@ class ModeSearch:
         """Seconds of the whole study, from exact solves at the pilots."""
         solves = float(len(self.scene.plan.tasks))
         if self.method in OVER_A_BASIS:
-            solves = BASIS_SOLVES * self.scene.jobs + SERVED[self.method] * solves
+            share = plan_share(self.scene.plan, self.method) or 1.0
+            solves = BASIS_SOLVES * self.scene.jobs + share * solves
         return made.reduction_seconds + made.seconds * solves / self.scene.jobs
 
 
