@@ -27,7 +27,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
 
-BRIEF = 1.0  # s: the first call of a process may owe that much to imports
+BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 # rungs whose design points share work within a box: all points of the study are solved and timed
 TOGETHER = (WINDOWS, PERTURBATION)
 
