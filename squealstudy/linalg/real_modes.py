@@ -73,8 +73,12 @@ def _space_below(M: sp.spmatrix, factor: RefinedFactor, limit: float) -> np.ndar
 
 
 def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
-    """K + (SHIFT_SHARE 2 pi cutoff)^2 M: what `real_modes` factors for modes up to a cutoff."""
-    return (K + (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 * M).tocsr()
+    """K + (SHIFT_SHARE 2 pi cutoff)^2 M: what `real_modes` factors for modes up to a cutoff.
+
+    K itself where there is no cutoff: all modes are LAPACK's then.
+    """
+    shift = (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 if np.isfinite(cutoff_hz) else 0.0
+    return (K + shift * M).tocsr()
 
 
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.models.law import ContactLaw
@@ -84,8 +85,8 @@ def working_point(
     for iteration in range(1, MAX_ITERATIONS + 1):
         J = equations.jacobian(kappa)
         try:
-            step = np.linalg.solve(J, -F)  # scipy's also estimates a condition: half as long again
-        except np.linalg.LinAlgError:  # friction at its limit, or tangents that overflowed
+            step = la.solve(J, -F, overwrite_a=True, check_finite=False)
+        except la.LinAlgError:  # friction at its limit, or tangents that overflowed
             break
         if not np.isfinite(step).all():
             break
