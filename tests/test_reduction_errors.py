@@ -20,7 +20,8 @@ from squealstudy.analysis.full_order.finer_model import (
     reduction_errors,
     with_finer_model,
 )
-from squealstudy.analysis.full_order.modes import full_order_modes
+from squealstudy.analysis.full_order.modes import full_order_modes, full_order_system
+from squealstudy.analysis.linearise import component_frequencies, contact_coefficients
 from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
@@ -97,6 +98,34 @@ def bars():
     plain, once, twice = (with_finer_model(prepared, basis, made, n)[0] for n in range(3))
     assert plain.model.n < once.model.n < plain.finer.n < twice.model.n
     return assembly, modes, plain, once
+
+
+@pytest.mark.parametrize("left", [False, True])
+def test_residual_loads_are_those_of_the_unreduced_matrices(left):
+    """Sums in reduced coordinates, against each load by the full-order matrices."""
+    assembly = two_bars()
+    prepared, modes, basis = prepare_with_basis(
+        assembly, NOMINAL, BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
+    )
+    state = DesignState(replace(NOMINAL, static_ratio=1.4), {("pad", 9): 0.8})
+    point = state_working_point(prepared, state)
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal((prepared.model.n, 4, 2)) @ np.array([1.0, 1.0j])
+    lam = 1e4 * rng.standard_normal((4, 2)) @ np.array([0.1, 1.0j])
+    mixed = rng.standard_normal((8, finer_model.DIRECTIONS))
+    sums = finer_model._ResidualSums(prepared.model)
+    contact = contact_coefficients(prepared.model, point, state.operating)
+    assert contact.falling.any()
+    sums.add([finer_model._mixed(x * lam**k, mixed) for k in range(3)], contact, left)
+    changes = state.stiffness_changes(component_frequencies(prepared.model))
+    sums.add_changes(finer_model._mixed(x, mixed), changes)
+    full = full_order_system(assembly, modes, point, state, CUTOFF)
+    C, K = (full.C.transpose(), full.K.transpose()) if left else (full.C, full.K)
+    psi = basis.expand(x)
+    load = assembly.M @ (psi * lam**2) + C @ (psi * lam) + K @ psi
+    twin = load.real @ mixed[:4] + load.imag @ mixed[4:]
+    made = Reduction(assembly, modes, (NOMINAL,), TOP, CUTOFF)
+    np.testing.assert_allclose(sums.loads(basis, made), twin, atol=1e-9 * np.abs(twin).max())
 
 
 UNTRAINED = [
