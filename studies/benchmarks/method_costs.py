@@ -1,13 +1,14 @@
 """What methods of complex modes cost, in exact solves: figures of squealstudy/study/method.py.
 
 Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--varied 1 2 3]
+      --points N  in place of as many as PAYS_FROM says
       --quick     the coarse mesh and a fifth of the points
 
 For one to three parameters (friction, pressure, sliding speed): processor seconds of an exact
 point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows with its
 patches (ALONE, FALLS); and the number of points from which on a study by windows is over sooner
 (PAYS_FROM), with its basis made by one process and points solved by --jobs. Over two parameters the
-other methods follow. Points are those of a Sobol design, as many as PAYS_FROM says now.
+other methods follow. Points are those of a Sobol design.
 """
 
 from __future__ import annotations
@@ -103,6 +104,7 @@ def main() -> None:
     parser.add_argument("--mesh", default="medium")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--varied", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--points", type=int)
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     mesh = "coarse" if arguments.quick else arguments.mesh
@@ -112,7 +114,8 @@ def main() -> None:
             f"{'varied':<14}{'points':>7}{'exact s':>9}{'basis':>7}{'served':>8}{'pays from':>11}"
         )
         for varied in arguments.varied:
-            samples = PAYS_FROM[varied] // (5 if arguments.quick else 1)
+            asked = arguments.points or PAYS_FROM[varied]
+            samples = asked // (5 if arguments.quick else 1)
             plan = plan_of(folder, mesh, varied, samples, WINDOWS)
             if reason := build_structure(build_task(plan, plan.structures[0], 1))[1]:
                 raise SystemExit(reason)
