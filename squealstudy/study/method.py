@@ -27,8 +27,8 @@ BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one paramete
 # seconds of a design point over those of an exact solve, about
 SERVED = {SWEEP_BASIS: 0.55, TWO_STEP: 0.9, PERTURBATION: 0.6}
 # and in windows, where many points share a patch: (ALONE / points) ** FALLS, by the number of
-# parameters that vary: .23 at 60 points over one; .89 and .64 at 300 and 500 over two; .13 at 20,000
-# is of an earlier state, whose exact points were dearer
+# parameters that vary: .23 at 60 points over one; .89 and .64 at 300 and 500 over two; .13 at
+# 20,000 is of an earlier state, whose exact points were dearer
 ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
 
 
