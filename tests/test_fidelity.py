@@ -18,6 +18,7 @@ from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.cache import is_prepared, read_scalars
 from squealstudy.study.complex_modes.worker import ChunkTask
 from squealstudy.study.definition import parse_study
+from squealstudy.study.fidelity import frequency_search
 from squealstudy.study.fidelity import run as fidelity_run
 from squealstudy.study.fidelity import scene as fidelity_scene
 from squealstudy.study.fidelity.audit import Audit, drawn_points
@@ -365,6 +366,13 @@ class Pilots:
         return [(changes, points) for method, changes, points in self.asked if method == name]
 
 
+@pytest.fixture
+def no_finer_model(monkeypatch):
+    """Structures without a finer model: pilots are held against full order."""
+    monkeypatch.setattr(frequency_search, "finer_finding", lambda *_: None)
+
+
+@pytest.mark.usefixtures("no_finer_model")
 def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeypatch):
     scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
     rung = free_ladders(scene.study)["reduction"].rungs[2]
@@ -383,6 +391,26 @@ def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeyp
     assert ModeSearch(scene).attempt(rung).error == 50.0 * scene.tolerance
 
 
+def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch):
+    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    rung = free_ladders(scene.study)["reduction"].rungs[0]
+    asked = []
+    measure = Scene.measure
+
+    def recorded(self, changes, points):
+        asked.append(changes["modes.method"])
+        return measure(self, changes, points)
+
+    monkeypatch.setattr(Scene, "measure", recorded)
+    estimated = ModeSearch(scene).attempt(rung).error
+    assert "full" not in asked
+    monkeypatch.setattr(frequency_search, "finer_finding", lambda *_: None)
+    true = ModeSearch(scene).attempt(rung).error
+    assert "full" in asked
+    assert true < estimated < 10 * true
+
+
+@pytest.mark.usefixtures("no_finer_model")
 def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch):
     scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
     pilots = Pilots(0.1, monkeypatch)
@@ -396,7 +424,7 @@ def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch
     assert ModeSearch(scene).attempt(rung).error == 0.1
     assert scene.failed == {4}
     bad.append(0)
-    with pytest.raises(SquealstudyError, match="no pilot could be solved at full order: why"):
+    with pytest.raises(SquealstudyError, match="no pilot has a better model to be held to: why"):
         ModeSearch(scene).attempt(rung)
 
 

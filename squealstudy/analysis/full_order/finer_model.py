@@ -24,7 +24,7 @@ from squealstudy.analysis.linearise import (
     contact_coefficients,
     linearise,
 )
-from squealstudy.analysis.point import solve_point, state_working_point
+from squealstudy.analysis.point import PointModes, solve_point, state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
 from squealstudy.models.assembly import Assembly
@@ -224,15 +224,31 @@ def reduction_errors(
     ConvergenceError
         Where there is no working point, or no finer model.
     """
-    if prepared.finer is None:
-        raise ConvergenceError("failed", "there is no finer model of this structure")
     found = solve_point(prepared, state, band_hz)
-    n = prepared.finer.n
-    larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
     low, high = band_hz
     margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
-    finer = solve_point(larger, state, margin, found.working_point.gap)
+    finer = finer_modes(prepared, state, margin, found.working_point.gap)
     return found.lam, partner_distances(found.lam, finer.lam)
+
+
+def finer_modes(
+    prepared: PreparedModel,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    gap: np.ndarray | None = None,
+) -> PointModes:
+    """Complex modes of a design point in the finer model; `gap` is its working point where known.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point, or no finer model.
+    """
+    if prepared.finer is None:
+        raise ConvergenceError("failed", "there is no finer model of this structure")
+    n = prepared.finer.n
+    larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
+    return solve_point(larger, state, band_hz, gap)
 
 
 def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:

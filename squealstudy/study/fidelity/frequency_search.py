@@ -1,4 +1,8 @@
-"""Which reduction a complex-mode study needs: tried at pilots against the full-order model."""
+"""Which reduction a complex-mode study needs: tried at pilots against a better model of them.
+
+That is the finer model of a component-mode reduction, or the full-order one. The audit of the
+finished study (fidelity/audit.py) is at full order in any case.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,13 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
+from squealstudy.study.complex_modes.reduction import SAFETY
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.estimate import plan_share
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
 from squealstudy.study.fidelity.scene import SPARE, Scene
+from squealstudy.study.measure.frequency_domain import finer_finding
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.method import (
     BASIS_SOLVES,
@@ -23,7 +29,7 @@ from squealstudy.study.method import (
     PAYS_FROM,
     WINDOWS,
 )
-from squealstudy.study.plan import has_mesh, reference_choice
+from squealstudy.study.plan import Plan, has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
@@ -87,7 +93,7 @@ class ModeSearch:
             self.truth = {**changes, "modes.method": self.exact}
         made = scene.measure(solved, self.points)
         self.making = made.reduction_seconds
-        error = 0.0 if own == self.exact else self._error(made)
+        error = 0.0 if own == self.exact else self._error(made, solved)
         return Tried(rung.label, rung.changes, error, self.study_seconds(made))
 
     @property
@@ -122,25 +128,36 @@ class ModeSearch:
             Tried(WINDOWS, changes, error, made.reduction_seconds + made.setup_seconds + points)
         ]
 
-    def _error(self, made: Measurement) -> float:
-        """Largest against full order, pilot by pilot until one is beyond the whole tolerance.
+    def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
+        """Largest at the pilots, one by one until one is beyond the whole tolerance.
 
         What is found so far is then enough to refuse the reduction, whatever the others say.
         """
         worst, failure = None, ""
+        plan = self.scene.variant(changes, self.scene.plan.swept)
         for finding, point in zip(made.findings.values(), self.points, strict=True):
-            truth = self.scene.measure(self.truth, [point]).findings["0"]
+            truth, safety = self._truth(plan, point)
             if truth["status"] != "ok":
                 failure = truth["message"]
                 self.scene.failed.add(point)
                 continue
-            worst = max(worst or 0.0, self.scene.point_error(finding, truth))
+            worst = max(worst or 0.0, safety * self.scene.point_error(finding, truth))
             if worst > self.scene.tolerance:
                 break
         if worst is None:
             path = self.scene.study.path
-            raise SquealstudyError(f"{path}: no pilot could be solved at full order: {failure}")
+            raise SquealstudyError(f"{path}: no pilot has a better model to be held to: {failure}")
         return worst
+
+    def _truth(self, plan: Plan, point: int) -> tuple[Mapping[str, Any], float]:
+        """What a pilot is held against, and the safety on the distance to it.
+
+        The finer model where the structure has one; the audit is at full order in any case.
+        """
+        finer = finer_finding(plan, point)
+        if finer is not None:
+            return finer, SAFETY
+        return self.scene.measure(self.truth, [point]).findings["0"], 1.0
 
     @property
     def share(self) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.full_order.finer_model import finer_modes
 from squealstudy.study.cache import is_prepared, read_scalars
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.complex_modes.bases import BasisTask, load_basis, served
@@ -26,6 +27,7 @@ from squealstudy.study.method import PERTURBATION, WINDOWS
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.working_points import prepared_model
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 # rungs whose design points share work within a box: all points of the study are solved and timed
@@ -138,6 +140,27 @@ def _bases_s(tasks: Sequence[ChunkTask | WindowTask]) -> float:
         t.basis.path: t.basis for t in tasks if isinstance(t, WindowTask)
     }
     return float(sum(load_basis(path).seconds for path in found if path.is_file()))
+
+
+def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
+    """What the finer model of its structure finds at a point; None where there is no finer model.
+
+    The distance of a reduced model's roots to these is its error but for a factor SAFETY
+    (complex_modes/reduction.py), at a tenth of the cost of a full-order solution.
+    """
+    task = plan.tasks[point]
+    prepared = prepared_model(task.prepared_key)
+    if prepared.finer is None:
+        return None
+    try:
+        with threadpool_limits(1):
+            modes = finer_modes(prepared, task.design.state(), plan.band_hz)
+    except FAILURES as error:
+        status, message = reason(error)
+        return {"status": status, "message": message}
+    lam = modes.lam[~modes.overdamped]
+    roots = np.column_stack([lam.real, lam.imag]).tolist()
+    return {"status": "ok", "message": "", "roots": roots}
 
 
 def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
