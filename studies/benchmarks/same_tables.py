@@ -1,0 +1,190 @@
+"""The same numbers after a change of the code: small studies of every kind, by two states.
+
+    python studies/benchmarks/same_tables.py [--then COMMIT] [--only NAME ...]
+
+Each study of same_tables/ is run by the code of `--then` and by that of this tree, each with caches
+of its own; every Parquet table of the results is compared, column by column. What was renamed in
+between stands in RENAMED; how far a column may move, in TOLERANCES. Times and memory are left out,
+and identifiers must only map one to one. Exits with 1 where anything differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import scipy.io
+import scipy.sparse as sp
+
+ROOT = Path(__file__).resolve().parents[2]
+STUDIES = Path(__file__).with_suffix("")
+THEN = "HEAD"
+RUN = "from squealstudy.cli.app import main; main()"
+
+# tables and columns that have another name now: old -> new
+RENAMED: dict[str, str] = {}
+# never compared: what a clock or the machine says
+MEASURED = ("*_s", "seconds*", "cost*", "memory*", "megabytes*", "wall*")
+# compared as a mapping, one to one, not by value
+IDENTIFIERS = ("*_id", "point_before", "point_after", "start_point", "parent", "structure", "key")
+# largest difference, of the column's largest modulus in the study; the first pattern that fits
+TOLERANCES = {
+    "residual": np.inf,  # round-off, and so is what is estimated from it
+    "working_point_residual": np.inf,
+    "torque_residual": np.inf,
+    "error_rung": 1e-2,
+    "error_*": 1e-2,
+    "*_error": 1e-2,
+    "*": 1e-7,
+}
+
+
+def main() -> None:
+    """Run the studies by both states and compare."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--then", default=THEN)
+    parser.add_argument("--only", nargs="+", help="names of studies, with * as in file names")
+    parser.add_argument("--jobs", type=int, default=2)
+    arguments = parser.parse_args()
+    names = [path.stem for path in sorted(STUDIES.glob("*.toml"))]
+    if arguments.only:
+        names = [n for n in names if any(fnmatch.fnmatch(n, only) for only in arguments.only)]
+    if not names:
+        raise SystemExit(f"{STUDIES}: no study of that name")
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        subprocess.run([*git, "add", "--detach", "--quiet", str(tree), arguments.then], check=True)
+        try:
+            different = _compared(names, tree, Path(folder), arguments.jobs)
+        finally:
+            subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+    print(f"{len(names)} studies, {different} with differences")
+    sys.exit(different > 0)
+
+
+def _compared(names: list[str], tree: Path, folder: Path, jobs: int) -> int:
+    """Number of studies whose tables differ."""
+    different = 0
+    for name in names:
+        then = run(name, tree, folder / "then", jobs)
+        now = run(name, ROOT, folder / "now", jobs)
+        found = list(study_differences(then, now))
+        rows = sum(len(table) for table in now.values())
+        print(f"{name:<24}{len(now):>3} tables {rows:>6} rows  {'differs' if found else 'same'}")
+        for text in found:
+            print(f"    {text}")
+        sys.stdout.flush()
+        different += bool(found)
+    return different
+
+
+def run(name: str, tree: Path, folder: Path, jobs: int) -> dict[str, pd.DataFrame]:
+    """Tables of a study by the package in `tree`, by their names."""
+    folder.mkdir(exist_ok=True)
+    for path in STUDIES.glob("*.toml"):
+        (folder / path.name).write_text(path.read_text())
+    _write_matrices(folder)
+    environment = os.environ | {
+        "PYTHONPATH": str(tree),
+        "SQUEALSTUDY_CACHE": str(folder / "cache"),
+        "NUMBA_CACHE_DIR": str(folder / "kernels"),
+    }
+    output = folder / "results" / name
+    command = [sys.executable, "-c", RUN, "run", f"{name}.toml", "--no-pictures"]
+    command += ["--jobs", str(jobs), "--yes", "--output", str(output)]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{name} in {tree} failed:\n{done.stdout}{done.stderr}")
+    return {path.stem: pd.read_parquet(path) for path in sorted(output.glob("*.parquet"))}
+
+
+def _write_matrices(folder: Path) -> None:
+    """A chain of six masses, two of whose springs friction makes unsymmetric."""
+    n, stiffness = 6, 1e6
+    K = sp.diags([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]) * stiffness
+    coupling = sp.coo_array(([stiffness, -stiffness], ([1, 2], [2, 1])), shape=(n, n))
+    for name, matrix in {
+        "mass": sp.eye(n),
+        "damping": K,
+        "stiffness": K,
+        "coupling": coupling,
+    }.items():
+        scipy.io.mmwrite(folder / f"{name}.mtx", matrix)
+
+
+# -- comparison ----------------------------------------------------------------------------------
+def study_differences(then: dict[str, pd.DataFrame], now: dict[str, pd.DataFrame]) -> Iterator[str]:
+    """Of all tables of a study, what differs, in words."""
+    old = {RENAMED.get(name, name): table for name, table in then.items()}
+    for name in sorted(set(old) ^ set(now)):
+        yield f"{name}: only {'then' if name in old else 'now'}"
+    for name in sorted(set(old) & set(now)):
+        for text in table_differences(old[name].rename(columns=RENAMED), now[name]):
+            yield f"{name}.{text}"
+
+
+def table_differences(then: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
+    """Of two tables of one name, what differs, in words."""
+    for column in sorted(set(then.columns) ^ set(now.columns)):
+        yield f"{column}: only {'then' if column in then.columns else 'now'}"
+    if len(then) != len(now):
+        yield f"rows: {len(then)} then, {len(now)} now"
+        return
+    for column in [c for c in now.columns if c in then.columns]:
+        if not _fits(column, MEASURED):
+            text = column_difference(column, then[column], now[column])
+            if text:
+                yield f"{column}: {text}"
+
+
+def column_difference(name: str, then: pd.Series, now: pd.Series) -> str:
+    """What differs in a column; empty where nothing does."""
+    a, b = (_flat(column) for column in (then, now))
+    if len(a) != len(b):
+        return f"{len(a)} values then, {len(b)} now"
+    if _fits(name, IDENTIFIERS):
+        pairs = set(zip(a, b, strict=True))
+        one_to_one = len(pairs) == len({x for x, _ in pairs}) == len({y for _, y in pairs})
+        return "" if one_to_one else "identifiers do not map one to one"
+    if any(isinstance(x, str | bytes) for x in [*a, *b]):
+        differing = [k for k, (x, y) in enumerate(zip(a, b, strict=True)) if x != y]
+        k = differing[0] if differing else 0
+        return f"{len(differing)} differ, first {a[k]!r} then, {b[k]!r} now" if differing else ""
+    return _number_difference(name, np.array(a, dtype=float), np.array(b, dtype=float))
+
+
+def _number_difference(name: str, a: np.ndarray, b: np.ndarray) -> str:
+    known = np.isfinite(a) & np.isfinite(b)
+    if not np.array_equal(a[~known], b[~known], equal_nan=True):
+        return "not finite in other rows"
+    scale = np.abs(a[known]).max(initial=0.0)
+    off = np.abs(a - b)[known].max(initial=0.0)
+    tolerance = next(t for pattern, t in TOLERANCES.items() if fnmatch.fnmatch(name, pattern))
+    if off <= tolerance * scale:
+        return ""
+    return f"off by {off:.2e} of {scale:.2e}, allowed {tolerance:g} of it"
+
+
+def _fits(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch.fnmatch(name, pattern) for pattern in patterns)
+
+
+def _flat(column: pd.Series) -> list[object]:
+    """Values of a column one after the other, those of lists too; None becomes NaN."""
+    values: list[object] = []
+    for x in column:
+        values += list(np.ravel(x)) if isinstance(x, np.ndarray | list) else [x]
+    return [np.nan if x is None else x for x in values]
+
+
+if __name__ == "__main__":
+    main()
