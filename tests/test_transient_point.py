@@ -12,7 +12,7 @@ from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
-from squealstudy.analysis.transient.modal_basis import truncated, with_pod
+from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.point import (
     contact_speed,
     perturbed_start,
@@ -194,7 +194,7 @@ def test_truncation_keeps_the_modes_below(reference):
 def test_pod_vectors_keep_mass_stiffness_and_damping(brake, reduced, reference):
     _, made = at(brake, reduced, reference, NOMINAL_STATE)
     rows, *_ = snapshots(reference, made)
-    small = with_pod(reference, CUTOFF, rows, 30)
+    small = with_pod(reference, CUTOFF, Training(rows, made.modes.right), 30)
     n = small.system.n
     assert n == small.n_exact + 30
     V = reference.phi.T @ small.phi
@@ -217,10 +217,26 @@ def test_pod_vectors_of_a_run_reproduce_it(brake, reduced, reference):
     rows, torque, (q0, v0), settings = snapshots(reference, made)
     errors = {}
     for count in (0, 60):
-        small = with_pod(reference, CUTOFF, rows, count) if count else truncated(reference, CUTOFF)
+        training = Training(rows, made.modes.right)
+        small = (
+            with_pod(reference, CUTOFF, training, count) if count else truncated(reference, CUTOFF)
+        )
         _, design = at(brake, reduced, small, state, point)
         V = reference.phi.T @ small.phi
         (result,) = simulate(small.system, [design.design], settings, V.T @ q0, V.T @ v0)
         difference = result.history["torque"] - torque
         errors[count] = np.linalg.norm(difference) / np.linalg.norm(torque - torque.mean())
     assert errors[60] < 0.2 * errors[0]
+
+
+def test_growth_rates_of_training_designs_are_kept_beside_few_pod_vectors(
+    brake, reduced, reference
+):
+    point, made = at(brake, reduced, reference, NOMINAL_STATE)
+    rows, *_ = snapshots(reference, made)
+    errors = []
+    for modes in (made.modes.right, made.modes.right[:, :0]):
+        small = with_pod(reference, CUTOFF, Training(rows, modes), 16)
+        _, again = at(brake, reduced, small, NOMINAL_STATE, point)
+        errors.append(np.abs(again.modes.lam[0] - made.modes.lam[0]) / made.modes.lam[0].real)
+    assert errors[0] < 2e-3 < errors[1]

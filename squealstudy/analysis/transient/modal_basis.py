@@ -1,13 +1,15 @@
 """Smaller modal systems: assembly modes up to a frequency, and POD vectors of a run beside them.
 
-Truncation keeps growth rates and spoils the level of a limit cycle; POD vectors of a run repair
-the level near that run (theory.md section 6). They live in the span of the truncated modes, so
-the kept modes stay exact and uncoupled.
+Truncation spoils the level of a limit cycle; POD vectors of a run repair it near that run
+(theory.md section 6). They spoil growth rates: a run owes little of its energy to its small
+beginnings. What the growing modes have beyond the kept modes is therefore the first of the added
+vectors: a basis that holds a mode's right vector has its root. All added vectors live in the span
+of the truncated modes, so the kept modes stay exact and uncoupled.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -16,6 +18,24 @@ from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ParameterError
 
 COUPLED = 1e-3  # of the largest damping: coupling below it is left out
+
+ALIKE = 3e-3  # energy norm, of the largest: growing modes of other designs add no less than this
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a truncated basis is repaired by.
+
+    Attributes
+    ----------
+    snapshots : ndarray (rows, n)
+        Modal displacements of runs with all modes.
+    modes : ndarray (n, m) complex
+        Right vectors of the growing modes of their designs, in the same coordinates.
+    """
+
+    snapshots: np.ndarray
+    modes: np.ndarray
 
 
 def kept_modes(reference: ReferenceModes, below_hz: float) -> int:
@@ -38,38 +58,54 @@ def truncated(reference: ReferenceModes, below_hz: float) -> ReferenceModes:
 
 
 def with_pod(
-    reference: ReferenceModes, below_hz: float, snapshots: np.ndarray, count: int
+    reference: ReferenceModes, below_hz: float, training: Training, count: int
 ) -> ReferenceModes:
-    """The assembly modes up to `below_hz`, and POD vectors of what a run did beyond them.
+    """The assembly modes up to `below_hz`, and vectors of what training did beyond them.
 
     Parameters
     ----------
     reference : ReferenceModes
         All modes.
     below_hz : float
-    snapshots : ndarray (rows, n)
-        Modal displacements of a run.
+    training : Training
     count : int
-        POD vectors; fewer where the snapshots have no more.
+        Vectors: those that growing modes need, then POD vectors of the snapshots' rest; fewer where
+        training has no more.
 
     Notes
     -----
-    Snapshots are weighted by the modes' frequencies, so that singular values are energies. The
+    Displacements are weighted by the modes' frequencies, so that singular values are energies. The
     vectors are turned so that their stiffness is diagonal; their damping is that of the full
     model, so not diagonal, and enters by shapes.
     """
     n, k = reference.system.n, kept_modes(reference, below_hz)
     omega = np.sqrt(np.maximum(reference.system.omega2[k:], 0.0))
-    weighted = snapshots[:, k:] * omega
-    _, values, right = la.svd(weighted, full_matrices=False)
-    rank = int((values > values[0] * np.finfo(float).eps * max(weighted.shape)).sum())
-    vectors = right[: min(count, rank)].T / omega[:, None]
-    V, _ = la.qr(vectors, mode="economic")
+    growing = _growing(reference, training.modes, k)[:, :count]
+    weighted = training.snapshots[:, k:] * omega
+    rest = weighted - (weighted @ growing) @ growing.T
+    _, values, right = la.svd(rest, full_matrices=False)
+    least = la.norm(weighted, 2) * np.finfo(float).eps * max(weighted.shape)
+    rank = int((values > least).sum())
+    pod = right[: min(count - growing.shape[1], rank)].T
+    V, _ = la.qr(np.hstack([growing, pod]) / omega[:, None], mode="economic")
     _, turn = la.eigh(V.T @ (reference.system.omega2[k:, None] * V))
     basis = np.zeros((n, k + V.shape[1]))
     basis[np.arange(k), np.arange(k)] = 1.0
     basis[k:, k:] = V @ turn
     return project(reference, basis)
+
+
+def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray:
+    """Energy-orthonormal vectors (n - k, r) of what modes of unit energy have beyond the first k.
+
+    Modes of neighbouring designs are nearly alike: what they have in common is there once.
+    """
+    weighted = np.sqrt(np.maximum(reference.system.omega2, 0.0))[:, None] * modes
+    weighted = weighted / np.linalg.norm(weighted, axis=0)
+    beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
+    vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
+    found: np.ndarray = vectors[:, values > ALIKE * values.max(initial=0.0)]
+    return found
 
 
 def project(reference: ReferenceModes, basis: np.ndarray) -> ReferenceModes:

@@ -26,7 +26,7 @@ STEPS_A_PERIOD = 62.5
 TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
 LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
-BASES = ((1.0, 50), (2.0, 20), (2.0, 50), (1.0, 120))
+BASES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
 # regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
 SATURATIONS = (1.0, 0.5, 0.25, 0.125)

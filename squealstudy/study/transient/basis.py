@@ -23,7 +23,7 @@ class BasisChoice:
         Hz; None keeps all.
     pod_vectors : int
     training : Path or None
-        Snapshots (rows, n) of a run with all modes, of which `pod_vectors` are taken.
+        Snapshots and growing modes of a run with all modes, of which `pod_vectors` are taken.
     """
 
     modes_below: float | None = None
@@ -53,10 +53,10 @@ def truncated_choice(plan: Plan) -> BasisChoice:
 
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
-    """Where the snapshots of the study's training run are kept, there or not."""
+    """Where what the study's training run gave is kept, there or not."""
     section = plan.study.definition.transient.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
     values = [sorted(d.values.items()) for d in plan.training_designs]
     code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
     name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
-    return prepared_path(prepared_key) / "training" / f"{name}.npy"
+    return prepared_path(prepared_key) / "training" / f"{name}.npz"

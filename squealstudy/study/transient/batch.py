@@ -11,7 +11,7 @@ import numpy as np
 
 from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.transient.modal_basis import truncated, with_pod
+from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.reference_modes import ReferenceModes, reference_modes
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.models.operating import OperatingPoint
@@ -96,7 +96,8 @@ def shared_reference(
         whole = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
         if basis.training is None:
             return truncated(whole, basis.modes_below)
-        return with_pod(whole, basis.modes_below, np.load(basis.training), basis.pod_vectors)
+        training = Training(**np.load(basis.training))
+        return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
     prepared = prepared_model(prepared_key)
     state = DesignState(operating)
     point = state_working_point(prepared, state)

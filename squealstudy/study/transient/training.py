@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.analysis.transient.modal_basis import Training
 from squealstudy.analysis.transient.point import perturbed_start
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
@@ -30,7 +31,7 @@ START = 0.1  # of the sliding speed: the limit cycle is soon reached
 
 
 def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | None = None) -> None:
-    """Make the snapshots that the study's basis needs, where the cache does not hold them.
+    """Make the training that the study's basis needs, where the cache does not hold them.
 
     `wanted` are the keys of the structures to be trained on; all by default.
 
@@ -47,10 +48,10 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
         report("training run", done, len(missing))
         started = time.process_time()
         with threadpool_limits(1):
-            snapshots = training_run(plan, key)
+            made = training_run(plan, key)
         path = training_path(plan, key)
         write_json(path.with_suffix(TIMED), {"seconds": time.process_time() - started})
-        write_atomic(path, partial(_save, snapshots))
+        write_atomic(path, partial(_save, made))
     if missing:
         report("training run", len(missing), len(missing))
 
@@ -64,13 +65,13 @@ def training_seconds(plan: Plan) -> float:
     return float(sum(made)) * len(files) / max(len(made), 1)
 
 
-def _save(snapshots: np.ndarray, path: Path) -> None:
+def _save(training: Training, path: Path) -> None:
     with path.open("wb") as handle:
-        np.save(handle, snapshots)
+        np.savez(handle, snapshots=training.snapshots, modes=training.modes)
 
 
-def training_run(plan: Plan, prepared_key: str) -> np.ndarray:
-    """Modal displacements (rows, n) of the training designs, all modes kept."""
+def training_run(plan: Plan, prepared_key: str) -> Training:
+    """Displacements and growing modes of the training designs, all modes kept."""
     points = tuple(PointTask("training", d, prepared_key) for d in plan.training_designs)
     task = batch_task(plan, Path(), points, ALL_MODES)
     reference = reference_of(task)
@@ -85,10 +86,13 @@ def training_run(plan: Plan, prepared_key: str) -> np.ndarray:
         np.array([q for q, _ in starts]),
         np.array([v for _, v in starts]),
     )
-    finished = [r.q_history for r in results if r.outcome == "ok"]
+    finished = [k for k, r in enumerate(results) if r.outcome == "ok"]
     if not finished:
         raise SquealstudyError(f"{plan.study.path}: no training run for pod_vectors succeeded")
-    return np.concatenate(finished)
+    return Training(
+        np.concatenate([results[k].q_history for k in finished]),
+        np.hstack([ready[k].point.modes.right for k in finished]),
+    )
 
 
 def _start(task: BatchTask, ready: Ready) -> tuple[np.ndarray, np.ndarray]:
