@@ -171,7 +171,7 @@ def _number_difference(name: str, a: np.ndarray, b: np.ndarray) -> str:
     if not np.array_equal(a[~known], b[~known], equal_nan=True):
         return "not finite in other rows"
     scale = np.abs(a[known]).max(initial=0.0)
-    off = np.abs(a - b)[known].max(initial=0.0)
+    off = np.abs(a[known] - b[known]).max(initial=0.0)
     tolerance = next(t for pattern, t in TOLERANCES.items() if fnmatch.fnmatch(name, pattern))
     if off == 0.0 or off <= tolerance * scale:
         return ""
