@@ -27,7 +27,7 @@ from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.study.fidelity.kept import _path
 from squealstudy.study.fidelity.ladders import Rung, free_ladders, training_step
 from squealstudy.study.fidelity.run import _plain, resolve, run_resolved
-from squealstudy.study.fidelity.scene import Scene, largest
+from squealstudy.study.fidelity.scene import MISSED, Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.keys import source_hash
 from squealstudy.study.measure.frequency_domain import _solving_seconds
@@ -350,6 +350,9 @@ def test_a_structure_that_cannot_be_made_is_a_failed_pilot(masses, monkeypatch):
         masses.measure({}, [1])
 
 
+POINT_ERROR = Scene.point_error
+
+
 class Pilots:
     """Stands for measurements: settings asked for, roots of the pilots off by some error."""
 
@@ -408,6 +411,19 @@ def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch)
     true = ModeSearch(scene).attempt(rung).error
     assert "full" in asked
     assert true < estimated < 10 * true
+
+
+def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
+    """Nothing is in the cache to be read then: full order tells whether the rung is to blame."""
+    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    pilots = Pilots(0.0, monkeypatch)
+    search = ModeSearch(scene)
+    search.points, search.truth = [4, 0], {"modes.method": "full"}
+    monkeypatch.setattr(Scene, "point_error", POINT_ERROR)
+    changes = {**rung.changes, "modes.method": "dense"}
+    assert search._error(Found([4, 0], [4, 0]), changes) == MISSED
+    assert [points for _, points in pilots.of_method("full")] == [(4,)]
 
 
 @pytest.mark.usefixtures("no_finer_model")

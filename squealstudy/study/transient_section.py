@@ -148,11 +148,10 @@ class TransientSection(Section):
         default=0,
         ge=0,
         le=2000,
-        description="vectors of a training run that repair the truncated basis (with modes_below)",
+        description="vectors that repair the truncated basis (with modes_below): of the growing "
+        "modes of the training designs, then of their runs",
     )
-    pod_duration: float = Field(
-        default=0.03, gt=0, description="length of the training run at the nominal point, s"
-    )
+    pod_duration: float = Field(default=0.03, gt=0, description="length of the training runs, s")
     pod_step: float | None = Field(
         default=None,
         gt=0,

@@ -34,7 +34,7 @@ class Clock:
         kind = kind_named(plan.study.definition.study.kind)
         keys = [s.key for s in plan.structures]
         total = sum(self._timed(k, partial(build_structures, plan, 1, _quiet, {k})) for k in keys)
-        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet, 1))
+        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet))
 
     def _timed(self, name: object, make: Callable[[], object]) -> float:
         if name not in self.spent:
@@ -55,4 +55,4 @@ def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
 
 
 def _quiet(stage: str, done: int, total: int) -> None:
-    pass
+    """No progress: what is timed prints nothing."""

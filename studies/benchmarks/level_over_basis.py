@@ -36,6 +36,7 @@ VARIANTS = {
     "modes below 8 kHz": ("", "modes_below = 8e3"),
     "below 16 kHz, 50 POD": ("", "modes_below = 16e3\npod_vectors = 50"),
     "below 8 kHz, 50 POD": ("", "modes_below = 8e3\npod_vectors = 50"),
+    "below 8 kHz, 80 POD": ("", "modes_below = 8e3\npod_vectors = 80"),
     "below 8 kHz, 120 POD": ("", "modes_below = 8e3\npod_vectors = 120"),
 }
 STUDY = """

@@ -23,8 +23,8 @@ import numpy as np
 import pandas as pd
 import scipy.io
 import scipy.sparse as sp
+from other_state import ROOT, tree_of
 
-ROOT = Path(__file__).resolve().parents[2]
 STUDIES = Path(__file__).with_suffix("")
 THEN = "HEAD"
 RUN = "from squealstudy.cli.app import main; main()"
@@ -59,14 +59,8 @@ def main() -> None:
         names = [n for n in names if any(fnmatch.fnmatch(n, only) for only in arguments.only)]
     if not names:
         raise SystemExit(f"{STUDIES}: no study of that name")
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "tree"
-        git = ["git", "-C", str(ROOT), "worktree"]
-        subprocess.run([*git, "add", "--detach", "--quiet", str(tree), arguments.then], check=True)
-        try:
-            different = _compared(names, tree, Path(folder), arguments.jobs)
-        finally:
-            subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+    with tempfile.TemporaryDirectory() as folder, tree_of(arguments.then) as tree:
+        different = _compared(names, tree, Path(folder), arguments.jobs)
     print(f"{len(names)} studies, {different} with differences")
     sys.exit(different > 0)
 

@@ -36,11 +36,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from other_state import ROOT, tree_of
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # processor time is that of one thread
 
 THEN = "3c5c57c"
-ROOT = Path(__file__).resolve().parents[2]
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 STUDY = """
 [study]
@@ -329,14 +330,8 @@ def main() -> None:
         print(json.dumps(measure(arguments.measure, arguments.quick)))
         return
     rows = arguments.rows or ["study", *MEASURES, "nominal", "map"]
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "then"
-        git = ["git", "-C", str(ROOT), "worktree"]
-        subprocess.run([*git, "add", "--detach", "--quiet", str(tree), arguments.then], check=True)
-        try:
-            compare(rows, arguments.quick, arguments.rounds, arguments.jobs, tree)
-        finally:
-            subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+    with tree_of(arguments.then) as tree:
+        compare(rows, arguments.quick, arguments.rounds, arguments.jobs, tree)
 
 
 if __name__ == "__main__":

@@ -18,8 +18,7 @@ from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.errors import ParameterError
 
 COUPLED = 1e-3  # of the largest damping: coupling below it is left out
-
-ALIKE = 3e-3  # energy norm, of the largest: growing modes of other designs add no less than this
+LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray
     weighted = weighted / np.linalg.norm(weighted, axis=0)
     beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
     vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
-    found: np.ndarray = vectors[:, values > ALIKE * values.max(initial=0.0)]
+    found: np.ndarray = vectors[:, values > LEAST]
     return found
 
 

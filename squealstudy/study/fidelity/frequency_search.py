@@ -18,7 +18,7 @@ from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.estimate import plan_share
 from squealstudy.study.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
-from squealstudy.study.fidelity.scene import SPARE, Scene
+from squealstudy.study.fidelity.scene import MISSED, SPARE, Scene
 from squealstudy.study.measure.frequency_domain import finer_finding
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.method import (
@@ -136,12 +136,13 @@ class ModeSearch:
         worst, failure = None, ""
         plan = self.scene.variant(changes, self.scene.plan.swept)
         for finding, point in zip(made.findings.values(), self.points, strict=True):
-            truth, safety = self._truth(plan, point)
+            truth, safety = self._truth(finding, plan, point)
             if truth["status"] != "ok":
                 failure = truth["message"]
                 self.scene.failed.add(point)
                 continue
-            worst = max(worst or 0.0, safety * self.scene.point_error(finding, truth))
+            error = min(MISSED, safety * self.scene.point_error(finding, truth))
+            worst = max(worst or 0.0, error)
             if worst > self.scene.tolerance:
                 break
         if worst is None:
@@ -149,12 +150,14 @@ class ModeSearch:
             raise SquealstudyError(f"{path}: no pilot has a better model to be held to: {failure}")
         return worst
 
-    def _truth(self, plan: Plan, point: int) -> tuple[Mapping[str, Any], float]:
+    def _truth(
+        self, finding: Mapping[str, Any], plan: Plan, point: int
+    ) -> tuple[Mapping[str, Any], float]:
         """What a pilot is held against, and the safety on the distance to it.
 
-        The finer model where the structure has one; the audit is at full order in any case.
+        The finer model where the structure could be made and has one.
         """
-        finer = finer_finding(plan, point)
+        finer = finer_finding(plan, point) if finding["status"] == "ok" else None
         if finer is not None:
             return finer, SAFETY
         return self.scene.measure(self.truth, [point]).findings["0"], 1.0

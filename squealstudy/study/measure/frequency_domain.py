@@ -146,7 +146,7 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
     """What the finer model of its structure finds at a point; None where there is no finer model.
 
     The distance of a reduced model's roots to these is its error but for a factor SAFETY
-    (complex_modes/reduction.py), at a tenth of the cost of a full-order solution.
+    (complex_modes/reduction.py).
     """
     task = plan.tasks[point]
     prepared = prepared_model(task.prepared_key)
