@@ -22,3 +22,9 @@ def tree_of(commit: str) -> Iterator[Path]:
             yield tree
         finally:
             subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+
+
+def commit_of(tree: Path) -> str:
+    """Hash of the commit that a tree is at."""
+    asked = ["git", "-C", str(tree), "rev-parse", "HEAD"]
+    return subprocess.run(asked, check=True, capture_output=True, text=True).stdout.strip()

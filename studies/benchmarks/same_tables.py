@@ -1,11 +1,12 @@
 """The same numbers after a change of the code: small studies of every kind, by two states.
 
-    python studies/benchmarks/same_tables.py [--then COMMIT] [--only NAME ...]
+    python studies/benchmarks/same_tables.py [--then COMMIT] [--only NAME ...] [--keep FOLDER]
 
 Each study of same_tables/ is run by the code of `--then` and by that of this tree, each with caches
-of its own; every Parquet table of the results is compared, column by column. What was renamed in
-between stands in RENAMED; how far a column may move, in TOLERANCES. Times and memory are left out,
-and identifiers must only map one to one. Exits with 1 where anything differs.
+of its own; every Parquet table of the results is compared, column by column, modes of a design
+point paired by their roots. What was renamed in between stands in RENAMED; how far a column may
+move, in TOLERANCES. Times and memory are left out, and identifiers must only map one to one. Exits
+with 1 where anything differs. `--keep` holds the tables of `--then` for the next comparison.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ import numpy as np
 import pandas as pd
 import scipy.io
 import scipy.sparse as sp
-from other_state import ROOT, tree_of
+from other_state import ROOT, commit_of, tree_of
+from scipy.optimize import linear_sum_assignment
 
 STUDIES = Path(__file__).with_suffix("")
 THEN = "HEAD"
@@ -53,6 +55,7 @@ def main() -> None:
     parser.add_argument("--then", default=THEN)
     parser.add_argument("--only", nargs="+", help="names of studies, with * as in file names")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="folder that keeps the tables of --then")
     arguments = parser.parse_args()
     names = [path.stem for path in sorted(STUDIES.glob("*.toml"))]
     if arguments.only:
@@ -60,17 +63,19 @@ def main() -> None:
     if not names:
         raise SystemExit(f"{STUDIES}: no study of that name")
     with tempfile.TemporaryDirectory() as folder, tree_of(arguments.then) as tree:
-        different = _compared(names, tree, Path(folder), arguments.jobs)
+        kept = arguments.keep and arguments.keep / commit_of(tree)
+        different = _compared(names, tree, Path(folder), arguments.jobs, kept)
     print(f"{len(names)} studies, {different} with differences")
     sys.exit(different > 0)
 
 
-def _compared(names: list[str], tree: Path, folder: Path, jobs: int) -> int:
+def _compared(names: list[str], tree: Path, folder: Path, jobs: int, kept: Path | None) -> int:
     """Number of studies whose tables differ."""
     different = 0
     for name in names:
         try:
-            then = run(name, tree, folder / "then", jobs)
+            then = _kept_tables(kept and kept / name) or run(name, tree, folder / "then", jobs)
+            _keep_tables(kept and kept / name, then)
             now = run(name, ROOT, folder / "now", jobs)
         except RuntimeError as error:
             then, now, found = {}, {}, [str(error)]
@@ -105,6 +110,19 @@ def run(name: str, tree: Path, folder: Path, jobs: int) -> dict[str, pd.DataFram
     return {path.stem: pd.read_parquet(path) for path in sorted(output.glob("*.parquet"))}
 
 
+def _kept_tables(folder: Path | None) -> dict[str, pd.DataFrame]:
+    """Tables that an earlier comparison kept; none where it did not."""
+    files = sorted(folder.glob("*.parquet")) if folder else []
+    return {path.stem: pd.read_parquet(path) for path in files}
+
+
+def _keep_tables(folder: Path | None, tables: dict[str, pd.DataFrame]) -> None:
+    if folder and not folder.is_dir():
+        folder.mkdir(parents=True)
+        for name, table in tables.items():
+            table.to_parquet(folder / f"{name}.parquet")
+
+
 def _write_matrices(folder: Path) -> None:
     """A chain of six masses, two of whose springs friction makes unsymmetric."""
     n, stiffness = 6, 1e6
@@ -137,11 +155,37 @@ def table_differences(then: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
     if len(then) != len(now):
         yield f"rows: {len(then)} then, {len(now)} now"
         return
+    order = _partners(then, now)
+    moved = (order != np.arange(len(now))).any()
+    now = now.iloc[order]
     for column in [c for c in now.columns if c in then.columns]:
-        if not _fits(column, MEASURED):
+        if not _fits(column, MEASURED) and not (moved and column == "mode"):
             text = column_difference(column, then[column], now[column])
             if text:
                 yield f"{column}: {text}"
+
+
+def _partners(then: pd.DataFrame, now: pd.DataFrame) -> np.ndarray:
+    """Rows of `now` in the order of `then`: modes of a design point by their nearest roots.
+
+    Two modes of a locked pair have one |lambda|, and round-off tells which comes first. Each
+    design point must have its modes in one block; other tables stay as they are.
+    """
+    order = np.arange(len(now))
+    if not {"point_id", "frequency_hz", "growth_rate"} <= {*then.columns, *now.columns}:
+        return order
+    if "parameter" in now.columns:  # a row a mode and parameter
+        return order
+    roots = [
+        2 * np.pi * t["frequency_hz"].to_numpy() * 1j + t["growth_rate"].to_numpy()
+        for t in (then, now)
+    ]
+    for rows in then.groupby("point_id", sort=False).indices.values():
+        known = np.isfinite(roots[0][rows]) & np.isfinite(roots[1][rows])
+        if known.all():
+            distance = np.abs(roots[0][rows][:, None] - roots[1][rows][None, :])
+            order[rows] = rows[linear_sum_assignment(distance)[1]]
+    return order
 
 
 def column_difference(name: str, then: pd.Series, now: pd.Series) -> str:
