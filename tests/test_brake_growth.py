@@ -9,7 +9,6 @@ import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.reference_modes import (
     growth_sensors,
@@ -20,6 +19,7 @@ from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
 from squealstudy.reduction.working_point import working_point
+from squealstudy.system.design_state import DesignState
 
 ZETA = 0.005
 BETA = 1.5e-7  # s; holds modes above the band, which friction excites too

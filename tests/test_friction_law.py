@@ -11,7 +11,6 @@ from blocks import OPERATING as BLOCKS_OPERATING
 from blocks import blocks
 from conftest import CUTOFF, NOMINAL, TOP, build_model
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order import modes as full_order
 from squealstudy.analysis.full_order.modes import (
     full_order_modes,
@@ -32,6 +31,7 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.study.design import Design
+from squealstudy.system.design_state import DesignState
 
 K_T = 1e12  # N s/m3: saturated long before any sliding speed here
 FALLING = replace(NOMINAL, friction=0.4, static_ratio=1.5, decay_speed=0.3)

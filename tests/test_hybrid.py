@@ -11,7 +11,6 @@ import scipy.sparse as sp
 from blocks import NX, NZ, OPERATING, blocks
 from conftest import CUTOFF, NOMINAL, TOP
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
 from squealstudy.analysis.quadratic import dense_roots
@@ -28,6 +27,7 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
 from squealstudy.reduction.hybrid_basis import explicit_dofs, static_state
 from squealstudy.reduction.working_point import WorkingPoint, working_point
+from squealstudy.system.design_state import DesignState
 
 ZETA = 0.01
 

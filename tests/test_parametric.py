@@ -12,9 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
-from squealstudy.analysis.parametric import (
+from squealstudy.analysis.reanalysis.collocated import collocate
+from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
+from squealstudy.errors import ModelError
+from squealstudy.models.law import ContactLaw
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.prepared import prepare
+from squealstudy.reduction.working_point import working_point
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.parametric import (
     DAMPING,
     MANY,
     MASS,
@@ -23,13 +30,6 @@ from squealstudy.analysis.parametric import (
     Term,
     with_small_terms,
 )
-from squealstudy.analysis.reanalysis.collocated import collocate
-from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
-from squealstudy.errors import ModelError
-from squealstudy.models.law import ContactLaw
-from squealstudy.reduction.cmt import BasisSettings
-from squealstudy.reduction.prepared import prepare
-from squealstudy.reduction.working_point import working_point
 
 
 # -- any system --------------------------------------------------------------------------------

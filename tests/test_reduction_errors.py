@@ -12,7 +12,6 @@ import scipy.sparse as sp
 from test_tables import drifting, modes_of, plan_of, write
 
 from squealstudy.analysis import point as point_module
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order import finer_model
 from squealstudy.analysis.full_order.finer_model import (
     Reduction,
@@ -41,6 +40,7 @@ from squealstudy.study.complex_modes.reduction import CARRIED, Sample, carried
 from squealstudy.study.complex_modes.tables import build_tables
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
+from squealstudy.system.design_state import DesignState
 
 NODES = 40
 BAND = (50.0, 600.0)

@@ -11,7 +11,6 @@ from conftest import NOMINAL
 from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance, hulten, machine
 
 from squealstudy.analysis.brake_system import brake_system
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
@@ -22,6 +21,7 @@ from squealstudy.analysis.reanalysis.two_step import (
     symmetric_modes,
     two_step_roots,
 )
+from squealstudy.system.design_state import DesignState
 
 REACH = 30.0  # of anchors: all modes
 

@@ -9,7 +9,6 @@ import pytest
 from conftest import NOMINAL
 from synthetic import SyntheticProblem, constant, random_brake, whole_box
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.quadratic import dense_roots
@@ -27,6 +26,7 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
 from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
 from squealstudy.errors import ConvergenceError
 from squealstudy.models.law import ContactLaw
+from squealstudy.system.design_state import DesignState
 
 BAND = (500.0, 4000.0)
 TOLERANCE = 1e-4

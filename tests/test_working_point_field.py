@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from conftest import NOMINAL
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.patch import Box
@@ -17,6 +16,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.models.law import ContactLaw
 from squealstudy.reduction.working_point import GapEquations, WorkingPoint
 from squealstudy.reduction.working_point_field import BatchEquations, WorkingPointField
+from squealstudy.system.design_state import DesignState
 
 BAND = (500.0, 4000.0)
 ENERGETIC = ("caliper", 7)

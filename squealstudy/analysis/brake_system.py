@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import component_frequencies
-from squealstudy.analysis.parametric import (
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.parametric import (
     DAMPING,
     MASS,
     STIFFNESS,
@@ -16,8 +18,6 @@ from squealstudy.analysis.parametric import (
     Term,
     Weights,
 )
-from squealstudy.reduction.cmt import ReducedModel
-from squealstudy.reduction.working_point import WorkingPoint
 
 
 def brake_system(model: ReducedModel, modal_damping: Sequence[np.ndarray] = ()) -> ParametricSystem:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.models.interface import ContactInterface
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState, ModeKey
 
 
 @dataclass(frozen=True)

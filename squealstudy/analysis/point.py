@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.energy import energy_shares
 from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import QuadraticSolver, backward_error, dense_roots
@@ -19,6 +18,7 @@ from squealstudy.reduction.working_point import (
     known_working_point,
     working_point,
 )
+from squealstudy.system.design_state import DesignState
 
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"

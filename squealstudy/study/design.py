@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import OperatingPoint, law_from_values
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import ModeParameter, parse_parameter
+from squealstudy.system.design_state import DesignState, ModeKey
 
 
 @dataclass(frozen=True)

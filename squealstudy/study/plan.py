@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.design_state import ModeKey
 from squealstudy.errors import StudyFileError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import CONTACT_LAW, OperatingPoint
@@ -32,6 +31,7 @@ from squealstudy.study.source import SourceText
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.toml_lines import KeyPath
 from squealstudy.study.transient.start import StartState, find_start
+from squealstudy.system.design_state import ModeKey
 
 LAW_OPTION = "contact_law"
 TRANSIENT = "transient"
@@ -41,7 +41,7 @@ MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 # beside them, they decide its finer model
-FINER_SOURCES = ("analysis/full_order", "analysis/linearise.py", "analysis/quadratic.py")
+FINER_SOURCES = ("system", "analysis/full_order", "analysis/linearise.py", "analysis/quadratic.py")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.design_state import ModeKey
 from squealstudy.analysis.full_order.finer_model import Reduction, with_finer_model
 from squealstudy.analysis.point import angular_band
 from squealstudy.errors import SquealstudyError
@@ -26,6 +25,7 @@ from squealstudy.study.family_cache import load_family, save_family
 from squealstudy.study.plan import Plan, Structure, has_mesh
 from squealstudy.study.process import watch_parent
 from squealstudy.study.source import SourceText
+from squealstudy.system.design_state import ModeKey
 
 SMALL = 100  # degrees of freedom of a family of matrices whose points take milliseconds
 PATIENCE = 3.0  # s: two workers take 2 s to start

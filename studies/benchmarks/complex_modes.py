@@ -17,7 +17,6 @@ import time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
 from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.models.catalogue import MODELS
@@ -25,6 +24,7 @@ from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes
 from squealstudy.reduction.prepared import prepare
+from squealstudy.system.design_state import DesignState
 
 BAND = (500.0, 8000.0)
 CUTOFF = 1.5 * BAND[1]

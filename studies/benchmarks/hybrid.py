@@ -30,7 +30,6 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
 from squealstudy.analysis.transient.growing_modes import growing_modes
@@ -46,6 +45,7 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
 from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
 from squealstudy.reduction.working_point import working_point
+from squealstudy.system.design_state import DesignState
 
 ZETA = 0.005
 SPEED = 0.5  # m/s

@@ -26,7 +26,6 @@ import pandas as pd
 from component_reference import extrapolated
 from mesh_chart import mesh_chart
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.point import solve_point
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
@@ -37,6 +36,7 @@ from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
+from squealstudy.system.design_state import DesignState
 
 TOP = 6e3  # Hz, of the free modes
 BAND = (500.0, 8000.0)

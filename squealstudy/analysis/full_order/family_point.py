@@ -8,7 +8,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.analysis.full_order.modes import FullOrderModes
-from squealstudy.analysis.parametric import ParametricSystem, Term
 from squealstudy.analysis.point import PointModes, angular_band
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
@@ -16,6 +15,7 @@ from squealstudy.models.expression import ExpressionError
 from squealstudy.models.matrix_family import MatrixFamily
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.parametric import ParametricSystem, Term
 
 CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.full_order.modes import component_terms
 from squealstudy.analysis.linearise import (
     ContactCoefficients,
@@ -32,6 +31,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
 from squealstudy.reduction.extended_basis import extended_basis
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
+from squealstudy.system.design_state import DesignState, ModeKey
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy

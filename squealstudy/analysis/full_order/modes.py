@@ -9,7 +9,6 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import contact_coefficients
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
@@ -24,6 +23,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState, ModeKey
 
 FIRST_ROOTS = 120  # asked for where their number is not known
 MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band

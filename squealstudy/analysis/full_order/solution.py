@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import (
     component_terms,
     full_order_modes,
@@ -18,6 +17,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
 
 FULL = "full"
 

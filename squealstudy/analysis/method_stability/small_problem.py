@@ -7,7 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.parametric import (
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.problem import Sample
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.errors import ConvergenceError
+from squealstudy.system.parametric import (
     DAMPING,
     MASS,
     STIFFNESS,
@@ -15,10 +19,6 @@ from squealstudy.analysis.parametric import (
     Term,
     Weights,
 )
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
-from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
-from squealstudy.errors import ConvergenceError
 
 Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 

@@ -34,7 +34,11 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
-from squealstudy.analysis.parametric import (
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
+from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
+from squealstudy.system.parametric import (
     DAMPING,
     MASS,
     STIFFNESS,
@@ -42,10 +46,6 @@ from squealstudy.analysis.parametric import (
     Term,
     Weights,
 )
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
-from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
 
 CRITICAL = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Weights, product
 from squealstudy.analysis.point import PointModes, working_point_error
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.system.parametric import Weights, product
 
 
 class BrakeModes:

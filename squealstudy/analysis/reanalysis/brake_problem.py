@@ -10,9 +10,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import assembly_damping, component_frequencies
-from squealstudy.analysis.parametric import DAMPING, ParametricSystem, Term, Weights
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, pairs_inside
 from squealstudy.analysis.reanalysis.modal_damping_field import (
@@ -31,6 +29,8 @@ from squealstudy.reduction.working_point_field import (
     WorkingPointField,
     anchor_at,
 )
+from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
 FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
 
 Matrices = tuple[np.ndarray, np.ndarray]
 

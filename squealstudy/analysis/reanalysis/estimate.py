@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Columns, Weights
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.system.parametric import Columns, Weights
 
 LEAST = 1e-13  # relative: round-off of a dense eigenvalue
 

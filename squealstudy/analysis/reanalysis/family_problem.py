@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.analysis.full_order.family_point import UNDEFINED, family_system
-from squealstudy.analysis.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 from squealstudy.analysis.point import angular_band
 from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
@@ -21,6 +20,7 @@ from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.sparse_cholesky import SparseCholesky
 from squealstudy.models.expression import ExpressionError
 from squealstudy.models.matrix_family import MatrixFamily
+from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
 EDGE = 1.01  # left roots are sought a little beyond the right ones: none is cut off at the edge
 MARGIN = 1.1  # of the number of left roots asked for: one lies beyond the band, so once is enough

@@ -11,18 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.parametric import (
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.point_pairs import alone
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.system.parametric import (
     DAMPING,
     MASS,
     STIFFNESS,
     ParametricSystem,
     Weights,
 )
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
-from squealstudy.analysis.reanalysis.point_pairs import alone
-from squealstudy.analysis.reanalysis.point_roots import PointRoots
-from squealstudy.analysis.reanalysis.problem import Problem
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
 
 PERTURBATION = "perturbation"
 MARGIN = 1.2  # of the band: modes of the anchor that may move into it

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from squealstudy.analysis.parametric import ParametricSystem, Weights
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.errors import ConvergenceError
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.parametric import ParametricSystem, Weights
 
 
 class Sample(NamedTuple):

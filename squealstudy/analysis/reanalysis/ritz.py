@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.reanalysis.patch import Patch
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, light
+from squealstudy.system.parametric import Weights
 
 NEAREST = 1e-13  # relative distance below which two followed roots are one
 FIRST_ORDER = 2.0  # on the distance of a heavy root to its first-order approximation

@@ -14,12 +14,12 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.full_order.modes import LIGHT
-from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.problem import Problem, Sample
 from squealstudy.errors import ConvergenceError
+from squealstudy.system.parametric import Weights
 
 REACH = 1.15  # modes of the band widened by this join the basis
 SEEN = 1.03  # and their errors are looked at within this

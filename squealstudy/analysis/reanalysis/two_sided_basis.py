@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import Problem
 from squealstudy.errors import ModelError
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,12 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.parametric import (
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs, all_roots
+from squealstudy.analysis.reanalysis.point_pairs import alone
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.system.parametric import (
     DAMPING,
     MASS,
     STIFFNESS,
@@ -18,11 +23,6 @@ from squealstudy.analysis.parametric import (
     Term,
     Weights,
 )
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs, all_roots
-from squealstudy.analysis.reanalysis.point_pairs import alone
-from squealstudy.analysis.reanalysis.point_roots import PointRoots
-from squealstudy.analysis.reanalysis.problem import Problem
-from squealstudy.linalg.real_modes import real_modes
 
 TWO_STEP = "two_step"
 SYMMETRIC = 1e-12  # relative asymmetry of round-off

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.reanalysis.blocks import Solved
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
@@ -30,6 +29,7 @@ from squealstudy.analysis.reanalysis.problem import Problem, Sample
 from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
 from squealstudy.errors import ConvergenceError
+from squealstudy.system.parametric import Weights
 
 DEGREE = {1: 5, 2: 4}  # of the interpolation; in more dimensions 2
 PAYS = 1.5  # design points a node for a patch to pay

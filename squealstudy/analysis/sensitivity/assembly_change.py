@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import component_terms, mode_frequencies
 from squealstudy.errors import ParameterError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.system.design_state import DesignState
 
 RELATIVE_STEP = 1e-4  # of the parameter
 SAME_MODE = 0.99  # least product of a component mode with itself across a step

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.full_order.modes import (
     FullOrderSystem,
     component_terms,
@@ -22,6 +21,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.working_point import WorkingPoint, working_point
+from squealstudy.system.design_state import DesignState
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.energy import energy_shares
 from squealstudy.analysis.linearise import ReducedSystem, component_frequencies, linearise
 from squealstudy.analysis.point import state_working_point
@@ -43,6 +42,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.linearise import ReducedSystem, component_frequencies
 from squealstudy.analysis.sensitivity.contact_change import ContactChange, ContactWeights
 from squealstudy.analysis.sensitivity.contact_gradient import ContactGradient, Products
@@ -28,6 +27,7 @@ from squealstudy.analysis.sensitivity.state_parameter import (
 from squealstudy.analysis.sensitivity.working_point_motion import WorkingPointMotion
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
 
 
 @dataclass(frozen=True)

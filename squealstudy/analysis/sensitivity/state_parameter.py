@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.sensitivity.law_change import FRICTION_PARAMETERS, LAW_PARAMETERS
 from squealstudy.errors import ParameterError
+from squealstudy.system.design_state import DesignState, ModeKey
 
 PRESSURE, DAMPING, STIFFNESS_DAMPING = "pressure", "damping_ratio", "stiffness_damping"
 FREQUENCY = "frequency_scale"

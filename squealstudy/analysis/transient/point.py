@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.transient.growing_modes import GrowingModes, growing_modes
 from squealstudy.analysis.transient.mode_planes import mode_planes
@@ -16,6 +15,7 @@ from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, Tran
 from squealstudy.errors import ParameterError
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState, ModeKey
 
 TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further

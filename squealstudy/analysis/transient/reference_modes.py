@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.energy import energy_shares
 from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.transient.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState, ModeKey
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState
-from squealstudy.analysis.parametric import DAMPING, MASS, STIFFNESS
 from squealstudy.analysis.reanalysis.brake_modes import BrakeModes
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, Expansion
@@ -25,6 +23,8 @@ from squealstudy.study.complex_modes.chart import Chart
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.files import write_atomic
 from squealstudy.study.keys import content_hash, source_hash
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS
 
 MOST_KEPT = 2  # bases a process holds
 Reader = BrakeModes | FamilyModes

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from squealstudy.analysis.design_state import ModeKey
 from squealstudy.analysis.sensitivity.law_change import LAW_PARAMETERS
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
@@ -20,6 +19,7 @@ from squealstudy.study.parameters import (
 )
 from squealstudy.study.sensitivity_section import UNSTABLE, SensitivitySection
 from squealstudy.study.source import SourceText
+from squealstudy.system.design_state import ModeKey
 
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from squealstudy.analysis.design_state import ModeKey
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.plan import TRANSIENT_SOURCES, Plan
+from squealstudy.system.design_state import ModeKey
 
 TRAINING_KEYS = {"step", "duration", "friction"}
 

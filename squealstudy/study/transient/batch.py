@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState, ModeKey
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.reference_modes import ReferenceModes, reference_modes
@@ -21,6 +20,7 @@ from squealstudy.study.transient.basis import ALL_MODES, BasisChoice, full_choic
 from squealstudy.study.transient.start import StartState
 from squealstudy.study.transient_section import TransientSection
 from squealstudy.study.working_points import prepared_model
+from squealstudy.system.design_state import DesignState, ModeKey
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
 

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign
 from squealstudy.analysis.linearise import component_frequencies
@@ -29,6 +28,7 @@ from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes,
 from squealstudy.study.transient.modal_runs import Finished
 from squealstudy.study.transient.ready import Ready
 from squealstudy.study.working_points import prepared_model
+from squealstudy.system.design_state import DesignState
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 import squealstudy
-from squealstudy.analysis.design_state import DesignState
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
@@ -19,6 +18,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
+from squealstudy.system.design_state import DesignState
 
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
 ENDS = (2e5, 30e5)  # Pa

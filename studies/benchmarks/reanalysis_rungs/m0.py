@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.parametric import DAMPING, MASS, STIFFNESS, Weights
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_roots
 from squealstudy.analysis.reanalysis.estimate import two_sided_error
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
@@ -23,6 +22,7 @@ from squealstudy.models.matrix_family import MatrixFamily
 from squealstudy.study.definition import load_study
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, Weights
 
 from .measure import timed
 from .rungs import Cover, Holds, cover, ritz_hold, values_hold

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.parametric import Weights
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
@@ -26,6 +25,7 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
 )
 from squealstudy.analysis.reanalysis.two_step import two_step_pairs, two_step_values
 from squealstudy.analysis.reanalysis.windows import DEGREE, FollowedPatch, Windows
+from squealstudy.system.parametric import Weights
 
 from .measure import Measured, timed
 

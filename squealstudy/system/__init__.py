@@ -1,0 +1,1 @@
+"""Structures with contact as terms times weights: one linearisation in any coordinates."""
