@@ -2,7 +2,6 @@
 
 import json
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -30,9 +29,10 @@ from squealstudy.study.fidelity.run import _plain, resolve, run_resolved
 from squealstudy.study.fidelity.scene import MISSED, Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.keys import source_hash
-from squealstudy.study.measure.frequency_domain import _solving_seconds
+from squealstudy.study.measure.frequency_domain import _solved
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures
+from squealstudy.study.tasks import Solved
 
 BELT = """
 [study]
@@ -339,8 +339,8 @@ def test_structures_of_the_pilots_alone_are_made(masses):
 def test_a_structure_that_cannot_be_made_is_a_failed_pilot(masses, monkeypatch):
     failing = masses.plan.structures[1].key
 
-    def build(plan, jobs, report, wanted):
-        return {failing: "too heavy"} | build_structures(plan, jobs, report, wanted - {failing})
+    def build(plan, workers, wanted):
+        return {failing: "too heavy"} | build_structures(plan, workers, wanted - {failing})
 
     monkeypatch.setattr(fidelity_scene, "build_structures", build)
     found = masses.measure({}, [4, 1]).findings
@@ -696,10 +696,11 @@ class SlowAtFirst:
         started = time.process_time()
         while self.calls == 1 and time.process_time() - started < 0.2:
             pass
+        return Solved([])
 
 
 def test_pilots_are_timed_without_what_the_first_call_of_a_process_owes():
     kind = SlowAtFirst()
-    task = ChunkTask(Path(), (1.0, 2.0), (), True, 0)
-    assert _solving_seconds(kind, [task]) < 0.1
+    task = ChunkTask((1.0, 2.0), (), True)
+    assert _solved(kind, [task])[0] < 0.1
     assert kind.calls == 2

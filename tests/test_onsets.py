@@ -22,6 +22,7 @@ from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.definition import parse_study
 from squealstudy.study.measure.onset_lines import first_onset
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
 
@@ -389,7 +390,7 @@ def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
     for method in ("full", "dense"):
         text = study() + f'method = "{method}"\n'
         plan = Plan(parse_study(text, Path("study.toml")))
-        build_structures(plan, 1, lambda *_: None)
+        build_structures(plan, Workers())
         both.append(Neighbourhoods(plan).of(1))
     full, dense = both
     assert isinstance(full.by, FullRung)

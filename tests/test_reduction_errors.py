@@ -39,6 +39,7 @@ from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.reduction import CARRIED, Sample, carried
 from squealstudy.study.complex_modes.tables import build_tables
 from squealstudy.study.definition import parse_study
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.system.design_state import DesignState
 
@@ -317,7 +318,7 @@ def test_missing_and_zero_errors_of_a_reduction(tmp_path, monkeypatch):
 
 
 def _tables(plan, directory, samples=()):
-    build_tables(plan, directory, 1, lambda *_: None, samples)
+    build_tables(plan, directory, Workers(), samples)
     return pq.read_table(directory / "modes.parquet").to_pandas()
 
 
@@ -331,7 +332,7 @@ def test_errors_add_up_and_only_the_rungs_decides_on_status_and_sign(tmp_path, m
     write(tmp_path, plan, modes)
     samples = [(i, Sample(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()]
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
-    points, facts = build_tables(plan, tmp_path, 1, lambda *_: None, samples)
+    points, facts = build_tables(plan, tmp_path, Workers(), samples)
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["error_reduction"].to_numpy() == pytest.approx(10.0)
     assert (table["error_estimate"] == table["error_rung"] + table["error_reduction"]).all()
@@ -402,13 +403,13 @@ def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_toleranc
     heavy = Sample(np.array([-50.0 + 100.0j, 100.0j]), np.array([1.0, worst]))
     monkeypatch.setattr(reduction, "make_samples", lambda *_: [(0, heavy)])
     kind = ComplexModes()
-    better = kind.accurate(plan, {}, 1, lambda *_: None)
+    better = kind.accurate(plan, {}, Workers())
     assert better.enriched == is_enriched
     assert (better is plan) != is_enriched
     if is_enriched:
         ids = [{t.point_id for t in p.tasks} for p in (plan, better)]
         assert not ids[0] & ids[1]  # rows of the coarse basis are never taken for its own
-        assert kind.accurate(better, {}, 1, lambda *_: None) is better
+        assert kind.accurate(better, {}, Workers()) is better
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, 
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.plots.sensitivity_bars import sensitivity_bars, step_text
-from squealstudy.study.chunks import write_chunk
+from squealstudy.study.chunks import write_rows
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
@@ -140,7 +140,7 @@ def test_other_tables_and_rankings_are_refused(results):
 def test_a_failed_point_has_no_count_of_modes(tmp_path):
     study = plan(HULTEN)
     rows = [failed_row(task.point_id, 0.0, "working_point", "lost") for task in study.tasks]
-    write_chunk(tmp_path, "all", rows, SCHEMA)
+    write_rows(tmp_path, rows, SCHEMA)
     build_tables(study, tmp_path)
     counts = pd.read_parquet(tmp_path / "points.parquet")["n_modes"]
     assert counts.isna().all()

@@ -22,6 +22,7 @@ from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.fidelity.time_search import RunSearch
 from squealstudy.study.measure import slope_pilot as pilot_module
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import build_structures, run_study
@@ -278,7 +279,7 @@ def test_screens(tmp_path, monkeypatch, capsys):
 
 def test_the_warning_names_the_speed_that_would_do():
     plan = plan_of([0.5], f'"{NAME}" = 1e-6')
-    build_structures(plan, 1, lambda *_: None)
+    build_structures(plan, Workers())
     (text,) = [w for w in forecast.warnings(plan) if "too stiff" in w]
     speed = float(re.search(rf"{NAME} of (\S+) would do", text).group(1))
     kept = plan_of([0.5], f'"{NAME}" = {1.1 * speed!r}')

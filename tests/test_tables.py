@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -15,7 +16,7 @@ from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.analysis.tables.stability import stability_names
 from squealstudy.errors import ResultsError
-from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_chunk
+from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_rows
 from squealstudy.study.complex_modes import follow
 from squealstudy.study.complex_modes.columns import read_columns
 from squealstudy.study.complex_modes.counts import read_unstable_counts
@@ -24,6 +25,7 @@ from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
 from squealstudy.study.complex_modes.tables import build_tables, modes_table
 from squealstudy.study.definition import parse_study
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 
 GRID = """
@@ -80,7 +82,7 @@ def write(directory: Path, plan: Plan, modes: dict[int, PointModes | None], size
         for i, m in sorted(modes.items(), reverse=True)
     ]
     for start in range(0, len(rows), size):
-        write_chunk(directory, f"c{start}", rows[start : start + size], SCHEMA)
+        write_rows(directory, rows[start : start + size], SCHEMA)
 
 
 def drifting(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, PointModes]:
@@ -172,9 +174,10 @@ def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_ov
     plan = plan_of(2, 1)
     first, second = (modes_of(np.random.default_rng(i), 2) for i in range(2))
     write(tmp_path, plan, {0: first, 1: first})
-    write_chunk(tmp_path, "d", [solved_row(plan.tasks[0].point_id, 0.1, second)], SCHEMA)
+    again = pa.Table.from_pylist([solved_row(plan.tasks[0].point_id, 0.1, second)], schema=SCHEMA)
+    pq.write_table(again, tmp_path / DIRECTORY / "z.parquet")  # read after the others
     old = SCHEMA.remove(SCHEMA.get_field_index("method"))
-    write_chunk(tmp_path, "e", [solved_row(plan.tasks[1].point_id, 0.1, second)], old)
+    write_rows(tmp_path, [solved_row(plan.tasks[1].point_id, 0.1, second)], old)
     ids = [t.point_id for t in plan.tasks]
     assert finished_points(tmp_path, SCHEMA) == set(ids)
     assert read_chunks(tmp_path, set(ids), SCHEMA)[ids[0]]["re"] == second.lam.real.tolist()
@@ -191,7 +194,7 @@ def test_tables_of_a_study(tmp_path):
     rng = np.random.default_rng(3)
     modes = {i: modes_of(rng, 4, real=1) for i in range(12)} | {5: None}
     write(tmp_path, plan, modes)
-    points, facts = build_tables(plan, tmp_path, 1, lambda *_: None)
+    points, facts = build_tables(plan, tmp_path, Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert points["status"].tolist() == ["lift_off" if i == 5 else "ok" for i in range(12)]
     counts = points[["n_modes", "n_unstable", "n_overdamped"]]
@@ -225,7 +228,7 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     for one in (modes, beyond):
         one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
     write(tmp_path, plan, {0: modes, 1: beyond})
-    points, _ = build_tables(plan, tmp_path, 1, lambda *_: None)
+    points, _ = build_tables(plan, tmp_path, Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["unstable"].tolist() == 2 * [False, True, True, False, True]
     assert table["growth_rate"].tolist() == 2 * [0.1, 0.1, 0.1, -0.1, 0.1]
@@ -244,7 +247,7 @@ def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
     for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):
         modes[i] = replace(base, lam=growth + 1j * base.lam.imag)
     write(tmp_path, plan, modes)
-    build_tables(plan, tmp_path, 1, lambda *_: None)
+    build_tables(plan, tmp_path, Workers())
     (row,) = pq.read_table(tmp_path / "onsets.parquet").to_pandas().to_dict("records")
     x = plan.coordinates[:, 0].tolist()
     assert (row["bracket_low"], row["bracket_high"]) == (x[1], x[2])
@@ -257,9 +260,9 @@ def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, 
     plan = plan_of(6, 5)
     write(tmp_path, plan, drifting(plan, 9, real=2))
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
-    one, _ = Follower(plan, columns, 1).follow(False, lambda *_: None)
+    one, _ = Follower(plan, columns, Workers()).follow(False)
     monkeypatch.setattr(follow, "PARALLEL", 2)
-    other, _ = Follower(plan, columns, jobs).follow(False, lambda *_: None)
+    other, _ = Follower(plan, columns, Workers(jobs)).follow(False)
     columns.shapes.remove()
     for mine, theirs in zip(one.labels, other.labels, strict=True):
         assert np.array_equal(mine, theirs)

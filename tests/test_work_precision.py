@@ -11,7 +11,6 @@ from squealstudy import open_results
 from squealstudy.cli.app import app
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.plots.work_precision import work_precision
-from squealstudy.study.chunks import read_chunks
 from squealstudy.study.complex_modes import worker
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.experiments.definition import load_any
@@ -20,6 +19,7 @@ from squealstudy.study.experiments.runner import run_experiment
 from squealstudy.study.experiments.work_precision import kind as kind_module
 from squealstudy.study.experiments.work_precision.kind import WorkPrecision
 from squealstudy.study.measure.time_domain import together
+from squealstudy.study.parallel import Workers
 from squealstudy.study.runner import build_structures
 
 SPEED = '"contact.regularisation_speed" = 0.08'
@@ -304,28 +304,27 @@ def test_picture_draws_front_failures_and_tolerance():
 def test_a_method_whose_model_cannot_be_made_is_a_failed_row(write, tmp_path, monkeypatch):
     experiment = load_any(write(BELT, IN_TIME.replace("repeats = 2", "repeats = 1")))
     kind = WorkPrecision(experiment)
-    kind.prepare(1, lambda *_: None)
-    name, variant, number = kind.runs()[-1]
+    kind.prepare(Workers())
     monkeypatch.setattr(kind_module, "is_prepared", lambda _: False)
-    assert kind.solve(tmp_path, name, variant, number) == "structure"
+    (row,) = kind.solve(kind.runs()[-1])
+    assert row["status"] == "structure"
     reference = kind.runs()[0]
     with pytest.raises(ResultsError, match="no reduction of its model can be made"):
-        kind.solve(tmp_path, *reference)
-    assert len(list((tmp_path / "chunks").glob("*.parquet"))) == 1
+        kind.solve(reference)
 
 
 def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
     kind = WorkPrecision(load_any(write(BELT, IN_TIME)))
     asked = []
 
-    def build(plan, jobs, progress):
+    def build(plan, workers):
         asked.append(plan)
         if len(asked) == 2:
             raise SquealstudyError("singular")
-        return build_structures(plan, jobs, progress)
+        return build_structures(plan, workers)
 
     monkeypatch.setattr(kind_module, "build_structures", build)
-    kind.prepare(1, lambda *_: None)
+    kind.prepare(Workers())
     assert len(asked) == 4
 
 
@@ -435,11 +434,10 @@ def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
         return solve_design(prepared, design, band, known)
 
     kind = WorkPrecision(load_any(write(FLUTTER, ONSETS)))
-    kind.prepare(1, lambda *_: None)
-    name, variant, number = kind.runs()[-1]
+    kind.prepare(Workers())
     monkeypatch.setattr(worker, "solve_design", fail)
-    assert kind.solve(tmp_path, name, variant, number) == "not_converged"
-    (row,) = read_chunks(tmp_path, {name}, kind.schema).values()
+    (row,) = kind.solve(kind.runs()[-1])
+    assert row["status"] == "not_converged"
     assert row["message"] == "on the line of onset: no working point"
 
 

@@ -9,16 +9,30 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from squealstudy.study.files import write_parquet
+from squealstudy.study.files import write_arrays, write_parquet
+from squealstudy.study.keys import chunk_id
+from squealstudy.study.tasks import Chunk
 
 DIRECTORY = "chunks"
 
 
-def write_chunk(
-    directory: Path, name: str, rows: Sequence[dict[str, Any]], schema: pa.Schema
-) -> None:
-    """Write one chunk file atomically."""
-    table = pa.Table.from_pylist(list(rows), schema=schema)
+def write_rows(directory: Path, rows: Sequence[dict[str, Any]], schema: pa.Schema) -> None:
+    """Write rows as one chunk file, whole or not at all, named by its points."""
+    _write_table(directory, pa.Table.from_pylist(list(rows), schema=schema))
+
+
+def write_chunk(directory: Path, chunk: Chunk) -> None:
+    """Write what a worker found: the files beside the tables first, then its rows."""
+    for name, content in chunk.files.items():
+        if isinstance(content, pa.Table):
+            write_parquet(directory / name, content)
+        else:
+            write_arrays(directory / name, content)
+    _write_table(directory, chunk.table)
+
+
+def _write_table(directory: Path, table: pa.Table) -> None:
+    name = chunk_id(table["point_id"].to_pylist())
     write_parquet(directory / DIRECTORY / f"{name}.parquet", table)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -43,6 +44,16 @@ def _sync(path: Path) -> None:
 def write_parquet(path: Path, table: pa.Table) -> None:
     """Write a table atomically."""
     write_atomic(path, lambda p: pq.write_table(table, p, compression="zstd"))
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays by name to an npz file atomically."""
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as handle:
+            np.savez(handle, **arrays)
+
+    write_atomic(path, write)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import pyarrow as pa
 
+from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.tasks import PointTask, Solved
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
 class Kind(Protocol):
@@ -38,9 +37,7 @@ class Kind(Protocol):
         """What may go wrong in a run, from the prepared model of the first structure."""
         return []
 
-    def accurate(
-        self, plan: Plan, failures: Mapping[str, str], jobs: int, report: Progress
-    ) -> Plan:
+    def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
         """The plan whose reduced models are good enough for the study; by default as it is."""
         return plan
 
@@ -52,14 +49,12 @@ class Kind(Protocol):
         """What must be there before workers start, beside the structures."""
         ...
 
-    def tasks(
-        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
-    ) -> list[Any]:
+    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[Any]:
         """Work for one call of `solve` each."""
         ...
 
-    def solve(self, task: Any) -> ChunkReport:
-        """Solve design points in a worker and write their chunk file."""
+    def solve(self, task: Any) -> Solved:
+        """Rows of the design points of a task, in a worker."""
         ...
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
@@ -67,13 +62,13 @@ class Kind(Protocol):
         ...
 
     def verify(
-        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
+        self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Checks of finished points against a better model, for the manifest."""
         return []
 
     def build_tables(
-        self, plan: Plan, directory: Path, jobs: int, report: Progress
+        self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write the tables from the chunk files; the points' table, and facts for the manifest."""
         ...

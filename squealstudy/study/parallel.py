@@ -1,65 +1,111 @@
-"""Tasks on parallel worker processes; those of a few seconds in this one."""
+"""The one place that hands tasks to worker processes; work of a few seconds stays in this one."""
 
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import TypeVar
+
+from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import SquealstudyError
+from squealstudy.study.process import watch_parent
 
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
+
 Item = TypeVar("Item")
+Found = TypeVar("Found")
+Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
-Call = tuple[Callable[..., Any], *tuple[Any, ...]]  # a function and its arguments
+def silent(stage: str, done: int, total: int) -> None:
+    """Progress that nobody is told of."""
 
 
-def in_parallel(jobs: int, calls: Sequence[Call], patience: float = 0.0) -> Iterator[Any]:
-    """Results of calls as they come, on loky workers with one BLAS thread each.
+def _at_once() -> float:
+    return 0.0
 
-    Parameters
+
+@dataclass(frozen=True)
+class Workers:
+    """Worker processes, one BLAS thread each, and who is told how far they are.
+
+    Attributes
     ----------
     jobs : int
-        Worker processes.
-    calls : sequence of (function, *arguments)
-    patience : float
-        Seconds for which calls are made in this process: a worker takes longer to start than a
+        Processes; with one all is done in this process.
+    report : callable
+        Told (stage, done, total).
+    patience : callable
+        Seconds for which tasks are done in this process: a worker takes longer to start than a
         small study to run.
-
-    Raises
-    ------
-    SquealstudyError
-        Where a worker process dies.
     """
-    started = time.perf_counter()
-    done = 0
-    while done < len(calls) and (jobs == 1 or time.perf_counter() - started < patience):
-        function, *arguments = calls[done]
-        done += 1
-        yield function(*arguments)
-    if done < len(calls):
-        yield from _on_workers(min(jobs, len(calls) - done), calls[done:])
+
+    jobs: int = 1
+    report: Progress = silent
+    patience: Callable[[], float] = _at_once
+
+    def each(
+        self, function: Callable[[Item], Found], tasks: Sequence[Item], stage: str = ""
+    ) -> Iterator[Found]:
+        """Results of a function of each task, as they come.
+
+        `stage` is the name under which progress is told; none without.
+
+        Raises
+        ------
+        SquealstudyError
+            Where a worker process dies.
+        """
+        if stage and tasks:
+            self.report(stage, 0, len(tasks))
+        for done, found in enumerate(self._found(function, tasks), start=1):
+            if stage:
+                self.report(stage, done, len(tasks))
+            yield found
+
+    def _found(self, function: Callable[[Item], Found], tasks: Sequence[Item]) -> Iterator[Found]:
+        started, patience = time.perf_counter(), self.patience()
+        alone = self.jobs == 1 or len(tasks) == 1
+        done = 0
+        while done < len(tasks) and (alone or time.perf_counter() - started < patience):
+            done += 1
+            yield _on_one_thread(0, function, tasks[done - 1])
+        if done < len(tasks):
+            yield from self._on_processes(function, tasks[done:])
+
+    def _on_processes(
+        self, function: Callable[[Item], Found], tasks: Sequence[Item]
+    ) -> Iterator[Found]:
+        from concurrent.futures.process import BrokenProcessPool
+
+        from joblib import Parallel, delayed, parallel_config
+
+        calls = [delayed(_on_one_thread)(os.getpid(), function, task) for task in tasks]
+        try:
+            with parallel_config(backend="loky", inner_max_num_threads=1):
+                yield from Parallel(
+                    n_jobs=min(self.jobs, len(tasks)),
+                    return_as="generator_unordered",
+                    batch_size=1,
+                )(calls)
+        except BrokenProcessPool as error:
+            raise SquealstudyError(
+                "a worker process died (out of memory, or killed); what is finished is kept, and "
+                "the same command goes on from there, with fewer workers by --jobs"
+            ) from error
 
 
-def _on_workers(workers: int, calls: Sequence[Call]) -> Iterator[Any]:
-    from concurrent.futures.process import BrokenProcessPool
-
-    from joblib import Parallel, delayed, parallel_config
-
-    tasks = [delayed(function)(*arguments) for function, *arguments in calls]
-    try:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(
-                tasks
-            )
-    except BrokenProcessPool as error:
-        raise SquealstudyError(
-            "a worker process died (out of memory, or killed); what is finished is kept, and the "
-            "same command goes on from there, with fewer workers by --jobs"
-        ) from error
+def _on_one_thread(parent: int, function: Callable[[Item], Found], task: Item) -> Found:
+    """A task, in a worker that ends with the process `parent`, or in that itself (0)."""
+    if parent:
+        watch_parent(parent)
+    with threadpool_limits(1):
+        return function(task)
 
 
 def split_chunks(tasks: Sequence[Item], jobs: int) -> list[Sequence[Item]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,8 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.errors import ResultsError, SquealstudyError
-from squealstudy.study.chunks import read_chunks, write_chunk
+from squealstudy.study.chunks import read_chunks
 from squealstudy.study.plan import Plan
-from squealstudy.study.process import peak_memory_mb
-from squealstudy.study.tasks import ChunkReport
 
 Fields = Sequence[tuple[str, pa.DataType]]
 TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
@@ -34,32 +31,6 @@ def reason(error: Exception) -> tuple[str, str]:
     if isinstance(error, SquealstudyError):
         return getattr(error, "status", "failed"), str(error)
     return "failed", f"{type(error).__name__}: {error}"
-
-
-def write_rows(
-    directory: Path,
-    name: str,
-    rows: Sequence[dict[str, Any]],
-    schema: pa.Schema,
-    started: float,
-    known: int = 0,
-) -> ChunkReport:
-    """Write the chunk file of a worker's rows, and report it.
-
-    Parameters
-    ----------
-    directory : Path
-    name : str
-        Of the chunk.
-    rows, schema
-    started : float
-        `time.perf_counter` when the work began.
-    known : int
-        Points whose working point an earlier study had found.
-    """
-    write_chunk(directory, name, rows, schema)
-    failed = sum(row["status"] != "ok" for row in rows)
-    return ChunkReport(len(rows), failed, known, time.perf_counter() - started, peak_memory_mb())
 
 
 def planned_rows(plan: Plan, directory: Path, schema: pa.Schema) -> list[dict[str, Any]]:

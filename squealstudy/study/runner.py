@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,7 @@ from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.study import chunks
 from squealstudy.study.cache import is_prepared, load_prepared, read_scalars
 from squealstudy.study.files import remove_leftovers
-from squealstudy.study.keys import chunk_id
-from squealstudy.study.kind import Kind, Progress
+from squealstudy.study.kind import Kind
 from squealstudy.study.kinds import kind_named
 from squealstudy.study.manifest import (
     check_ownership,
@@ -26,13 +26,14 @@ from squealstudy.study.manifest import (
     point_facts,
 )
 from squealstudy.study.names import INACCURATE, POINTS
-from squealstudy.study.parallel import in_parallel
+from squealstudy.study.parallel import Progress, Workers, silent
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.rounds import grown
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.structures import build_structure, build_task, mode_counts, patience
+from squealstudy.study.tasks import Work
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,7 +104,7 @@ def run_study(
     directory: Path,
     jobs: int,
     yes: bool = False,
-    progress: Progress = lambda stage, done, total: None,
+    progress: Progress = silent,
     warn: Callable[[str], None] = lambda text: None,
 ) -> RunReport:
     """Run a study, or what is left of it.
@@ -137,17 +138,18 @@ def run_study(
     if text := check_shapes(plan):
         warn(text)
     check_component_modes(plan)
-    failures = build_structures(plan, jobs, progress)
+    workers = Workers(jobs, progress, partial(patience, plan))
+    failures = build_structures(plan, workers)
     kind = kind_of(plan)
     kind.check(plan)
-    if (better := kind.accurate(plan, failures, jobs, progress)) is not plan:
+    if (better := kind.accurate(plan, failures, workers)) is not plan:
         plan = better
-        failures |= build_structures(plan, jobs, progress)
+        failures |= build_structures(plan, workers)
     prepared_s = time.perf_counter() - started
     with locked(directory):
         if (further := grown(plan, directory)) is not plan:
             plan = further
-            failures |= build_structures(plan, jobs, progress)
+            failures |= build_structures(plan, workers)
         found = check_ownership(directory, plan)
         if found and _is_complete(found, plan, kind, directory):
             _expect_solved(directory)
@@ -160,17 +162,17 @@ def run_study(
         write_manifest(directory, manifest)
         for text in kind.warnings(plan):
             warn(text)
-        n_solved = _solve_points(plan, kind, directory, jobs, failures, progress, manifest)
+        n_solved = _solve_points(plan, kind, directory, failures, workers, manifest)
         while len((further := grown(plan, directory)).tasks) > len(plan.tasks):
             plan = further
             check_limit(plan.study, yes, len(plan.tasks))
-            failures |= build_structures(plan, jobs, progress)
+            failures |= build_structures(plan, workers)
             manifest |= point_facts(plan)
-            n_solved += _solve_points(plan, kind, directory, jobs, failures, progress, manifest)
+            n_solved += _solve_points(plan, kind, directory, failures, workers, manifest)
         verified = time.perf_counter()
-        manifest["reference"] = kind.verify(plan, directory, jobs, failures, progress)
+        manifest["reference"] = kind.verify(plan, directory, failures, workers)
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
-        _finish(plan, kind, directory, manifest, progress, started)
+        _finish(plan, kind, directory, manifest, workers, started)
     return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
 
 
@@ -192,7 +194,7 @@ def _readable(path: Path) -> bool:
 
 
 def build_structures(
-    plan: Plan, jobs: int, progress: Progress, wanted: Collection[str] | None = None
+    plan: Plan, workers: Workers, wanted: Collection[str] | None = None
 ) -> dict[str, str]:
     """Make the prepared models that the cache does not hold; reasons of failure by key.
 
@@ -207,21 +209,12 @@ def build_structures(
     missing = [s for s in asked if not is_prepared(s.key)]
     if not missing:
         return {}
-    if jobs > 1:
+    if workers.jobs > 1:
         kind_of(plan).begin(plan)
-    stage = "reduction"
-    progress(stage, 0, len(missing))
-    threads = jobs if len(missing) == 1 else 1
+    threads = workers.jobs if len(missing) == 1 else 1
     tasks = [build_task(plan, s, threads) for s in missing]
-    if len(tasks) == 1:
-        outcomes = iter([build_structure(tasks[0])])
-    else:
-        outcomes = in_parallel(jobs, [(build_structure, t) for t in tasks], patience(plan))
-    failures = {}
-    for done, (key, reason) in enumerate(outcomes, start=1):
-        progress(stage, done, len(missing))
-        if reason:
-            failures[key] = reason
+    made = workers.each(build_structure, tasks, "reduction")
+    failures = {key: reason for key, reason in made if reason}
     if len(failures) == len(plan.structures):
         raise SquealstudyError(f"{plan.study.path}: {next(iter(failures.values()))}")
     return failures
@@ -246,9 +239,8 @@ def _solve_points(
     plan: Plan,
     kind: Kind,
     directory: Path,
-    jobs: int,
     failures: dict[str, str],
-    progress: Progress,
+    workers: Workers,
     manifest: dict[str, Any],
 ) -> int:
     """Solve the design points that no chunk file holds; their number."""
@@ -259,20 +251,21 @@ def _solve_points(
     solvable = [t for t in pending if t.prepared_key not in failures]
     if unbuilt:
         rows = [kind.failed_row(t.point_id, "structure", failures[t.prepared_key]) for t in unbuilt]
-        chunks.write_chunk(directory, chunk_id(t.point_id for t in unbuilt), rows, kind.schema)
+        chunks.write_rows(directory, rows, kind.schema)
     if solvable:
-        kind.prepare(plan, progress)
-    tasks = kind.tasks(plan, directory, solvable, jobs)
+        kind.prepare(plan, workers.report)
+    work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers.jobs)]
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
-    progress("design points", done, total)
+    workers.report("design points", done, total)
     timings = manifest["timings"]
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
-    for report in in_parallel(jobs, [(kind.solve, t) for t in tasks], patience(plan)):
-        done += report.n_points
-        known += report.n_known_working_points
-        busy += report.wall_s
-        peak = max(peak, report.peak_mb)
-        progress("design points", done, total)
+    for chunk in workers.each(Work.done, work):
+        chunks.write_chunk(directory, chunk)
+        done += len(chunk.table)
+        known += chunk.known
+        busy += chunk.wall_s
+        peak = max(peak, chunk.peak_mb)
+        workers.report("design points", done, total)
     manifest["peak_memory_mb"] = {"largest_worker": peak}
     spent = {
         "points_s": time.perf_counter() - started,
@@ -290,14 +283,13 @@ def _finish(
     kind: Kind,
     directory: Path,
     manifest: dict[str, Any],
-    progress: Progress,
+    workers: Workers,
     started: float,
 ) -> None:
     """Build the tables and close the manifest."""
-    progress("tables", 0, 1)
+    workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
-    jobs = int(manifest["threads"]["workers"])
-    points, facts = kind.build_tables(plan, directory, jobs, progress)
+    points, facts = kind.build_tables(plan, directory, workers)
     manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
@@ -307,7 +299,7 @@ def _finish(
     manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
-    progress("tables", 1, 1)
+    workers.report("tables", 1, 1)
     _expect_solved(directory)
 
 

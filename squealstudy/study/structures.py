@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ from squealstudy.study.cache import is_prepared, load_prepared, save_prepared
 from squealstudy.study.family import read_family
 from squealstudy.study.family_cache import load_family, save_family
 from squealstudy.study.plan import Plan, Structure, has_mesh
-from squealstudy.study.process import watch_parent
 from squealstudy.study.source import SourceText
 from squealstudy.system.design_state import ModeKey
 
@@ -50,7 +48,6 @@ class BuildTask:
     enriching: int
     coarse_key: str
     threads: int
-    parent: int
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,6 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         plan.enriching,
         plan.structure_key(structure.design, False) if plan.enriched else "",
         threads,
-        os.getpid(),
     )
 
 
@@ -111,7 +107,6 @@ def _build_family(task: FamilyTask) -> tuple[str, str]:
 
 def _build_reduced(task: BuildTask) -> tuple[str, str]:
     """Assemble and reduce."""
-    watch_parent(task.parent)
     key, design = task.structure.key, task.structure.design
     if is_prepared(key):
         return key, ""

@@ -42,6 +42,7 @@ from squealstudy.models.operating import (  # noqa: E402
     REGULARISATION_SPEED,
 )
 from squealstudy.study.definition import parse_study  # noqa: E402
+from squealstudy.study.parallel import Workers, silent  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.runner import build_structures, kind_of  # noqa: E402
 from squealstudy.study.tasks import PointTask  # noqa: E402
@@ -170,21 +171,17 @@ def _plan(family: Family, kick: float, designs: dict[str, np.ndarray]) -> Plan:
 
 def long_runs(plan: Plan) -> Iterator[tuple[PointTask, ModalRun]]:
     """Task and motion of each point that has a steady sliding state."""
-    build_structures(plan, 1, _quiet)
-    kind_of(plan).prepare(plan, _quiet)
+    build_structures(plan, Workers())
+    kind_of(plan).prepare(plan, silent)
     tasks = plan.tasks
     for first in range(0, len(tasks), BATCH):
         part = tuple(tasks[first : first + BATCH])
-        task = batch_task(plan, Path(), part, full_choice(plan, part[0].prepared_key))
+        task = batch_task(plan, part, full_choice(plan, part[0].prepared_key))
         reference = reference_of(task)
         found = [set_up(task, reference, point, NewGaps()) for point in part]
         ready = [one for one in found if isinstance(one, Ready)]
         for one, done in zip(ready, modal_runs(task, reference, ready), strict=True):
             yield one.task, done.run
-
-
-def _quiet(stage: str, done: int, total: int) -> None:
-    """Nobody is told of progress."""
 
 
 def shortened(run: ModalRun) -> ModalRun:

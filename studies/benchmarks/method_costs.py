@@ -77,23 +77,23 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def exact_seconds(plan: Plan, folder: Path) -> float:
+def exact_seconds(plan: Plan) -> float:
     """Of a point by the exact method; what is loaded once is not in it."""
     first, *others = (plan.tasks[i] for i in range(EXACT_POINTS + 1))
-    chunk = ChunkTask(folder, plan.band_hz, (first,), False, os.getppid())
+    chunk = ChunkTask(plan.band_hz, (first,), False)
     solve_chunk(chunk)
-    rest = ChunkTask(folder, plan.band_hz, tuple(others), False, os.getppid())
+    rest = ChunkTask(plan.band_hz, tuple(others), False)
     return seconds(lambda: solve_chunk(rest)) / len(others)
 
 
-def served_seconds(plan: Plan, folder: Path, most: int | None = None) -> tuple[float, float]:
+def served_seconds(plan: Plan, most: int | None = None) -> tuple[float, float]:
     """Of the basis, if the method has one and it is not there yet, and of one of `most` points."""
     (task,) = basis_tasks(plan)
     over_a_basis = plan.method.name in OVER_A_BASIS
     basis = seconds(lambda: make_basis(task, lambda done, most: None)) if over_a_basis else 0.0
     served(task, over_a_basis)
     points = plan.tasks[:most]
-    boxes = window_tasks(plan, folder, points)
+    boxes = window_tasks(plan, points)
     spent = seconds(lambda: [solve_box(box) for box in boxes])
     return basis, spent / len(points)
 
@@ -119,8 +119,8 @@ def main() -> None:
             plan = plan_of(folder, mesh, varied, samples, WINDOWS)
             if reason := build_structure(build_task(plan, plan.structures[0], 1))[1]:
                 raise SystemExit(reason)
-            exact = exact_seconds(plan, folder)
-            basis, point = served_seconds(plan, folder)
+            exact = exact_seconds(plan)
+            basis, point = served_seconds(plan)
             pays = arguments.jobs * basis / (exact - point) if exact > point else float("inf")
             line = (
                 f"{varied:<14}{samples:>7}{exact:>9.3f}{basis / exact:>7.0f}{point / exact:>8.2f}"
@@ -128,7 +128,7 @@ def main() -> None:
             print(f"{line}{pays:>11.0f}", flush=True)
             for method in (SWEEP_BASIS, TWO_STEP, PERTURBATION) if varied == 2 else ():
                 other = plan_of(folder, mesh, varied, samples, method)
-                _, point = served_seconds(other, folder, OTHER_POINTS)
+                _, point = served_seconds(other, OTHER_POINTS)
                 print(f"{method:<14}{OTHER_POINTS:>7}{'':>16}{point / exact:>8.2f}", flush=True)
 
 

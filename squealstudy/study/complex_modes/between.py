@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -142,7 +141,7 @@ class Neighbourhoods:
         method = whole.method.name
         bases = basis_tasks(whole) if method in OVER_A_BASIS else []
         self._bases = {b.key: b for b in bases if b.path.is_file()}
-        boxes = window_tasks(whole, Path(), whole.tasks) if method in FOR_COMPARISON else []
+        boxes = window_tasks(whole, whole.tasks) if method in FOR_COMPARISON else []
         self._boxes = {
             task.point_id: replace(box, points=(), theta=box.theta[:0])
             for box in boxes

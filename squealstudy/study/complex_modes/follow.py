@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -23,10 +22,8 @@ from squealstudy.study.complex_modes.follow_tasks import (
     pair_task,
     refine_task,
 )
-from squealstudy.study.kind import Progress
-from squealstudy.study.parallel import in_parallel
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
-from squealstudy.study.structures import patience
 
 PARALLEL = 1000  # steps from which on workers pay
 PARTS_A_WORKER = 4
@@ -43,18 +40,17 @@ class Follower:
     plan : Plan
     columns : ModeColumns
         With shapes.
-    jobs : int
+    workers : Workers
     near : Neighbourhoods or None
         What lies between the points, where the plan alone does not tell.
     """
 
     def __init__(
-        self, plan: Plan, columns: ModeColumns, jobs: int, near: Neighbourhoods | None = None
+        self, plan: Plan, columns: ModeColumns, workers: Workers, near: Neighbourhoods | None = None
     ) -> None:
         if columns.shapes is None:
             raise ValueError("columns were read without shapes")
-        self._plan, self._jobs, self._file = plan, jobs, columns.shapes
-        self._patience = patience(plan)
+        self._plan, self._workers, self._file = plan, workers, columns.shapes
         self.lams = columns.oscillating()
         costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
         parents = tracking_tree(plan.coordinates, plan.grid_shape, costly)
@@ -67,7 +63,7 @@ class Follower:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
         return self._shapes.raw(point)
 
-    def follow(self, refine: bool, report: Progress) -> tuple[Tracks, dict[str, Any]]:
+    def follow(self, refine: bool) -> tuple[Tracks, dict[str, Any]]:
         """Labels of all modes, and how they came about.
 
         Returns
@@ -85,9 +81,9 @@ class Follower:
         budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
         for _ in range(ROUNDS if refine else 0):
             joined, crossing = self._doubtful(pairings, known)
-            refined, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH, report)
+            refined, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
             interpolated += spent
-            within, spent = self._refine(joined, pairings, budget - points, report)
+            within, spent = self._refine(joined, pairings, budget - points)
             points += spent
             refined |= within
             known |= refined
@@ -111,16 +107,16 @@ class Follower:
         """Pairings of groups of points with their parents."""
         tree = self._tree
         steps = sum(map(len, groups))
-        if self._jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
+        if self._workers.jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
             shapes = self._shapes.pair
             found: Pairings = {}
             for group in groups:
                 found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)
             return found
-        parts = _split(groups, steps // (PARTS_A_WORKER * self._jobs) + 1)
-        tasks = [(pair_task, self._pair_task(part, known)) for part in parts]
+        parts = _split(groups, steps // (PARTS_A_WORKER * self._workers.jobs) + 1)
+        tasks = [self._pair_task(part, known) for part in parts]
         found = {}
-        for result in in_parallel(self._jobs, tasks, self._patience):
+        for result in self._workers.each(pair_task, tasks):
             found |= result
         return found
 
@@ -137,7 +133,6 @@ class Follower:
             {i: self.lams[i] for i in seen},
             self._file,
             {i: known[i] for i in points if i in known},
-            os.getpid(),
         )
 
     def _doubtful(self, pairings: Pairings, known: Pairings) -> tuple[list[int], list[int]]:
@@ -148,9 +143,7 @@ class Follower:
         joined = {i for i in doubtful if self.near.joined(self._tree.parents[i], i)}
         return [i for i in doubtful if i in joined], [i for i in doubtful if i not in joined]
 
-    def _refine(
-        self, doubtful: list[int], pairings: Pairings, budget: int, report: Progress
-    ) -> tuple[Pairings, int]:
+    def _refine(self, doubtful: list[int], pairings: Pairings, budget: int) -> tuple[Pairings, int]:
         """Refine steps in order, as far as the budget goes; the points solved between."""
         refined: Pairings = {}
         points = done = 0
@@ -158,18 +151,15 @@ class Follower:
             count = min(BATCH, (budget - points) // (2**DEPTH - 1))
             if count < 1:
                 break
-            report("tracking", done, len(doubtful))
+            self._workers.report("tracking", done, len(doubtful))
             batch = [self._refine_task(i, pairings) for i in doubtful[done : done + count]]
-            results = in_parallel(
-                self._jobs, [(refine_task, task) for task in batch], self._patience
-            )
-            for i, pairing, spent in results:
+            for i, pairing, spent in self._workers.each(refine_task, batch):
                 seen = self._shapes.pair(self._tree.parents[i], i)
                 refined[i] = pairing._replace(mac=pair_macs(*seen, pairing.partner))
                 points += spent
             done += len(batch)
         if done:
-            report("tracking", done, done)
+            self._workers.report("tracking", done, done)
         return refined, points
 
     def _refine_task(self, i: int, pairings: Pairings) -> RefineTask:
@@ -185,7 +175,6 @@ class Follower:
             Modes(self.lams[i], self.raw(i)),
             expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
             pairings[i],
-            os.getpid(),
         )
 
 

@@ -15,7 +15,6 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.study.complex_modes.alignment import KEPT
 from squealstudy.study.complex_modes.between import Between
 from squealstudy.study.complex_modes.columns import ShapeFile
-from squealstudy.study.process import watch_parent
 
 Pairings = dict[int, Pairing]
 
@@ -30,7 +29,6 @@ class PairTask:
     lams: Mapping[int, np.ndarray]
     shapes: ShapeFile
     known: Pairings
-    parent: int
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,6 @@ class RefineTask:
         As of `pair_modes`.
     direct : Pairing
         What is to be refined.
-    parent : int
-        Process.
     """
 
     point: int
@@ -60,12 +56,10 @@ class RefineTask:
     b: Modes
     expected: np.ndarray | None
     direct: Pairing
-    parent: int
 
 
 def pair_task(task: PairTask) -> Pairings:
     """Pair the groups of a task."""
-    watch_parent(task.parent)
 
     @lru_cache(maxsize=KEPT)
     def shapes(point: int) -> np.ndarray:
@@ -82,7 +76,6 @@ def pair_task(task: PairTask) -> Pairings:
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
-    watch_parent(task.parent)
     solve, a, b = task.start.solve, task.a, task.b
     foreign = np.zeros(len(b.lam), dtype=bool)
     if task.start.prepared_key != task.end.prepared_key:

@@ -12,8 +12,8 @@ from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.complex_modes.follow import Follower
 from squealstudy.study.complex_modes.onsets import OnsetSearch
-from squealstudy.study.kind import Progress
 from squealstudy.study.names import onset_parameter
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 
 
@@ -31,8 +31,7 @@ def follow_modes(
     points: pd.DataFrame,
     judged: np.ndarray,
     error: np.ndarray,
-    jobs: int,
-    report: Progress,
+    workers: Workers,
     near: Neighbourhoods | None = None,
 ) -> Followed:
     """Track the modes of all points and find the onsets, as the study's [modes] section says.
@@ -48,19 +47,18 @@ def follow_modes(
         Roots of all points, rad/s, as their stability is judged (`settled`).
     error : ndarray (N,)
         Their estimated errors, rad/s, which move the onsets.
-    jobs : int
-    report : callable
+    workers : Workers
     near : Neighbourhoods or None
         What lies between the points, where the plan alone does not tell.
     """
     section = plan.study.definition.modes
-    follower = Follower(plan, columns, jobs, near)
+    follower = Follower(plan, columns, workers, near)
     summary: dict[str, Any] = {}
-    tracks, summary["tracking"] = follower.follow(section.refine_tracking, report)
+    tracks, summary["tracking"] = follower.follow(section.refine_tracking)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
     if along is None:
         return Followed(tracks, None, summary)
     kept = ~columns.overdamped
     search = OnsetSearch(plan, follower, tracks, points, along, judged[kept], error[kept])
-    onsets, summary["onsets"] = search.table(section.refine_onsets, jobs, report)
+    onsets, summary["onsets"] = search.table(section.refine_onsets, workers)
     return Followed(tracks, onsets, summary)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,14 +19,13 @@ from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
 from squealstudy.study.family_cache import load_any
-from squealstudy.study.kind import Kind, Progress
+from squealstudy.study.kind import Kind
 from squealstudy.study.method import APPROXIMATE, AUTO, FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
-from squealstudy.study.parallel import in_parallel, split_chunks
+from squealstudy.study.parallel import Progress, Workers, split_chunks
 from squealstudy.study.plan import Plan, checked_points
 from squealstudy.study.rows import FAILURES
-from squealstudy.study.structures import patience
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.tasks import PointTask, Solved
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,9 +60,7 @@ class ComplexModes(Kind):
             "'ok' whatever errors the modes table estimates"
         ]
 
-    def accurate(
-        self, plan: Plan, failures: Mapping[str, str], jobs: int, report: Progress
-    ) -> Plan:
+    def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
         """The plan, with an enriched basis where that of the study errs by more than its tolerance.
 
         What no rung of reanalysis can lower is lowered once for all points of the study. A basis
@@ -74,7 +70,7 @@ class ComplexModes(Kind):
             return plan
         from squealstudy.study.complex_modes.reduction import make_samples
 
-        samples = make_samples(plan, jobs, failures, report)
+        samples = make_samples(plan, failures, workers)
         worst = max((sample.worst for _, sample in samples), default=0.0)
         return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
 
@@ -108,7 +104,7 @@ class ComplexModes(Kind):
             ) from error
 
     def tasks(
-        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
+        self, plan: Plan, points: Sequence[PointTask], jobs: int
     ) -> list[ChunkTask | WindowTask]:
         """Chunks of consecutive points, or boxes of neighbouring ones."""
         boxed: list[PointTask] = []
@@ -119,14 +115,13 @@ class ComplexModes(Kind):
         keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
         full = FullRung(plan.study.options, plan.settings) if plan.method.name == FULL else None
         chunks = [
-            ChunkTask(directory, plan.band_hz, tuple(part), keep, os.getpid(), full)
-            for part in split_chunks(points, jobs)
+            ChunkTask(plan.band_hz, tuple(part), keep, full) for part in split_chunks(points, jobs)
         ]
         if not boxed:
             return [*chunks]
         from squealstudy.study.complex_modes.window_tasks import window_tasks
 
-        return [*window_tasks(plan, directory, boxed), *chunks]
+        return [*window_tasks(plan, boxed), *chunks]
 
     @staticmethod
     def _without_basis(plan: Plan) -> list[BasisTask]:
@@ -137,7 +132,7 @@ class ComplexModes(Kind):
 
         return [task for task in basis_tasks(plan) if not task.path.is_file()]
 
-    def solve(self, task: ChunkTask | WindowTask) -> ChunkReport:
+    def solve(self, task: ChunkTask | WindowTask) -> Solved:
         """Solve one chunk in a worker."""
         if isinstance(task, ChunkTask):
             return solve_chunk(task)
@@ -150,7 +145,7 @@ class ComplexModes(Kind):
         return rows.failed_row(point_id, 0.0, status, message)
 
     def verify(
-        self, plan: Plan, directory: Path, jobs: int, failures: Mapping[str, str], report: Progress
+        self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Solve the chosen points at full order, those not checked before; all their errors."""
         from squealstudy.study.complex_modes.reference import (
@@ -158,6 +153,7 @@ class ComplexModes(Kind):
             ReferenceTask,
             check_reference,
             read_references,
+            write_reference,
         )
 
         chosen = [plan.tasks[i] for i in checked_points(plan)]
@@ -165,28 +161,17 @@ class ComplexModes(Kind):
         wanted = [t for t in chosen if t.point_id not in present]
         found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
         tasks = [
-            ReferenceTask(
-                directory,
-                t,
-                lam,
-                plan.study.options,
-                plan.settings,
-                plan.band_hz,
-                os.getpid(),
-            )
+            ReferenceTask(t, lam, plan.study.options, plan.settings, plan.band_hz)
             for t in wanted
             if t.prepared_key not in failures and (lam := found.get(t.point_id)) is not None
         ]
-        if tasks:
-            report("full-order check", 0, len(tasks))
-        results = in_parallel(jobs, [(check_reference, t) for t in tasks], patience(plan))
-        for done, _ in enumerate(results, start=1):
-            report("full-order check", done, len(tasks))
+        for result in workers.each(check_reference, tasks, "full-order check"):
+            write_reference(directory, result)
         ids = {t.point_id for t in chosen}
         return [r for i, r in read_references(directory).items() if i in ids]
 
     def build_tables(
-        self, plan: Plan, directory: Path, jobs: int, report: Progress
+        self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
         from squealstudy.study.complex_modes.audit import audited
@@ -195,10 +180,10 @@ class ComplexModes(Kind):
         from squealstudy.study.complex_modes.tables import build_tables
 
         if plan.study.definition.modes.track:  # which solves points in between
-            self.prepare(plan, report)
+            self.prepare(plan, workers.report)
         built = {s.key: "" for s in plan.structures if not is_prepared(s.key)}
-        samples = make_samples(plan, jobs, built, report)
-        points, facts = build_tables(plan, directory, jobs, report, samples)
+        samples = make_samples(plan, built, workers)
+        points, facts = build_tables(plan, directory, workers, samples)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
         if plan.study.definition.modes.audit:
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]

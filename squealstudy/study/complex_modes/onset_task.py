@@ -8,7 +8,6 @@ from squealstudy.analysis.tracking.onsets import Onset, Samples, refine_onset
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.complex_modes.between import Between
-from squealstudy.study.process import watch_parent
 
 FAILED = "failed"
 
@@ -40,12 +39,10 @@ class OnsetTask:
     high: Modes
     tolerance: float
     precision: float
-    parent: int
 
 
 def refine_task(task: OnsetTask) -> list[tuple[int, Onset | str]]:
     """Refined onsets by row of the table, or why there is none: the status of an error."""
-    watch_parent(task.parent)
     start = task.between.x
 
     def solve(value: float) -> Modes:

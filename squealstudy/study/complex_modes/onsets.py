@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
@@ -31,11 +30,9 @@ from squealstudy.study.complex_modes.counts import damping_ratios
 from squealstudy.study.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.study.complex_modes.onset_task import FAILED, OnsetTask, refine_task
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.kind import Progress
 from squealstudy.study.names import ONSET_PARAMETER
-from squealstudy.study.parallel import in_parallel
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
-from squealstudy.study.structures import patience
 
 PRECISION = 1e-4
 INTERPOLATED = "interpolated"
@@ -93,9 +90,7 @@ class OnsetSearch:
         self._line = line_codes(points, along)
         self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
 
-    def table(
-        self, refine: bool, jobs: int, report: Progress
-    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def table(self, refine: bool, workers: Workers) -> tuple[pd.DataFrame, dict[str, Any]]:
         """The table of onsets, and how they came about.
 
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
@@ -117,7 +112,7 @@ class OnsetSearch:
         self._place_neutral(events, table)
         if refine and len(table):
             self._interpolate(events, table)
-            self._refine(events, table, jobs, report)
+            self._refine(events, table, workers)
             self._mark_renumbered(events[(table["status"] == RENUMBERED).to_numpy()])
         status = table["status"].value_counts()
         summary = {
@@ -229,9 +224,7 @@ class OnsetSearch:
         table.loc[row, "onset"] = value
         table.loc[row, "error_estimate"] = error * value if log else error
 
-    def _refine(
-        self, events: pd.DataFrame, table: pd.DataFrame, jobs: int, report: Progress
-    ) -> None:
+    def _refine(self, events: pd.DataFrame, table: pd.DataFrame, workers: Workers) -> None:
         """Refine crossings in place: those where the first mode turns unstable on a line, or the
         last one stable, which bound stability; of others the first of each track first, within the
         budget.
@@ -241,8 +234,8 @@ class OnsetSearch:
         bounds = [rows for rows in brackets if rows[0] in bounding]
         others = [rows for rows in brackets if rows[0] not in bounding]
         budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
-        self._refine_within(np.inf, bounds, events, table, jobs, report)
-        self._refine_within(budget, others, events, table, jobs, report)
+        self._refine_within(np.inf, bounds, events, table, workers)
+        self._refine_within(budget, others, events, table, workers)
 
     def _bounding(self, events: pd.DataFrame) -> set[int]:
         """Rows of crossings at one end of which no mode is unstable."""
@@ -256,25 +249,24 @@ class OnsetSearch:
         brackets: list[list[int]],
         events: pd.DataFrame,
         table: pd.DataFrame,
-        jobs: int,
-        report: Progress,
+        workers: Workers,
     ) -> None:
         """Refine these in their order, until so many design points are solved for it."""
         spent = done = 0
         while done < len(brackets) and spent < budget:
-            report("onsets", done, len(brackets))
+            workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
             for rows in brackets[done : done + BATCH]:
                 if spent + EXPECTED * sum(map(len, [*batch, rows])) > budget and batch:
                     break
                 batch.append(rows)
-            tasks = [(refine_task, self._task(events, rows)) for rows in batch]
-            for results in in_parallel(jobs, tasks, patience(self._plan)):
+            tasks = [self._task(events, rows) for rows in batch]
+            for results in workers.each(refine_task, tasks):
                 for row, onset in results:
-                    spent += self._enter(table, row, onset, events.loc[row])
+                    spent += self._enter(table, row, onset, pd.Series(events.loc[row]))
             done += len(batch)
         if done:
-            report("onsets", done, done)
+            workers.report("onsets", done, done)
 
     def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
@@ -308,7 +300,6 @@ class OnsetSearch:
             Modes(self._judged[b], follower.raw(b)),
             self._tolerance,
             self._precision(),
-            os.getpid(),
         )
 
     def _precision(self) -> float:

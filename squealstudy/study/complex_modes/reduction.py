@@ -9,13 +9,11 @@ and unreduced models have no error of this kind: zero.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.finer_model import reduction_errors
 from squealstudy.analysis.full_order.modes import LIGHT
@@ -23,14 +21,11 @@ from squealstudy.study.cache import prepared_path
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.files import write_json
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.kind import Progress
 from squealstudy.study.method import FULL
-from squealstudy.study.parallel import in_parallel
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan, has_mesh
-from squealstudy.study.process import watch_parent
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.sampling import farthest_points
-from squealstudy.study.structures import patience
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import prepared_model
 
@@ -64,7 +59,6 @@ class SampleTask:
 
     point: PointTask
     band_hz: tuple[float, float]
-    parent: int
 
     @property
     def path(self) -> Path:
@@ -86,11 +80,9 @@ class SampleTask:
 
 def solve_sample(task: SampleTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
-    watch_parent(task.parent)
     prepared = prepared_model(task.point.prepared_key)
     try:
-        with threadpool_limits(1):
-            lam, error = reduction_errors(prepared, task.point.design.state(), task.band_hz)
+        lam, error = reduction_errors(prepared, task.point.design.state(), task.band_hz)
     except FAILURES as failure:
         write_json(task.path, {"failure": reason(failure)})
         return
@@ -117,18 +109,16 @@ def sample_points(plan: Plan) -> list[int]:
 
 
 def make_samples(
-    plan: Plan, jobs: int, failures: Mapping[str, str], report: Progress
+    plan: Plan, failures: Mapping[str, str], workers: Workers
 ) -> list[tuple[int, Sample]]:
     """Sample points and their errors, solved where the cache does not hold them."""
     if not is_reduced(plan):
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].prepared_key not in failures]
-    tasks = {i: SampleTask(plan.tasks[i], plan.band_hz, os.getpid()) for i in chosen}
+    tasks = {i: SampleTask(plan.tasks[i], plan.band_hz) for i in chosen}
     missing = [task for task in tasks.values() if not task.path.is_file()]
-    for done, _ in enumerate(
-        in_parallel(jobs, [(solve_sample, task) for task in missing], patience(plan))
-    ):
-        report("errors of the reduction", done + 1, len(missing))
+    for _ in workers.each(solve_sample, missing, "errors of the reduction"):
+        pass
     found = ((i, task.read()) for i, task in tasks.items())
     return [(i, sample) for i, sample in found if sample is not None]
 

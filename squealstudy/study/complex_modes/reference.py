@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.family_point import check_family_point
 from squealstudy.analysis.full_order.modes import FullOrderModes, full_order_modes, reference_error
@@ -22,7 +21,6 @@ from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.family_cache import Prepared, load_any
 from squealstudy.study.files import write_json
-from squealstudy.study.process import watch_parent
 from squealstudy.study.tasks import PointTask
 
 REFERENCES = "references"
@@ -32,24 +30,19 @@ REFERENCES = "references"
 class ReferenceTask:
     """A design point, solved with roots `lam` (m,), to solve by the full-order model as well."""
 
-    directory: Path
     point: PointTask
     lam: np.ndarray
     options: Mapping[str, str | int]
     settings: BasisSettings
     band_hz: tuple[float, float]
-    parent: int
 
 
 def check_reference(task: ReferenceTask) -> dict[str, Any]:
-    """Solve one point at full order, write its errors to the results, and return them."""
-    watch_parent(task.parent)
+    """Solve one point at full order: its errors, or why there are none."""
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
-        with threadpool_limits(1):
-            prepared = load_any(task.point.prepared_key)
-            full = _full_order(task, prepared)
+        full = _full_order(task, load_any(task.point.prepared_key))
         error = reference_error(task.lam, full.lam)
         result |= {
             "status": "ok",
@@ -64,8 +57,12 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
     except SquealstudyError as error:
         result |= {"status": "failed", "message": str(error)}
     result["wall_s"] = time.perf_counter() - started
-    write_json(task.directory / REFERENCES / f"{task.point.point_id}.json", result)
     return result
+
+
+def write_reference(directory: Path, found: dict[str, Any]) -> None:
+    """Keep a full-order check in the results."""
+    write_json(directory / REFERENCES / f"{found['point_id']}.json", found)
 
 
 def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:

@@ -20,8 +20,8 @@ from squealstudy.study.complex_modes.onsets import onsets_arrow
 from squealstudy.study.complex_modes.reduction import Sample
 from squealstudy.study.complex_modes.reference import read_references
 from squealstudy.study.files import write_parquet
-from squealstudy.study.kind import Progress
 from squealstudy.study.names import MODES, ONSETS, POINTS
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.validity import FIELDS as VALIDITY
 from squealstudy.study.validity import with_validity
@@ -33,8 +33,7 @@ UNTRACKED = -1  # in place of a track number
 def build_tables(
     plan: Plan,
     directory: Path,
-    jobs: int,
-    report: Progress,
+    workers: Workers,
     samples: Sequence[tuple[int, Sample]] = (),
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Read all chunks, track the modes, write the tables; the points' table, and what was done.
@@ -59,7 +58,7 @@ def build_tables(
     summary: dict[str, Any] = {}
     try:
         if columns.shapes is not None:
-            found = follow_modes(plan, columns, points, judged, errors.total, jobs, report)
+            found = follow_modes(plan, columns, points, judged, errors.total, workers)
             tracks, onsets, summary = found
     finally:
         if columns.shapes is not None:

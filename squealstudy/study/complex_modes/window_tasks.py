@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -31,7 +29,7 @@ def basis_tasks(plan: Plan) -> list[BasisTask]:
     ]
 
 
-def window_tasks(plan: Plan, directory: Path, points: Sequence[PointTask]) -> list[WindowTask]:
+def window_tasks(plan: Plan, points: Sequence[PointTask]) -> list[WindowTask]:
     """Boxes of the whole design, with those of their points that are not solved yet.
 
     Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
@@ -48,16 +46,5 @@ def window_tasks(plan: Plan, directory: Path, points: Sequence[PointTask]) -> li
             rows = [int(i) for i in box if own[i].point_id in pending]
             if rows:
                 chosen = tuple(own[i] for i in rows)
-                found.append(
-                    WindowTask(
-                        directory,
-                        basis,
-                        plan.method.name,
-                        chosen,
-                        theta[rows],
-                        low,
-                        high,
-                        os.getpid(),
-                    )
-                )
+                found.append(WindowTask(basis, plan.method.name, chosen, theta[rows], low, high))
     return sorted(found, key=lambda task: -float(np.abs(task.low + task.high).sum()))

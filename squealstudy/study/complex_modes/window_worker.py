@@ -6,11 +6,9 @@ import contextlib
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.point import PointModes
 from squealstudy.analysis.quadratic import dense_roots
@@ -21,14 +19,12 @@ from squealstudy.analysis.reanalysis.two_step import two_step_roots
 from squealstudy.analysis.reanalysis.windows import Windows
 from squealstudy.errors import ConvergenceError
 from squealstudy.study.complex_modes.bases import BasisTask, Reader, Served, served
-from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.complex_modes.rows import failed_row, solved_row
 from squealstudy.study.complex_modes.worker import ChunkTask, solve_alone
 from squealstudy.study.design import Design
-from squealstudy.study.keys import chunk_id
 from squealstudy.study.method import OVER_A_BASIS, TWO_STEP, WINDOWS
-from squealstudy.study.process import watch_parent
-from squealstudy.study.rows import FAILURES, write_rows
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.rows import FAILURES
+from squealstudy.study.tasks import PointTask, Solved
 
 TWO_STEP_FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
 PERTURBATION_ORDER = 2
@@ -41,7 +37,6 @@ class WindowTask:
 
     Attributes
     ----------
-    directory : Path
     basis : BasisTask
     method : str
         An approximate rung (study.method.APPROXIMATE).
@@ -50,41 +45,34 @@ class WindowTask:
         Their coordinates in the chart.
     low, high : ndarray (d,)
         The box.
-    parent : int
     """
 
-    directory: Path
     basis: BasisTask
     method: str
     points: tuple[PointTask, ...]
     theta: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    parent: int
 
 
-def solve_box(task: WindowTask) -> ChunkReport:
-    """Solve the points of a box, one BLAS thread, and write their chunk file."""
-    watch_parent(task.parent)
-    started = last = time.perf_counter()
+def solve_box(task: WindowTask) -> Solved:
+    """Solve the points of a box."""
+    last = time.perf_counter()
     rows: list[dict[str, Any]] = []
-    with threadpool_limits(1):
-        ready = served(task.basis, task.method in OVER_A_BASIS)
-        with contextlib.suppress(*FAILURES):
-            for point in _solved(task, ready):
-                point_id = task.points[point.row].point_id
-                reader = ready.full if point.full else ready.reduced
-                rows.append(_row(point_id, point, reader, last))
-                last = time.perf_counter()
-        rows += _left(task, {row["point_id"] for row in rows})
-    name = chunk_id(p.point_id for p in task.points)
-    return write_rows(task.directory, name, rows, SCHEMA, started)
+    ready = served(task.basis, task.method in OVER_A_BASIS)
+    with contextlib.suppress(*FAILURES):
+        for point in _solved(task, ready):
+            point_id = task.points[point.row].point_id
+            reader = ready.full if point.full else ready.reduced
+            rows.append(_row(point_id, point, reader, last))
+            last = time.perf_counter()
+    return Solved([*rows, *_left(task, {row["point_id"] for row in rows})])
 
 
 def _left(task: WindowTask, done: set[str]) -> list[dict[str, Any]]:
     """Rows of the points that a failure of the method left over: exact, or with its reason."""
     points = tuple(p for p in task.points if p.point_id not in done)
-    alone = ChunkTask(task.directory, task.basis.band_hz, points, False, task.parent)
+    alone = ChunkTask(task.basis.band_hz, points, False)
     return [solve_alone(point, alone, None)[0] for point in points]
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from squealstudy.study.complex_modes.full_rung import FullRung
-from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.study.complex_modes.rows import failed_row, solved_row
 from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import watch_parent
-from squealstudy.study.rows import FAILURES, reason, write_rows
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.working_points import NewGaps, known_gap
 
 
@@ -25,33 +22,26 @@ from squealstudy.study.working_points import NewGaps, known_gap
 class ChunkTask:
     """Design points that one worker solves and writes together."""
 
-    directory: Path
     band_hz: tuple[float, float]
     points: tuple[PointTask, ...]
     keep_gaps: bool
-    parent: int
     full: FullRung | None = None
 
 
-def solve_chunk(task: ChunkTask) -> ChunkReport:
-    """Solve the points of a chunk, one BLAS thread, and write the chunk file."""
-    watch_parent(task.parent)
-    started = time.perf_counter()
+def solve_chunk(task: ChunkTask) -> Solved:
+    """Solve the points of a chunk; new working points are kept in the cache."""
     rows: list[dict[str, Any]] = []
     new_gaps = NewGaps()
     known = 0
-    with threadpool_limits(1):
-        for point in task.points:
-            gap = known_gap(point.prepared_key, point.design)
-            known += gap is not None
-            row, found = solve_alone(point, task, gap)
-            rows.append(row)
-            if gap is None and found is not None and task.keep_gaps:
-                new_gaps.add(point.prepared_key, point.design, found)
-    name = chunk_id(p.point_id for p in task.points)
-    report = write_rows(task.directory, name, rows, SCHEMA, started, known)
-    new_gaps.save(name)
-    return report
+    for point in task.points:
+        gap = known_gap(point.prepared_key, point.design)
+        known += gap is not None
+        row, found = solve_alone(point, task, gap)
+        rows.append(row)
+        if gap is None and found is not None and task.keep_gaps:
+            new_gaps.add(point.prepared_key, point.design, found)
+    new_gaps.save(chunk_id(p.point_id for p in task.points))
+    return Solved(rows, known=known)
 
 
 def solve_alone(

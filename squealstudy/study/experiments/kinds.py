@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pyarrow as pa
 
 from squealstudy.study.experiments.definition import Experiment, PrecisionFile
-from squealstudy.study.kind import Progress
+from squealstudy.study.parallel import Workers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,20 +29,20 @@ class ExperimentKind(Protocol):
         """Name and value of what `check` says."""
         ...
 
-    def prepare(self, jobs: int, progress: Progress) -> None:
+    def prepare(self, workers: Workers) -> None:
         """What must be there before the first run."""
         ...
 
     def runs(self) -> list[Any]:
-        """Arguments of `solve` behind the directory; the first is the name of the chunk."""
+        """What `solve` takes, one after the other."""
         ...
 
     def ids(self, run: Any) -> list[str]:
         """Rows of a run's chunk file."""
         ...
 
-    def solve(self, directory: Path, name: str, *rest: Any) -> str:
-        """Make one run and write its chunk file; its status."""
+    def solve(self, run: Any) -> list[dict[str, Any]]:
+        """Make one run: the rows of its chunk file."""
         ...
 
     def build_tables(self, directory: Path) -> tuple[pd.DataFrame, dict[str, Any]]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from squealstudy.study.chunks import finished_points
+from squealstudy.study.chunks import finished_points, write_rows
 from squealstudy.study.experiments.definition import Experiment, PrecisionFile
 from squealstudy.study.experiments.kinds import ExperimentKind, experiment_kind
 from squealstudy.study.files import remove_leftovers
 from squealstudy.study.keys import content_hash
-from squealstudy.study.kind import Progress
 from squealstudy.study.manifest import check_owner, locked, outdated, versions
-from squealstudy.study.parallel import in_parallel
+from squealstudy.study.parallel import Progress, Workers, silent
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.runner import RunReport
@@ -26,7 +26,7 @@ def run_experiment(
     experiment: Experiment,
     directory: Path,
     jobs: int,
-    progress: Progress = lambda stage, done, total: None,
+    progress: Progress = silent,
     warn: Callable[[str], None] = lambda text: None,
 ) -> RunReport:
     """Run an experiment, or what is left of it.
@@ -53,11 +53,12 @@ def run_experiment(
     kind = experiment_kind(experiment)
     check_owner(directory, experiment.owner)
     started = time.perf_counter()
-    kind.prepare(jobs, progress)
+    workers = Workers(jobs, progress)
+    kind.prepare(workers)
     with locked(directory):
         found = check_owner(directory, experiment.owner)
         runs = kind.runs()
-        identity = content_hash([[run[0] for run in runs], experiment.source.text])
+        identity = content_hash([[kind.ids(run) for run in runs], experiment.source.text])
         if found and found.get("study_hash") == identity and _whole(found, kind, directory):
             return RunReport(directory, found, 0, len(runs))
         if text := outdated(directory, found):
@@ -65,7 +66,7 @@ def run_experiment(
         remove_leftovers(directory)
         manifest = _manifest(experiment, jobs, identity, len(runs))
         write_manifest(directory, manifest)
-        solved = _solve(kind, directory, runs, jobs, progress)
+        solved = _solve(kind, directory, runs, workers)
         table, facts = kind.build_tables(directory)
         manifest |= facts | {"n_failed": int((table["status"] != "ok").sum()), "status": "complete"}
         manifest["timings"] = {"total_s": time.perf_counter() - started}
@@ -74,19 +75,15 @@ def run_experiment(
     return RunReport(directory, manifest, solved, len(runs) - solved)
 
 
-def _solve(
-    kind: ExperimentKind, directory: Path, runs: list[Any], jobs: int, progress: Progress
-) -> int:
+def _solve(kind: ExperimentKind, directory: Path, runs: list[Any], workers: Workers) -> int:
     done = finished_points(directory, kind.schema)
     missing = [run for run in runs if not done.issuperset(kind.ids(run))]
     before = len(runs) - len(missing)
-    progress("runs", before, len(runs))
-    if kind.in_parallel:
-        made: Iterable[Any] = in_parallel(jobs, [(kind.solve, directory, *run) for run in missing])
-    else:
-        made = (kind.solve(directory, *run) for run in missing)
-    for number, _ in enumerate(made, start=1):
-        progress("runs", before + number, len(runs))
+    workers.report("runs", before, len(runs))
+    made = replace(workers, jobs=workers.jobs if kind.in_parallel else 1)
+    for number, rows in enumerate(made.each(kind.solve, missing), start=1):
+        write_rows(directory, rows, kind.schema)
+        workers.report("runs", before + number, len(runs))
     return len(missing)
 
 

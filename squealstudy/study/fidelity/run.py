@@ -14,7 +14,7 @@ from squealstudy.study.fidelity.frequency_search import search_modes
 from squealstudy.study.fidelity.kept import kept_choice
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.fidelity.time_search import search_runs
-from squealstudy.study.kind import Progress
+from squealstudy.study.parallel import Progress
 from squealstudy.study.plan import Plan
 from squealstudy.study.results_manifest import write_manifest
 from squealstudy.study.runner import RunReport, run_study

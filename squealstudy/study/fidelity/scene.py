@@ -18,10 +18,10 @@ from squealstudy.study.definition import Study
 from squealstudy.study.experiments.base import BaseStudy
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.keys import content_hash
-from squealstudy.study.kind import Progress
 from squealstudy.study.measure.frequency_domain import TOGETHER, measure_modes
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.time_domain import measure_runs
+from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures
 from squealstudy.study.source import SourceText, parse_toml
@@ -100,7 +100,7 @@ class Scene:
             plan = self.variant(changes, self.plan.swept)
             together = not self.in_time and plan.method.name in TOGETHER
             wanted = None if together else {plan.tasks[i].prepared_key for i in points}
-            failures = build_structures(plan, self.jobs, self.report, wanted)
+            failures = build_structures(plan, Workers(self.jobs, self.report), wanted)
             self.measured[name] = self._measured(plan, points, failures)
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
         return self.measured[name]

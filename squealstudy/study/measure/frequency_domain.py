@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.finer_model import finer_modes
 from squealstudy.study.cache import is_prepared, read_scalars
-from squealstudy.study.chunks import read_chunks
+from squealstudy.study.chunks import read_chunks, write_rows
 from squealstudy.study.complex_modes.bases import BasisTask, load_basis, served
 from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.rows import SCHEMA
@@ -24,6 +24,7 @@ from squealstudy.study.family_cache import load_any
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.onset_lines import LinePlan, find_onset
 from squealstudy.study.method import PERTURBATION, WINDOWS
+from squealstudy.study.parallel import silent
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
@@ -51,17 +52,19 @@ def measure_modes(
     """
     kind = ComplexModes()
     with threadpool_limits(1):
-        kind.prepare(plan, lambda stage, done, total: None)
+        kind.prepare(plan, silent)
     chosen = [plan.tasks[i] for i in measured]
     lines = {} if lines is None else lines
     on_lines = [i for line in lines.values() for i in line]
     wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
     solved = plan.tasks if plan.method.name in TOGETHER else wanted
     with tempfile.TemporaryDirectory() as scratch:
-        tasks = kind.tasks(plan, Path(scratch), solved, 1)
+        tasks = kind.tasks(plan, solved, 1)
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
-            seconds = _solving_seconds(kind, tasks) / len(solved)
+            seconds, found_rows = _solved(kind, tasks)
+        write_rows(Path(scratch), found_rows, SCHEMA)
+        seconds /= len(solved)
         rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
         findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
         following_s = []
@@ -111,15 +114,20 @@ def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:
     return time.process_time() - started
 
 
-def _solving_seconds(kind: ComplexModes, tasks: Sequence[ChunkTask | WindowTask]) -> float:
-    """Processor seconds of solving tasks; what is brief once more, now that all is imported."""
+def _solved(
+    kind: ComplexModes, tasks: Sequence[ChunkTask | WindowTask]
+) -> tuple[float, list[dict[str, Any]]]:
+    """Processor seconds of solving tasks, and the rows.
+
+    What is brief is solved once more, now that all is imported.
+    """
     spent: list[float] = []
+    rows: list[dict[str, Any]] = []
     while not spent or (len(spent) == 1 and spent[0] < BRIEF):
         started = time.process_time()
-        for task in tasks:
-            kind.solve(_forgetful(task))
+        rows = [row for task in tasks for row in kind.solve(_forgetful(task)).rows]
         spent.append(time.process_time() - started)
-    return min(spent)
+    return min(spent), rows
 
 
 def _forgetful(task: ChunkTask | WindowTask) -> ChunkTask | WindowTask:

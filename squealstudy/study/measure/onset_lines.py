@@ -18,6 +18,7 @@ from squealstudy.study.complex_modes.followed import follow_modes
 from squealstudy.study.complex_modes.onsets import UNREFINED
 from squealstudy.study.method import Method
 from squealstudy.study.names import onset_parameter
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 
@@ -84,7 +85,7 @@ def find_onset(plan: LinePlan, directory: Path) -> tuple[Interval, float]:
         judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
         near = Neighbourhoods(plan, plan.whole)
         error = columns.error_rung
-        found = follow_modes(plan, columns, points, judged, error, 1, lambda *_: None, near)
+        found = follow_modes(plan, columns, points, judged, error, Workers(), near)
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()

@@ -18,8 +18,8 @@ from squealstudy.analysis.tables.finding_errors import run_errors
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.operating import REGULARISATION_SPEED
 from squealstudy.study.chunks import read_chunks
-from squealstudy.study.kind import Progress
 from squealstudy.study.measure.time_domain import measure_tasks, run_finding
+from squealstudy.study.parallel import Progress
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.regularisation import regularised
 from squealstudy.study.rows import FAILURES, reason

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.measure.frequency_domain import reduction_seconds
 from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.parallel import silent
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
@@ -71,9 +71,7 @@ def measure_tasks(
     section = plan.study.definition.transient
     forecast.warm(section)
     with threadpool_limits(1):
-        make_training_runs(
-            plan, lambda stage, done, total: None, {task.prepared_key for task in chosen}
-        )
+        make_training_runs(plan, silent, {task.prepared_key for task in chosen})
         findings: dict[str, dict[str, Any]] = {}
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
         for first in range(0, len(chosen), section.batch):
@@ -96,7 +94,7 @@ def _batch(
 ) -> tuple[list[dict[str, Any]], float, float, list[Finished]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
     choice = full_choice(plan, part[0].prepared_key)
-    task = batch_task(plan, Path(), part, choice)
+    task = batch_task(plan, part, choice)
     try:
         reference = reference_of(task)
     except SquealstudyError as error:

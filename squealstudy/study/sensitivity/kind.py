@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +13,9 @@ from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.sensitivity.structural import check_structural
 from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
-from squealstudy.study.kind import Kind, Progress
+from squealstudy.study.kind import Kind
 from squealstudy.study.names import POINTS, SENSITIVITIES
-from squealstudy.study.parallel import split_chunks
+from squealstudy.study.parallel import Progress, Workers, split_chunks
 from squealstudy.study.plan import Plan, Structure
 from squealstudy.study.rows import FAILURES
 from squealstudy.study.sensitivity import rows
@@ -36,7 +35,7 @@ from squealstudy.study.sensitivity.worker import (
     design_structure,
     solve_sensitivities,
 )
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.tasks import PointTask, Solved
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,17 +68,12 @@ class Sensitivities(Kind):
     def prepare(self, plan: Plan, report: Progress) -> None:
         """Structures are all that sensitivities need."""
 
-    def tasks(
-        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
-    ) -> list[SensitivityTask]:
+    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SensitivityTask]:
         """Chunks of consecutive points."""
         asked = request(plan)
-        return [
-            SensitivityTask(directory, asked, tuple(part), os.getpid())
-            for part in split_chunks(points, jobs)
-        ]
+        return [SensitivityTask(asked, tuple(part)) for part in split_chunks(points, jobs)]
 
-    def solve(self, task: SensitivityTask) -> ChunkReport:
+    def solve(self, task: SensitivityTask) -> Solved:
         """Solve one chunk in a worker."""
         return solve_sensitivities(task)
 
@@ -88,7 +82,7 @@ class Sensitivities(Kind):
         return rows.failed_row(point_id, 0.0, status, message)
 
     def build_tables(
-        self, plan: Plan, directory: Path, jobs: int, report: Progress
+        self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points and sensitivities."""
         section = plan.study.definition.sensitivity

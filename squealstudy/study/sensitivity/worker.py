@@ -6,10 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
-
-from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
@@ -19,12 +16,10 @@ from squealstudy.analysis.sensitivity.structural import Structure, structural_se
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import Design
-from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import watch_parent
-from squealstudy.study.rows import FAILURES, reason, write_rows
+from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.sensitivity.parameters import Asked, state_parameters, structural_names
-from squealstudy.study.sensitivity.rows import SCHEMA, failed_row, solved_row
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.sensitivity.rows import failed_row, solved_row
+from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.working_points import known_gap, prepared_model
 
 
@@ -56,21 +51,14 @@ class Request:
 class SensitivityTask:
     """Design points that one worker solves and writes together."""
 
-    directory: Path
     request: Request
     points: tuple[PointTask, ...]
-    parent: int
 
 
-def solve_sensitivities(task: SensitivityTask) -> ChunkReport:
-    """Solve the points of a chunk, one BLAS thread, and write the chunk file."""
-    watch_parent(task.parent)
-    started = time.perf_counter()
-    with threadpool_limits(1):
-        rows = [_row(point, task.request) for point in task.points]
+def solve_sensitivities(task: SensitivityTask) -> Solved:
+    """Solve the points of a chunk."""
     known = sum(known_gap(p.prepared_key, p.design) is not None for p in task.points)
-    name = chunk_id(p.point_id for p in task.points)
-    return write_rows(task.directory, name, rows, SCHEMA, started, known)
+    return Solved([_row(point, task.request) for point in task.points], known=known)
 
 
 def _row(point: PointTask, request: Request) -> dict[str, Any]:

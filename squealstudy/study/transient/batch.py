@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -41,7 +39,6 @@ class BatchTask:
         Assembly modes up to here are in the basis, exact.
     """
 
-    directory: Path
     points: tuple[PointTask, ...]
     section: TransientSection
     operating: OperatingPoint
@@ -52,18 +49,13 @@ class BatchTask:
     start: StartState | None
     options: tuple[tuple[str, str | int], ...]
     cutoff_hz: float
-    parent: int
 
 
 def batch_task(
-    plan: Plan,
-    directory: Path,
-    points: tuple[PointTask, ...],
-    basis: BasisChoice | None = None,
+    plan: Plan, points: tuple[PointTask, ...], basis: BasisChoice | None = None
 ) -> BatchTask:
     """What a worker needs to know of a batch; `basis` other than the study's where given."""
     return BatchTask(
-        directory,
         points,
         plan.study.definition.transient,
         plan.nominal,
@@ -74,7 +66,6 @@ def batch_task(
         plan.start,
         tuple(sorted(plan.study.options.items())),
         plan.settings.assembly_cutoff,
-        os.getpid(),
     )
 
 

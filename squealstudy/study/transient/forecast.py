@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -74,7 +73,7 @@ def _ends(plan: Plan) -> list[BatchTask]:
     key = plan.structures[0].key
     tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].prepared_key == key]
     basis = truncated_choice(plan)
-    return [batch_task(plan, Path(), (task,), basis) for task in tasks[:MOST_ENDS]]
+    return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
 
 
 def _above(plan: Plan, above: dict[str, float]) -> list[str]:

@@ -9,15 +9,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from squealstudy.errors import ResultsError
-from squealstudy.study.files import write_parquet
 from squealstudy.study.names import HISTORIES
 
 
-def write_history(directory: Path, point_id: str, frame: pd.DataFrame) -> None:
-    """Write one history; time in double precision, the rest in single."""
+def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
+    """A history by its path in the results; time in double precision, the rest in single."""
     kept = frame.astype({name: "float32" for name in frame.columns if name != "time"})
     table = pa.Table.from_pandas(kept, preserve_index=False)
-    write_parquet(directory / HISTORIES / f"{point_id}.parquet", table)
+    return {f"{HISTORIES}/{point_id}.parquet": table}
 
 
 def kept_histories(directory: Path) -> set[str]:

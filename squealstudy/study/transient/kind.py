@@ -15,10 +15,11 @@ from squealstudy.analysis.transient.warmup import begin_warming
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.kind import Kind, Progress
+from squealstudy.study.kind import Kind
 from squealstudy.study.names import GROWTH, MODES, POINTS
+from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan
-from squealstudy.study.tasks import ChunkReport, PointTask
+from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.transient import forecast, rows
 from squealstudy.study.transient.basis import mode_keys, truncated_choice
 from squealstudy.study.transient.batch import (
@@ -100,9 +101,7 @@ class Transient(Kind):
         forecast.warm(plan.study.definition.transient)
         make_training_runs(plan, report)
 
-    def tasks(
-        self, plan: Plan, directory: Path, points: Sequence[PointTask], jobs: int
-    ) -> list[BatchTask]:
+    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
         section = plan.study.definition.transient
         size = max(1, min(section.batch, math.ceil(len(points) / jobs)))
@@ -110,12 +109,12 @@ class Transient(Kind):
         for point in points:
             grouped.setdefault(point.prepared_key, []).append(point)
         return [
-            batch_task(plan, directory, tuple(group[i : i + size]))
+            batch_task(plan, tuple(group[i : i + size]))
             for group in grouped.values()
             for i in range(0, len(group), size)
         ]
 
-    def solve(self, task: BatchTask) -> ChunkReport:
+    def solve(self, task: BatchTask) -> Solved:
         """Integrate one batch in a worker."""
         return solve_batch(task)
 
@@ -124,7 +123,7 @@ class Transient(Kind):
         return rows.failed_row(point_id, 0.0, status, message)
 
     def build_tables(
-        self, plan: Plan, directory: Path, jobs: int, report: Progress
+        self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and growth; what ending early has saved."""
         points = build_tables(plan, directory)
@@ -134,7 +133,7 @@ class Transient(Kind):
             from squealstudy.study.measure.slope_pilot import slope_pilot  # of all kinds of study
 
             facts["regularisation"] = plan.regularisation | {
-                "pilot": slope_pilot(plan, directory, points, report)
+                "pilot": slope_pilot(plan, directory, points, workers.report)
             }
         if section.stop != "end":
             facts["simulated_time"] = simulated_time(points, section.duration)
@@ -145,7 +144,7 @@ class Transient(Kind):
         forecast.warm(plan.study.definition.transient)
         started = time.perf_counter()
         with threadpool_limits(1):
-            found = forecast.time_steps(batch_task(plan, Path(), (task,), truncated_choice(plan)))
+            found = forecast.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
         if found is None:
             return None
         seconds, steps, total = found

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow.parquet as pq
 
 from squealstudy.errors import ResultsError
-from squealstudy.study.files import write_atomic
 from squealstudy.study.names import POINTS, STATES
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.source import SourceText
@@ -35,21 +35,12 @@ class StartState:
             return data["q"], data["v"]
 
 
-def save_state(
-    directory: Path,
-    point_id: str,
-    prepared_key: str,
-    representation: str,
-    q: np.ndarray,
-    v: np.ndarray,
-) -> None:
-    """Keep the final state of a design point, in component-mode coordinates (n,)."""
-
-    def write(temporary: Path) -> None:
-        with temporary.open("wb") as handle:
-            np.savez(handle, q=q, v=v, prepared_key=prepared_key, representation=representation)
-
-    write_atomic(directory / STATES / f"{point_id}.npz", write)
+def state_file(
+    point_id: str, prepared_key: str, representation: str, q: np.ndarray, v: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """The final state of a design point by its path; component-mode coordinates (n,)."""
+    content = {"q": q, "v": v, "prepared_key": prepared_key, "representation": representation}
+    return {f"{STATES}/{point_id}.npz": content}
 
 
 def find_start(section: TransientSection, source: SourceText) -> StartState | None:

@@ -17,7 +17,7 @@ from squealstudy.analysis.transient.point import perturbed_start
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.files import write_atomic, write_json
-from squealstudy.study.kind import Progress
+from squealstudy.study.parallel import Progress
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.basis import ALL_MODES, training_path
@@ -73,7 +73,7 @@ def _save(training: Training, path: Path) -> None:
 def training_run(plan: Plan, prepared_key: str) -> Training:
     """Displacements and growing modes of the training designs, all modes kept."""
     points = tuple(PointTask("training", d, prepared_key) for d in plan.training_designs)
-    task = batch_task(plan, Path(), points, ALL_MODES)
+    task = batch_task(plan, points, ALL_MODES)
     reference = reference_of(task)
     ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]
     starts = [_start(task, r) for r in ready]

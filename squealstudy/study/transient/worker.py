@@ -6,8 +6,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from squealstudy.analysis.runs.summary import history_frame, summarise
 from squealstudy.analysis.tables.validity import BETWEEN
 from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, EXACT_LIMIT, energy_drift
@@ -17,16 +15,15 @@ from squealstudy.analysis.transient.system import stick_number
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.working_point import open_share
 from squealstudy.study.keys import chunk_id
-from squealstudy.study.process import watch_parent
-from squealstudy.study.rows import FAILURES, reason, write_rows
-from squealstudy.study.tasks import ChunkReport
+from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.tasks import Solved
 from squealstudy.study.transient.batch import BatchTask, reference_of, sampling
-from squealstudy.study.transient.histories import write_history
+from squealstudy.study.transient.histories import history_file
 from squealstudy.study.transient.hybrid_runs import hybrid_runs
 from squealstudy.study.transient.modal_runs import Finished, modal_runs
 from squealstudy.study.transient.ready import Ready, set_up
-from squealstudy.study.transient.rows import SCHEMA, failed_row, row
-from squealstudy.study.transient.start import save_state
+from squealstudy.study.transient.rows import failed_row, row
+from squealstudy.study.transient.start import state_file
 from squealstudy.study.validity import open_reason
 from squealstudy.study.working_points import NewGaps
 
@@ -36,48 +33,46 @@ RINGS = 30.0
 STUCK = 0.5  # share of the contact area that sticks at a time
 
 
-def solve_batch(task: BatchTask) -> ChunkReport:
-    """Integrate the points of a batch, one BLAS thread, and write histories, states, chunk."""
-    watch_parent(task.parent)
+def solve_batch(task: BatchTask) -> Solved:
+    """Integrate the points of a batch: rows, histories, final states."""
     started = time.perf_counter()
     rows: list[dict[str, Any]] = []
+    files: dict[str, Any] = {}
     ready: list[Ready] = []
     gaps = NewGaps()
-    with threadpool_limits(1):
-        try:
-            reference = reference_of(task)
-        except SquealstudyError as error:  # no nominal working point on this structure
-            rows = [failed_row(p.point_id, 0.0, *reason(error)) for p in task.points]
+    try:
+        reference = reference_of(task)
+    except SquealstudyError as error:  # no nominal working point on this structure
+        return Solved([failed_row(p.point_id, 0.0, *reason(error)) for p in task.points])
+    for point in task.points:
+        outcome = set_up(task, reference, point, gaps)
+        if isinstance(outcome, Ready):
+            ready.append(outcome)
         else:
-            for point in task.points:
-                outcome = set_up(task, reference, point, gaps)
-                if isinstance(outcome, Ready):
-                    ready.append(outcome)
-                else:
-                    rows.append(outcome)
-            if ready:
-                rows += _advance(task, reference, ready, started)
-    name = chunk_id(p.point_id for p in task.points)
-    report = write_rows(task.directory, name, rows, SCHEMA, started)
-    gaps.save(name)
-    return report
+            rows.append(outcome)
+    if ready:
+        finished, files = _advance(task, reference, ready, started)
+        rows += finished
+    gaps.save(chunk_id(p.point_id for p in task.points))
+    return Solved(rows, files)
 
 
 def _advance(
     task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready], started: float
-) -> list[dict[str, Any]]:
-    """Integrate, write histories and final states; the chunk's rows."""
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Integrate: rows, and histories and final states by their paths."""
     integrate = hybrid_runs if task.section.representation == "hybrid" else modal_runs
     try:
         finished = integrate(task, reference, ready)
     except FAILURES as error:
-        return [failed_row(one.task.point_id, 0.0, *reason(error)) for one in ready]
+        return [failed_row(one.task.point_id, 0.0, *reason(error)) for one in ready], {}
     wall = (time.perf_counter() - started) / len(ready)
-    rows = []
+    rows: list[dict[str, Any]] = []
+    files: dict[str, Any] = {}
     for one, done in zip(ready, finished, strict=True):
         rows.append(_row(task, reference, one, done, wall))
-        _write(task, one, done)
-    return rows
+        files |= _files(task, one, done)
+    return rows, files
 
 
 def _row(
@@ -147,12 +142,13 @@ def _rounded(task: BatchTask, reference: ReferenceModes, one: Ready, done: Finis
     )
 
 
-def _write(task: BatchTask, one: Ready, done: Finished) -> None:
-    """History where it is asked for, and the final state of a finished run."""
+def _files(task: BatchTask, one: Ready, done: Finished) -> dict[str, Any]:
+    """History where it is asked for, and the final state of a finished run, by their paths."""
     name, section = one.task.point_id, task.section
+    files: dict[str, Any] = {}
     if section.save_every:
         every = section.save_every // sampling(section, task.band_hz)
-        write_history(task.directory, name, history_frame(done.run).iloc[::every])
+        files |= history_file(name, history_frame(done.run).iloc[::every])
     if done.run.result.outcome == "ok":
-        key = one.task.prepared_key
-        save_state(task.directory, name, key, section.representation, done.q, done.v)
+        files |= state_file(name, one.task.prepared_key, section.representation, done.q, done.v)
+    return files

@@ -17,12 +17,12 @@ from squealstudy.analysis.method_stability.cases import CASES
 from squealstudy.analysis.method_stability.contract import Case, checked
 from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.errors import ParameterError
-from squealstudy.study.chunks import read_chunks, write_chunk
+from squealstudy.study.chunks import read_chunks
 from squealstudy.study.experiments.definition import StabilityFile
 from squealstudy.study.files import write_parquet
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.kind import Progress
 from squealstudy.study.names import CELLS
+from squealstudy.study.parallel import Workers
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
 
@@ -109,11 +109,11 @@ class MethodStability:
             ("cells", f"{sizes} over {' and '.join(self.knobs)}"),
         ]
 
-    def prepare(self, jobs: int, progress: Progress) -> None:
+    def prepare(self, workers: Workers) -> None:
         """The first cell: kernels are compiled here, before workers start."""
-        progress("first cell", 0, 1)
+        workers.report("first cell", 0, 1)
         self.case.evaluate(self._values(0, 0))
-        progress("first cell", 1, 1)
+        workers.report("first cell", 1, 1)
 
     def _values(self, i: int, j: int) -> dict[str, float]:
         x, y = float(self.axes[0][i]), float(self.axes[1][j])
@@ -128,23 +128,17 @@ class MethodStability:
         values = sorted((k, v.hex()) for k, v in self._values(i, j).items())
         return content_hash([self.case.name, values, source_hash()])
 
-    def runs(self) -> list[tuple[str, int]]:
-        """Lines of the map, by name."""
-        n = len(self.axes[0])
-        names = [
-            content_hash([self._identity(i, j) for i in range(n)]) for j in range(len(self.axes[1]))
-        ]
-        return [(name, j) for j, name in enumerate(names)]
+    def runs(self) -> list[int]:
+        """Lines of the map."""
+        return list(range(len(self.axes[1])))
 
-    def ids(self, run: tuple[str, int]) -> list[str]:
+    def ids(self, run: int) -> list[str]:
         """Rows of a run's chunk."""
-        return [self._identity(i, run[1]) for i in range(len(self.axes[0]))]
+        return [self._identity(i, run) for i in range(len(self.axes[0]))]
 
-    def solve(self, directory: Path, name: str, j: int) -> str:
-        """Solve one line of cells and write its chunk; no cell stops the others."""
-        rows = [self._row(i, j) for i in range(len(self.axes[0]))]
-        write_chunk(directory, name, rows, self.schema)
-        return "ok"
+    def solve(self, run: int) -> list[dict[str, Any]]:
+        """Rows of one line of cells; no cell stops the others."""
+        return [self._row(i, run) for i in range(len(self.axes[0]))]
 
     def _row(self, i: int, j: int) -> dict[str, Any]:
         started = time.perf_counter()

@@ -18,7 +18,7 @@ from squealstudy.errors import (
     StudyFileError,
 )
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.chunks import read_chunks, write_chunk
+from squealstudy.study.chunks import read_chunks
 from squealstudy.study.experiments.definition import PrecisionFile
 from squealstudy.study.experiments.sections import FREQUENCY_QUANTITIES, TIME_QUANTITIES
 from squealstudy.study.experiments.work_precision import rows
@@ -35,12 +35,12 @@ from squealstudy.study.experiments.work_precision.variants import (
 )
 from squealstudy.study.files import write_parquet
 from squealstudy.study.keys import content_hash
-from squealstudy.study.kind import Progress
 from squealstudy.study.kinds import kind_named
 from squealstudy.study.measure.frequency_domain import measure_modes
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.time_domain import measure_runs
 from squealstudy.study.names import ERRORS, MEASUREMENTS
+from squealstudy.study.parallel import Workers
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.runner import build_structures
 from squealstudy.study.sampling import count_points
@@ -151,11 +151,11 @@ class WorkPrecision:
             ("judged by", ", ".join(self.quantities)),
         ]
 
-    def prepare(self, jobs: int, progress: Progress) -> None:
+    def prepare(self, workers: Workers) -> None:
         """Make the reductions of all variants; what the models show of the file is checked."""
         for variant in self.variants:
             try:
-                build_structures(variant.plan, jobs, progress)
+                build_structures(variant.plan, workers)
             except StudyFileError:
                 raise
             except SquealstudyError:  # no structure of it can be made: its rows say so
@@ -177,8 +177,9 @@ class WorkPrecision:
         """The one row of a run's chunk."""
         return [run[0]]
 
-    def solve(self, directory: Path, name: str, variant: Variant, number: int) -> str:
-        """Run one measurement and write its row; its status."""
+    def solve(self, run: tuple[str, Variant, int]) -> list[dict[str, Any]]:
+        """Run one measurement; its one row."""
+        name, variant, number = run
         started = time.perf_counter()
         try:
             made = self._measured(variant)
@@ -190,8 +191,7 @@ class WorkPrecision:
             row = rows.row(name, variant.identity, number, wall, made)
         if variant.reference and row["status"] != "ok":
             raise ResultsError(f"the reference '{variant.method}' failed: {row['message']}")
-        write_chunk(directory, name, [row], self.schema)
-        return str(row["status"])
+        return [row]
 
     def _measured(self, variant: Variant) -> Measurement:
         if not all(is_prepared(s.key) for s in variant.plan.structures):
