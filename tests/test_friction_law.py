@@ -18,7 +18,6 @@ from squealstudy.analysis.full_order.modes import (
     reference_error,
 )
 from squealstudy.analysis.full_order.solution import expected_roots
-from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.friction_laws import friction_at
@@ -32,6 +31,7 @@ from squealstudy.reduction.prepared import reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.study.design import Design
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import component_frequencies, linearise
 
 K_T = 1e12  # N s/m3: saturated long before any sliding speed here
 FALLING = replace(NOMINAL, friction=0.4, static_ratio=1.5, decay_speed=0.3)

@@ -224,7 +224,7 @@ def test_weights_and_matrices_and_their_derivatives():
     for sparse, dense in zip(
         family_system(family).sparse_matrices(family.weights(at)), (M, C, K), strict=True
     ):
-        np.testing.assert_allclose(sparse.toarray(), dense)
+        np.testing.assert_allclose(sparse.sparse.toarray(), dense)
 
 
 def test_terms_that_do_not_fit():

@@ -10,7 +10,6 @@ import reference
 import scipy.sparse as sp
 from conftest import benchmark, build_model
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.models.assembly import Assembly, expand_rows
@@ -25,6 +24,7 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 I2 = sp.csr_matrix(np.eye(2))
 

@@ -13,13 +13,13 @@ from conftest import NOMINAL, TOP, prepare_brake, reduce_brake
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.reduction.orthonormal import complete_basis
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import component_frequencies, linearise
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
 FULL_SIZE_TOP = 8e3  # Hz

@@ -20,7 +20,6 @@ from squealstudy.analysis.full_order.finer_model import (
     with_finer_model,
 )
 from squealstudy.analysis.full_order.modes import full_order_modes, full_order_system
-from squealstudy.analysis.linearise import component_frequencies, contact_coefficients
 from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
@@ -41,7 +40,9 @@ from squealstudy.study.complex_modes.tables import build_tables
 from squealstudy.study.definition import parse_study
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
+from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import component_frequencies
 
 NODES = 40
 BAND = (50.0, 600.0)
@@ -115,8 +116,8 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     lam = 1e4 * rng.standard_normal((4, 2)) @ np.array([0.1, 1.0j])
     mixed = rng.standard_normal((8, finer_model.DIRECTIONS))
     sums = finer_model._ResidualSums(prepared.model)
-    contact = contact_coefficients(prepared.model, point, state.operating)
-    assert contact.falling.any()
+    contact = contact_weights(prepared.model, point, state.operating)
+    assert contact.along.any()
     sums.add([finer_model._mixed(x * lam**k, mixed) for k in range(3)], contact, left)
     changes = state.stiffness_changes(component_frequencies(prepared.model))
     sums.add_changes(finer_model._mixed(x, mixed), changes)

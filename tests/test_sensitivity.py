@@ -13,7 +13,6 @@ from blocks import blocks
 from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.sensitivity.assembly_change import check_same_mesh
 from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
 from squealstudy.analysis.sensitivity.finite_change import followed_root, reduced_pencil
@@ -47,6 +46,7 @@ from squealstudy.models.operating import OperatingPoint, law_from_values
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
 FLUTTER = hulten_flutter(W1, W2)[0]

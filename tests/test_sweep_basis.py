@@ -9,7 +9,6 @@ import pytest
 from conftest import NOMINAL
 from synthetic import SyntheticProblem, constant, random_brake, whole_box
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
@@ -27,6 +26,7 @@ from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
 from squealstudy.errors import ConvergenceError
 from squealstudy.models.law import ContactLaw
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 BAND = (500.0, 4000.0)
 TOLERANCE = 1e-4

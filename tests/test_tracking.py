@@ -12,7 +12,6 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 import squealstudy
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.labels import TrackTree, expected_roots, track
 from squealstudy.analysis.tracking.pairing import mac, pair_modes
@@ -23,6 +22,7 @@ from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 HZ = 2 * np.pi
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from conftest import CUTOFF, NOMINAL
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
 from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
@@ -25,6 +24,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 BAND = (500.0, 8000.0)
 KEYS = (("caliper", 7), ("caliper", 8))

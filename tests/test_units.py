@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit_scaling import Units, same_table, scaled_text, solved, study_of
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.errors import ResultsError
@@ -24,6 +23,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 OTHER_UNITS = [
     Units(time=1e-6),

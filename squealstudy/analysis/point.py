@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.energy import energy_shares
-from squealstudy.analysis.linearise import component_frequencies, linearise
 from squealstudy.analysis.quadratic import QuadraticSolver, backward_error, dense_roots
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.root_error import root_errors
@@ -19,6 +17,8 @@ from squealstudy.reduction.working_point import (
     working_point,
 )
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.energy import reduced_energy_shares
+from squealstudy.system.linearise import component_frequencies, linearise
 
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"
@@ -135,7 +135,7 @@ def solve_point(
         lam,
         overdamped,
         backward_error(system.C, system.K, lam, psi),
-        energy_shares(prepared.model, system, psi),
+        reduced_energy_shares(prepared.model, system.weights, psi),
         shapes.astype(np.complex64),
         point,
         np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam),

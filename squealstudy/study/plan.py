@@ -41,7 +41,7 @@ MOST_TRAINING = 4  # design points of a training run
 SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 # beside them, they decide its finer model
-FINER_SOURCES = ("system", "analysis/full_order", "analysis/linearise.py", "analysis/quadratic.py")
+FINER_SOURCES = ("system", "analysis/full_order", "analysis/quadratic.py")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")

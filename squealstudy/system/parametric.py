@@ -8,7 +8,7 @@ projection of them: reductions multiply L_t and R_t once, a design point changes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.linalg.sparse_qep import LowRankSum
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
 MANY = 3  # whole matrices of one order, beyond which their sum is less work than their products
@@ -72,36 +73,52 @@ class ParametricSystem:
                         f"term {number} has {side.shape[1]} columns, expected {self.n}"
                     )
 
+    def numbers(self, order: int) -> list[int]:
+        """Positions of the terms of one power of lambda."""
+        return [i for i, term in enumerate(self.terms) if term.order == order]
+
+    def summed(self, weights: Weights, numbers: Iterable[int]) -> np.ndarray:
+        """Dense sum (n, n) of some of the terms, whatever their orders."""
+        total = np.zeros((self.n, self.n))
+        for i in numbers:
+            _add_dense(total, self.terms[i], weights[i])
+        return total
+
     def matrices(self, weights: Weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Dense M, C, K (n, n) at a design point."""
-        parts = [np.zeros((self.n, self.n)) for _ in range(3)]
-        for term, w in zip(self.terms, weights, strict=True):
-            _add_dense(parts[term.order], term, w)
-        return parts[MASS], parts[DAMPING], parts[STIFFNESS]
+        self._check(weights)
+        M, C, K = (self.summed(weights, self.numbers(o)) for o in (MASS, DAMPING, STIFFNESS))
+        return M, C, K
 
-    def sparse_matrices(
-        self, weights: Weights
-    ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-        """Sparse M, C, K at a design point, of systems whose terms are sparse."""
-        parts = [sp.csr_matrix((self.n, self.n)) for _ in range(3)]
+    def sparse_matrices(self, weights: Weights) -> tuple[LowRankSum, LowRankSum, LowRankSum]:
+        """M, C, K at a design point of a system of sparse terms and of few dense rows U^T d U."""
+        self._check(weights)
+        M, C, K = (self.sparse_sum(weights, self.numbers(o)) for o in (MASS, DAMPING, STIFFNESS))
+        return M, C, K
+
+    def sparse_sum(self, weights: Weights, numbers: Iterable[int]) -> LowRankSum:
+        """The same sum as `summed`, in which dense rows stay apart as U diag(d) U^T."""
+        total, columns, values = sp.csr_matrix((self.n, self.n)), [], []
         one = sp.identity(self.n, format="csr")
-        for term, w in zip(self.terms, weights, strict=True):
-            left = one if term.left is None else term.left
-            right = one if term.right is None else term.right
-            scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
-            parts[term.order] = parts[term.order] + left.T @ scaled
-        return parts[MASS].tocsr(), parts[DAMPING].tocsr(), parts[STIFFNESS].tocsr()
-
-    def projected(self, W: np.ndarray, V: np.ndarray) -> ParametricSystem:
-        """The system W^T Q V for real bases W, V (n, r).
-
-        Terms of scalar weight become one small matrix each; the others keep their rows.
-        """
-        return ParametricSystem(V.shape[1], tuple(_projected(t, W, V) for t in self.terms))
+        for i in numbers:
+            term, w = self.terms[i], weights[i]
+            if isinstance(term.right, np.ndarray) and term.left is term.right:
+                rows = np.asarray(term.right)
+                d = np.broadcast_to(w, len(rows))
+                columns.append(rows[d != 0].T)
+                values.append(d[d != 0])
+            elif not _vanishes(w):
+                left = one if term.left is None else term.left
+                right = one if term.right is None else term.right
+                scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
+                total = total + left.T @ scaled
+        if not columns:
+            return LowRankSum(total)
+        return LowRankSum(total, np.hstack(columns), np.concatenate(values))
 
     def of_order(self, weights: Weights, order: int) -> tuple[ParametricSystem, Weights]:
         """The terms of one power of lambda, with their weights."""
-        chosen = [i for i, t in enumerate(self.terms) if t.order == order]
+        chosen = self.numbers(order)
         part = ParametricSystem(self.n, tuple(self.terms[i] for i in chosen))
         return part, tuple(weights[i] for i in chosen)
 
@@ -133,6 +150,20 @@ class ParametricSystem:
             total += moved if term.order == DAMPING else 2.0 * lam * moved
         return total
 
+    def forms(
+        self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
+    ) -> np.ndarray:
+        """y_i^H Q(lam_j) x_j of all pairs (k, m), of Y (n, k) and X (n, m)."""
+        right, left = columns(X), columns(Y)
+        total = np.zeros((left.values.shape[1], len(lam)), dtype=complex)
+        self._check(weights)
+        for term, w in zip(self.terms, weights, strict=True):
+            if not _vanishes(w):
+                seen = right.through(term.right)
+                seen = product(w, seen) if term.dense else _scaled(w, seen)
+                total += left.through(term.left).conj().T @ (seen * lam**term.order)
+        return total
+
     def gathered(self, weights: Weights) -> tuple[ParametricSystem, Weights]:
         """The same system at one design point with few terms, for several products there.
 
@@ -150,6 +181,10 @@ class ParametricSystem:
         totals = [sum(weights[i] * self.terms[i].right for i in found) for found in many.values()]
         terms = (*(self.terms[i] for i in kept), *(Term(order, dense=True) for order in many))
         return ParametricSystem(self.n, terms), (*(weights[i] for i in kept), *totals)
+
+    def _check(self, weights: Weights) -> None:
+        if len(weights) != len(self.terms):
+            raise ModelError(f"{len(weights)} weights for {len(self.terms)} terms")
 
     def _sum(
         self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, left: bool
@@ -237,20 +272,3 @@ def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:
 
 def _dense(A: Matrix) -> np.ndarray:
     return A.toarray() if sp.issparse(A) else np.asarray(A)
-
-
-def _projected(term: Term, W: np.ndarray, V: np.ndarray) -> Term:
-    if term.dense:
-        return term
-    return Term(term.order, term.seen_left(W), term.seen_right(V))
-
-
-def with_small_terms(system: ParametricSystem, scalar: Sequence[bool]) -> ParametricSystem:
-    """A projected system whose terms of scalar weight are multiplied out to (r, r) matrices."""
-    terms = []
-    for term, single in zip(system.terms, scalar, strict=True):
-        if single and not term.dense and term.left is not None and term.right is not None:
-            terms.append(Term(term.order, None, np.asarray(term.left.T @ term.right)))
-        else:
-            terms.append(term)
-    return ParametricSystem(system.n, tuple(terms))

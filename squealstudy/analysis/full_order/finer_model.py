@@ -17,12 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.analysis.full_order.modes import component_terms
-from squealstudy.analysis.linearise import (
-    ContactCoefficients,
-    component_frequencies,
-    contact_coefficients,
-    linearise,
-)
 from squealstudy.analysis.point import PointModes, solve_point, state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
@@ -31,7 +25,9 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
 from squealstudy.reduction.extended_basis import extended_basis
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
+from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.linearise import component_frequencies, linearise
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
@@ -141,7 +137,7 @@ def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
             point = state_working_point(prepared, state)
             small = linearise(prepared.model, point, state)
-            contact = contact_coefficients(prepared.model, point, state.operating)
+            contact = contact_weights(prepared.model, point, state.operating)
             changes = state.stiffness_changes(component_frequencies(prepared.model))
             for left in (False, True) if state.operating.mu_steady else (False,):
                 C, K = (small.C.T, small.K.T) if left else (small.C, small.K)
@@ -178,19 +174,20 @@ class _ResidualSums:
         self._normal = self._sliding = self._across = np.zeros((len(model.area), DIRECTIONS))
         self._changed: dict[ModeKey, np.ndarray] = {}
 
-    def add(self, powers: list[np.ndarray], contact: ContactCoefficients, left: bool) -> None:
+    def add(self, powers: list[np.ndarray], contact: ContactWeights, left: bool) -> None:
         """Sums (n, DIRECTIONS) of x, lam x and lam^2 x of one point; `left` of left vectors."""
         x, speed, inertia = powers
         model, self.any = self._model, True
         self._inertia, self._elastic = self._inertia + inertia, self._elastic + x
         normal = model.N @ x
-        self._normal = self._normal + contact.stiffness[:, None] * normal
+        self._normal = self._normal + contact.normal[:, None] * normal
         if left:  # of K^T
-            self._normal = self._normal - contact.coupling[:, None] * (model.T @ x)
+            self._normal = self._normal + contact.coupling[:, None] * (model.T @ x)
         else:
-            self._sliding = self._sliding - contact.coupling[:, None] * normal
-        self._sliding = self._sliding + contact.falling[:, None] * (model.T @ speed)
-        self._across = self._across + contact.damping[:, None] * (model.T_perp @ speed)
+            self._sliding = self._sliding + contact.coupling[:, None] * normal
+        if np.any(contact.along):
+            self._sliding = self._sliding + contact.along[:, None] * (model.T @ speed)
+        self._across = self._across + contact.across[:, None] * (model.T_perp @ speed)
 
     def add_changes(self, x: np.ndarray, changes: Mapping[ModeKey, float]) -> None:
         """Sums (n, DIRECTIONS) of x with changes of modal stiffness [(rad/s)^2]."""

@@ -9,7 +9,6 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.linearise import contact_coefficients
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
@@ -24,6 +23,8 @@ from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.linearise import SYMMETRIC, unreduced_structure
+from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 FIRST_ROOTS = 120  # asked for where their number is not known
 MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
@@ -129,60 +130,37 @@ def full_order_system(
     damped_to_hz: float,
 ) -> FullOrderSystem:
     """The matrices that `full_order_modes` solves; parameters and errors are its own."""
-    K, C, K_sym = _sparse_system(assembly, point, state)
-    K_low = component_terms(assembly, modes, state.stiffness_changes(mode_frequencies(modes)))
-    C_low = component_terms(assembly, modes, state.modal_dampers(mode_frequencies(modes)))
+    structure = unreduced_structure(assembly, modes, state)
+    weights: Weights = structure.weights(point, state)
+    terms, M = structure.system.terms, assembly.M
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = real_modes(assembly.M, K_sym, damped_to_hz)
-        if len(K_low[1]):
-            omega, phi = _changed_modes(assembly.M, K_sym, phi, *K_low, damped_to_hz)
+        omega, phi = _real_modes(M, structure.system.sparse_sum(weights, SYMMETRIC), damped_to_hz)
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient
             beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
-            C = (C + beyond * assembly.M).tocsr()
-        changed = dampers != beyond
-        C_low = (
-            np.hstack([C_low[0], assembly.M @ phi[:, changed]]),
-            np.concatenate([C_low[1], (dampers - beyond)[changed]]),
-        )
-    if state.stiffness_damping:
-        beta = state.stiffness_damping
-        C = (C + beta * K_sym).tocsr()
-        C_low = (np.hstack([C_low[0], K_low[0]]), np.concatenate([C_low[1], beta * K_low[1]]))
-    return FullOrderSystem(LowRankSum(C, *C_low), LowRankSum(K, *K_low), omega, phi)
+        rows = (M @ phi[:, dampers != beyond]).T
+        terms = (*terms, Term(DAMPING, None, M), Term(DAMPING, rows, rows))
+        weights = (*weights, beyond, (dampers - beyond)[dampers != beyond])
+    _, C, K = ParametricSystem(assembly.n_dof, terms).sparse_matrices(weights)
+    return FullOrderSystem(C, K, omega, phi)
 
 
-def _sparse_system(
-    assembly: Assembly, point: WorkingPoint, state: DesignState
-) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-    c = assembly.contact
-    own = contact_coefficients(c, point, state.operating)
-    K_sym = assembly.K_el + assembly.K_springs() + c.N.T @ sp.diags(own.stiffness) @ c.N
-    K = K_sym - c.T.T @ sp.diags(own.coupling) @ c.N
-    C = c.T_perp.T @ sp.diags(own.damping) @ c.T_perp
-    if state.operating.friction_slope:
-        C = C + c.T.T @ sp.diags(own.falling) @ c.T
-    return K.tocsr(), C.tocsr(), K_sym.tocsr()
-
-
-def _changed_modes(
-    M: sp.csr_matrix,
-    K: sp.csr_matrix,
-    phi: np.ndarray,
-    U: np.ndarray,
-    d: np.ndarray,
-    cutoff_hz: float,
+def _real_modes(
+    M: sp.csr_matrix, K_sym: LowRankSum, cutoff_hz: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Real modes up to a cutoff with U diag(d) U^T added to the stiffness.
+    """Real modes (omega, phi) up to a cutoff.
 
-    Rayleigh-Ritz on the modes phi without it and on its static responses K^-1 U.
+    With a low-rank part U diag(d) U^T of the stiffness by Rayleigh-Ritz, on the modes without it
+    and on its static responses K^-1 U.
     """
-    static = factorise(K).solve(U)
+    omega, phi = real_modes(M, K_sym.sparse, cutoff_hz)
+    if not len(K_sym.d):
+        return omega, phi
+    static = factorise(K_sym.sparse).solve(K_sym.U)
     static = static / np.sqrt(np.einsum("ij,ij->j", static, M @ static))
     X = np.hstack([phi, new_directions(M, phi, static, DEPENDENT)])
-    seen = X.T @ U
-    w2, y = la.eigh(X.T @ (K @ X) + (seen * d) @ seen.T)
+    w2, y = la.eigh(X.T @ (K_sym @ X))
     kept = w2 <= (2 * np.pi * cutoff_hz) ** 2
     return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
 

@@ -7,6 +7,8 @@ import numpy as np
 from squealstudy.analysis.point import PointModes, working_point_error
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.system.energy import component_energies, energy_shares
+from squealstudy.system.linearise import StructureWeights
 from squealstudy.system.parametric import Weights, product
 
 
@@ -31,14 +33,9 @@ class BrakeModes:
     def energies(self, weights: Weights, X: np.ndarray) -> np.ndarray:
         """Share of each component, then of the interfaces, in psi^H K_sym psi (c + 1, m)."""
         psi = X if self._V is None else product(self._V, X)
-        by_coordinate = np.asarray(weights[1])[:, None] * _square(psi)
-        parts = np.add.reduceat(by_coordinate, self._model.offsets[:-1], axis=0)
-        springs = np.einsum("im,im->m", X.conj(), product(self._springs, X)).real
-        contact = np.asarray(weights[3]) @ _square(product(self._normal, X))
-        interfaces = springs + contact
-        total = np.maximum(parts.sum(axis=0) + interfaces, 1e-300)
-        shares: np.ndarray = np.vstack([parts, interfaces]) / total
-        return shares
+        named = StructureWeights.of(weights)
+        components = component_energies(self._model, named, psi)
+        return energy_shares(components, self._springs, self._normal, named, X)
 
     def shapes(self, X: np.ndarray) -> np.ndarray:
         """Unit coordinates (m, k) complex64 on the prepared shape basis."""
@@ -63,9 +60,3 @@ class BrakeModes:
             found.error[order] + working_point_error(found.sample.working_point, lam),
             found.method,
         )
-
-
-def _square(X: np.ndarray) -> np.ndarray:
-    """|X|^2, without the root."""
-    squared: np.ndarray = X.real**2 + X.imag**2
-    return squared

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.brake_system import brake_system, brake_weights, symmetric_stiffness
-from squealstudy.analysis.linearise import assembly_damping, component_frequencies
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, pairs_inside
 from squealstudy.analysis.reanalysis.modal_damping_field import (
@@ -29,7 +27,14 @@ from squealstudy.reduction.working_point_field import (
     WorkingPointField,
     anchor_at,
 )
-from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import (
+    ContactStructure,
+    StructureWeights,
+    assembly_damping,
+    reduced_structure,
+    symmetric_stiffness,
+)
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
@@ -75,11 +80,17 @@ class BrakeProblem:
     @cached_property
     def system(self) -> ParametricSystem:
         """Terms of the component-mode model."""
-        model, damping = self.prepared.model, self.modal_damping
+        structure, damping = self.structure, self.modal_damping
         if self.exact_damping:
-            terms = (*brake_system(model).terms, Term(DAMPING, dense=True))
-            return ParametricSystem(model.n, terms)
-        return brake_system(model, () if damping is None else tuple(damping.matrices))
+            more = [Term(DAMPING, dense=True)]
+        else:
+            more = [Term(DAMPING, None, A) for A in ([] if damping is None else damping.matrices)]
+        return ParametricSystem(structure.n, (*structure.system.terms, *more))
+
+    @cached_property
+    def structure(self) -> ContactStructure:
+        """The component-mode model without modal damping."""
+        return reduced_structure(self.prepared.model)
 
     @cached_property
     def modal_damping(self) -> ModalDampingField | None:
@@ -143,8 +154,8 @@ class BrakeProblem:
         point = self.working_points(theta[None])[0]
         if isinstance(point, ConvergenceError):
             raise point
-        model = self.prepared.model
-        return symmetric_stiffness(model, brake_weights(model, point, self.state_at(theta)))
+        weights = self.structure.weights(point, self.state_at(theta))
+        return symmetric_stiffness(self.structure, weights)
 
     @cached_property
     def field(self) -> WorkingPointField | None:
@@ -185,12 +196,8 @@ class BrakeProblem:
 
     def _changes(self, state: DesignState) -> dict[int, float]:
         model = self.prepared.model
-        dk = state.stiffness_changes(self._omega)
+        dk = state.stiffness_changes(self.structure.frequencies)
         return {shape_column(model, *key): value for key, value in dk.items()}
-
-    @cached_property
-    def _omega(self) -> dict[ModeKey, float]:
-        return component_frequencies(self.prepared.model)
 
     def working_points(
         self, theta: np.ndarray, field: WorkingPointField | None = None
@@ -223,10 +230,10 @@ class BrakeProblem:
                 found.append(point)
             else:
                 state = self.state_at(row)
-                weights = brake_weights(self.prepared.model, point, state)
+                weights: Weights = self.structure.weights(point, state)
                 more: Weights = tuple(2.0 * state.damping_ratio * w for w in roots)
                 if self.exact_damping:
-                    K = symmetric_stiffness(self.prepared.model, weights)
+                    K = symmetric_stiffness(self.structure, weights)
                     more = (assembly_damping(K, state),)
                 found.append(Sample(weights + more, point))
         return found
@@ -249,17 +256,15 @@ class BrakeProblem:
         return weights, found.take(in_band(found.lam, self.band, reach))
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
-        model = self.prepared.model
-        modal = 0 if self.modal_damping is None else len(self.modal_damping.matrices)
-        _, C, K = self.system.matrices(weights[: len(weights) - modal] + (0.0,) * modal)
-        K_sym = symmetric_stiffness(model, weights)
+        _, C, K = self.structure.system.matrices(StructureWeights.of(weights))
+        K_sym = symmetric_stiffness(self.structure, weights)
         return C + assembly_damping(K_sym, self.state_at(theta)), K
 
     @cached_property
     def _factor(self) -> np.ndarray:
         """Upper F of K0 = F^T F, at the middle of the box."""
         weights = self.weights(np.zeros(self.dimension))
-        factor: np.ndarray = la.cholesky(symmetric_stiffness(self.prepared.model, weights))
+        factor: np.ndarray = la.cholesky(symmetric_stiffness(self.structure, weights))
         return factor
 
     def energy_root(self, X: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.linearise import modal_damping
+from squealstudy.system.linearise import modal_damping
 
 TRUNCATION = 1e-6  # singular values of the roots, relative to the largest, that are dropped
 Cardinals = Callable[[np.ndarray], np.ndarray]

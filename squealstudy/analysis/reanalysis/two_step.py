@@ -70,7 +70,7 @@ def symmetric_modes(system: ParametricSystem, weights: Weights, top: float) -> n
     own = tuple(weights[i] for i in chosen)
     if any(sp.issparse(t.right) for t in part.terms):
         M, _, K = part.sparse_matrices(own)
-        return real_modes(M, K, top / (2 * np.pi))[1]
+        return real_modes(M.sparse, K.sparse, top / (2 * np.pi))[1]
     dense_M, _, dense_K = part.matrices(own)
     unit = np.array_equal(dense_M, np.eye(system.n))
     limits = (-np.inf, top**2)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.sensitivity.mode_family import OFFSET, ModeFamily
 from squealstudy.linalg.nearest_roots import nearest_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 CANDIDATES = 8  # roots about the old one among which the mode is looked for
 

@@ -15,8 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.energy import energy_shares
-from squealstudy.analysis.linearise import ReducedSystem, component_frequencies, linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.sensitivity.finite_change import (
@@ -43,6 +41,8 @@ from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.energy import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, component_frequencies, linearise
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class DesignPoint:
     prepared: PreparedModel
     state: DesignState
     point: WorkingPoint
-    system: ReducedSystem
+    system: LinearisedModel
     pencil: QuadraticPencil
     families: tuple[ModeFamily, ...]
 
@@ -172,6 +172,7 @@ def _facts(design: DesignPoint) -> list[tuple[float, np.ndarray]]:
             for other in design.families
             if other is not family
         ]
-        energies = energy_shares(design.prepared.model, design.system, family.X[:, :1])
+        model, weights = design.prepared.model, design.system.weights
+        energies = reduced_energy_shares(model, weights, family.X[:, :1])
         found.append((max(others, default=0.0), energies[:, 0]))
     return found

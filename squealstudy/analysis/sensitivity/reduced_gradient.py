@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.linearise import ReducedSystem, component_frequencies
 from squealstudy.analysis.sensitivity.contact_change import ContactChange, ContactWeights
 from squealstudy.analysis.sensitivity.contact_gradient import ContactGradient, Products
 from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
@@ -28,6 +27,7 @@ from squealstudy.analysis.sensitivity.working_point_motion import WorkingPointMo
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import LinearisedModel, component_frequencies
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class RealModes:
     seen: np.ndarray
 
     @classmethod
-    def of(cls, system: ReducedSystem, N: np.ndarray) -> RealModes:
+    def of(cls, system: LinearisedModel, N: np.ndarray) -> RealModes:
         """All real modes of a reduced system; N (nc, n)."""
         w2, phi = la.eigh(system.K_sym)
         return cls(np.sqrt(np.maximum(w2, 0.0)), phi, N @ phi)
@@ -137,7 +137,7 @@ class ReducedGradient:
         self,
         prepared: PreparedModel,
         state: DesignState,
-        system: ReducedSystem,
+        system: LinearisedModel,
         family: ModeFamily,
         real: RealModes | None,
     ) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.transient.growing_modes import GrowingModes, growing_modes
 from squealstudy.analysis.transient.mode_planes import mode_planes
 from squealstudy.analysis.transient.reference_modes import ReferenceModes, growth_sensors
@@ -15,7 +14,13 @@ from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, Tran
 from squealstudy.errors import ParameterError
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.linearise import (
+    ContactStructure,
+    component_frequencies,
+    structure_weights,
+)
 
 TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
@@ -207,21 +212,28 @@ def tangent(
     system: ModalSystem, design: TransientDesign, point: WorkingPoint, state: DesignState
 ) -> tuple[np.ndarray, np.ndarray]:
     """Damping and stiffness of the system linearised at the design's steady sliding (n, n)."""
-    N, T1, T2, U = system.N, system.T1, system.T2, system.shapes
-    operating = state.operating
-    k_n = system.area * point.tangent
-    mu = operating.mu_steady * system.frictional
-    K = N.T @ ((k_n - system.k_ref)[:, None] * N) - T1.T @ ((mu * k_n)[:, None] * N)
-    K[np.diag_indices_from(K)] += system.omega2
-    normal = system.area * point.pressure
-    C = T2.T @ ((mu * normal / operating.sliding_speed)[:, None] * T2)
-    if operating.friction_slope:
-        falling = operating.friction_slope * system.frictional * normal
-        C += T1.T @ (falling[:, None] * T1)
-    C[np.diag_indices_from(C)] += design.c
-    if len(U) and design.d is not None and design.s is not None:
-        C += U.T @ (design.d[:, None] * U)
-        K += U.T @ (design.s[:, None] * U)
+    contact = contact_weights(system, point, state.operating)
+    shapes = (0.0, 0.0) if design.d is None or design.s is None else (design.s, design.d)
+    weights = structure_weights(
+        (system.omega2, 0.0, shapes[0]),
+        contact._replace(normal=contact.normal - system.k_ref),  # which omega2 holds
+        (design.c, shapes[1]),
+    )
+    structure = ContactStructure(
+        mass=None,
+        elastic=None,
+        stiffness=system.omega2,
+        springs=None,
+        N=system.N,
+        T=system.T1,
+        T_perp=system.T2,
+        area=system.area,
+        frictional=system.frictional,
+        frequencies={},
+        places={},
+        shapes=system.shapes,
+    )
+    _, C, K = structure.system.matrices(weights)
     return C, K
 
 

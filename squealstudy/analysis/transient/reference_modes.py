@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.energy import energy_shares
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.transient.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.energy import reduced_energy_shares
+from squealstudy.system.linearise import linearise
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def reference_modes(
         phi,
         phi.T @ tangent.C @ phi,
         phi.T @ tangent.K @ phi,
-        energy_shares(model, tangent, phi),
+        reduced_energy_shares(model, tangent.weights, phi),
         len(omega2),
         2.0 * np.sqrt(np.maximum(omega2, 0.0)),
         np.zeros(0),

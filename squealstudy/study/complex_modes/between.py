@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from squealstudy.analysis.linearise import linearise
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.tracking.interpolated import InterpolatedModes, ModalMatrices
 from squealstudy.analysis.tracking.refinement import Modes
@@ -29,6 +28,7 @@ from squealstudy.study.method import FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import known_gap
+from squealstudy.system.linearise import linearise
 
 
 @cache

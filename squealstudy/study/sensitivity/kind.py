@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.sensitivity.structural import check_structural
 from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
@@ -36,6 +35,7 @@ from squealstudy.study.sensitivity.worker import (
     solve_sensitivities,
 )
 from squealstudy.study.tasks import PointTask, Solved
+from squealstudy.system.linearise import component_frequencies
 
 if TYPE_CHECKING:
     import pandas as pd

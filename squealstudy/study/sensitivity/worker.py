@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
 from squealstudy.analysis.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_families
@@ -21,6 +20,7 @@ from squealstudy.study.sensitivity.parameters import Asked, state_parameters, st
 from squealstudy.study.sensitivity.rows import failed_row, solved_row
 from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.working_points import known_gap, prepared_model
+from squealstudy.system.linearise import component_frequencies
 
 
 @dataclass(frozen=True)

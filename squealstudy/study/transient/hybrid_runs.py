@@ -14,7 +14,6 @@ import numpy as np
 
 from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign
-from squealstudy.analysis.linearise import component_frequencies
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.runs.modal_run import ModalRun
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
@@ -29,6 +28,7 @@ from squealstudy.study.transient.modal_runs import Finished
 from squealstudy.study.transient.ready import Ready
 from squealstudy.study.working_points import prepared_model
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import component_frequencies
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
 

@@ -1,0 +1,118 @@
+"""What contact and friction add to a system linearised about steady sliding, and its derivative.
+
+At a contact point of area A, pressure p and tangent kappa = -dp/dg, which slides at speed s with
+the friction coefficient mu(s, p), the forces A p and mu A p change with gap and sliding by
+
+    stiffness  N^T (A kappa) N  +  T^T (-(mu + p dmu/dp) A kappa) N
+    damping    T_perp^T (mu A p / s) T_perp  +  T^T (dmu/ds A p) T
+
+These four weights, a figure a contact point each, stand here and nowhere else; mu is multiplied by
+the factor `frictional` of the point.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.sliding_friction import sliding_friction
+from squealstudy.reduction.working_point import WorkingPoint
+
+
+class ContactWeights(NamedTuple):
+    """Weights (nc,) of the four terms of contact and friction, or their derivatives.
+
+    Attributes
+    ----------
+    normal : ndarray
+        Of N^T (.) N in the stiffness, N/m.
+    coupling : ndarray
+        Of T^T (.) N in the stiffness, N/m: negative, friction follows the pressure.
+    across : ndarray
+        Of T_perp^T (.) T_perp in the damping, N s/m: friction turns with the sliding direction.
+    along : ndarray or float
+        Of T^T (.) T in the damping, N s/m: negative where friction falls with speed, the number 0
+        where it does not depend on it.
+    """
+
+    normal: np.ndarray
+    coupling: np.ndarray
+    across: np.ndarray
+    along: Any
+
+
+class ContactPoints(Protocol):
+    """Contact points of a structure, whatever its coordinates are."""
+
+    @property
+    def area(self) -> np.ndarray:
+        """Area (nc,), m2."""
+        ...
+
+    @property
+    def frictional(self) -> np.ndarray:
+        """Factor (nc,) on the friction coefficient, 1 or 0."""
+        ...
+
+
+def contact_weights(
+    contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint
+) -> ContactWeights:
+    """Weights of contact and friction at a working point."""
+    friction = sliding_friction(operating, point.pressure)
+    k_n = contact.area * point.tangent
+    rubbing = contact.area * point.pressure * contact.frictional
+    return ContactWeights(
+        normal=k_n,
+        coupling=-friction.following(point.pressure) * contact.frictional * k_n,
+        across=friction.mu * rubbing / operating.sliding_speed,
+        along=friction.by_speed * rubbing if friction.by_speed.any() else 0.0,
+    )
+
+
+class ContactChange(NamedTuple):
+    """Derivatives by one parameter of what the weights depend on, numbers or ndarray (nc,).
+
+    All are total: those of the contact laws hold what the moving working point adds.
+
+    Attributes
+    ----------
+    pressure, tangent : ndarray or float
+        Of p [Pa] and kappa [Pa/m].
+    area : ndarray or float
+        m2.
+    speed : float
+        Of the sliding speed, m/s.
+    mu, by_speed, by_pressure : float or ndarray
+        Of mu, dmu/ds [s/m] and dmu/dp [1/Pa].
+    """
+
+    pressure: Any = 0.0
+    tangent: Any = 0.0
+    area: Any = 0.0
+    speed: float = 0.0
+    mu: Any = 0.0
+    by_speed: Any = 0.0
+    by_pressure: Any = 0.0
+
+
+def contact_weights_change(
+    contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint, by: ContactChange
+) -> ContactWeights:
+    """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
+    friction, p = sliding_friction(operating, point.pressure), point.pressure
+    k_n, force = contact.area * point.tangent, contact.area * p
+    d_k_n = contact.area * by.tangent + by.area * point.tangent
+    d_force = contact.area * by.pressure + by.area * p
+    following = friction.following(p)
+    d_following = by.mu + p * by.by_pressure + by.pressure * friction.by_pressure
+    speed = operating.sliding_speed
+    d_drag = (by.mu - friction.mu * by.speed / speed) * force + friction.mu * d_force
+    return ContactWeights(
+        normal=d_k_n,
+        coupling=-contact.frictional * (d_following * k_n + following * d_k_n),
+        across=contact.frictional * d_drag / speed,
+        along=contact.frictional * (by.by_speed * force + friction.by_speed * d_force),
+    )

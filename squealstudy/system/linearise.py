@@ -1,0 +1,316 @@
+"""A structure with contact linearised about steady sliding: its terms, and their weights.
+
+    Q(lambda) = lambda^2 M + lambda C + K
+    K_sym = K_elastic + K_springs + U^T s U + N^T (.) N,   K = K_sym + T^T (.) N
+    C = dampers of component modes + beta K_sym + T_perp^T (.) T_perp + T^T (.) T + modal damping
+
+The terms belong to a structure in some coordinates: unreduced, of component modes, or real modes
+of a reference. The weights belong to a design point; those of contact and friction are
+`contact_weights`. Modal damping is no weighted sum of fixed matrices: each user adds its own term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.models.assembly import Assembly
+from squealstudy.reduction.cmt import ComponentModes, ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.contact_weights import ContactWeights, contact_weights
+from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.parametric import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    Matrix,
+    ParametricSystem,
+    Term,
+    Weights,
+)
+
+
+class StructureWeights(NamedTuple):
+    """Weights of `ContactStructure.system` in the order of its terms, or their derivatives.
+
+    Attributes
+    ----------
+    mass : float
+    elastic : ndarray (n,) or float
+        Elastic stiffness: the diagonal, (rad/s)^2, or the factor of a whole matrix.
+    springs : float
+    shapes : ndarray (m,) or float
+        Changes of component modes' stiffness where these are no coordinates, (rad/s)^2.
+    normal, coupling : ndarray (nc,) or float
+        As in ContactWeights.
+    elastic_damping, spring_damping, shape_damping, normal_damping : as the above
+        Of the same matrices in the damping: dampers of component modes, and stiffness damping.
+    across, along : ndarray (nc,) or float
+        As in ContactWeights.
+    """
+
+    mass: Any = 0.0
+    elastic: Any = 0.0
+    springs: Any = 0.0
+    shapes: Any = 0.0
+    normal: Any = 0.0
+    coupling: Any = 0.0
+    elastic_damping: Any = 0.0
+    spring_damping: Any = 0.0
+    shape_damping: Any = 0.0
+    normal_damping: Any = 0.0
+    across: Any = 0.0
+    along: Any = 0.0
+
+    @classmethod
+    def of(cls, weights: Weights) -> StructureWeights:
+        """The named ones at the front of weights with more terms behind."""
+        return cls(*weights[: len(cls._fields)])
+
+
+SYMMETRIC = tuple(map(StructureWeights._fields.index, ("springs", "normal", "elastic", "shapes")))
+
+
+def structure_weights(
+    stiffness: tuple[Any, Any, Any],
+    contact: ContactWeights,
+    dampers: tuple[Any, Any] = (0.0, 0.0),
+    beta: float = 0.0,
+    mass: float = 1.0,
+) -> StructureWeights:
+    """Weights of a structure, stiffness damping among them.
+
+    Parameters
+    ----------
+    stiffness : (elastic, springs, shapes)
+        Weights of the symmetric stiffness without contact.
+    contact : ContactWeights
+    dampers : (elastic, shapes)
+        Dampers of component modes, rad/s: where these are coordinates, and where they are shapes.
+    beta : float
+        Stiffness damping, s.
+    mass : float
+        0 for derivatives.
+    """
+    elastic, springs, shapes = stiffness
+    return StructureWeights(
+        mass,
+        *stiffness,
+        contact.normal,
+        contact.coupling,
+        elastic_damping=dampers[0] + beta * elastic,
+        spring_damping=beta * springs,
+        shape_damping=dampers[1] + beta * shapes,
+        normal_damping=beta * contact.normal if beta else 0.0,
+        across=contact.across,
+        along=contact.along,
+    )
+
+
+@dataclass(frozen=True)
+class ContactStructure:
+    """A structure with contact in n coordinates.
+
+    Attributes
+    ----------
+    mass : matrix (n, n) or None
+        None is the identity.
+    elastic : matrix (n, n) or None
+        Elastic stiffness of the components; None where it is diagonal, by its weights.
+    stiffness : ndarray (n,) or float
+        Weights of `elastic` without changes of component modes: the diagonal, or 1.
+    springs : matrix (n, n) or None
+        None where there are none, or where `elastic` holds them.
+    N, T, T_perp : matrix (nc, n)
+        Contact observation (models.interface.ContactInterface).
+    area, frictional : ndarray (nc,)
+    frequencies : mapping of (component, mode) -> float
+        Component modes that a design point may change or damp, rad/s.
+    places : mapping of (component, mode) -> int
+        The coordinate of each, or its row of `shapes`.
+    shapes : matrix (m, n) or None
+        Rows phi^T M of component modes; None where they are coordinates.
+    """
+
+    mass: Matrix | None
+    elastic: Matrix | None
+    stiffness: Any
+    springs: Matrix | None
+    N: Matrix
+    T: Matrix
+    T_perp: Matrix
+    area: np.ndarray
+    frictional: np.ndarray
+    frequencies: Mapping[ModeKey, float]
+    places: Mapping[ModeKey, int]
+    shapes: Matrix | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.N.shape[1])
+
+    @cached_property
+    def system(self) -> ParametricSystem:
+        """The terms, those of symmetric stiffness in the damping once more."""
+        none = np.zeros((0, self.n))
+        springs = none if self.springs is None else None
+        U = none if self.shapes is None else self.shapes
+        symmetric = [
+            (None, self.elastic),
+            (springs, none if self.springs is None else self.springs),
+            (U, U),
+            (self.N, self.N),
+        ]
+        terms = (
+            Term(MASS, None, self.mass),
+            *(Term(STIFFNESS, *sides) for sides in symmetric),
+            Term(STIFFNESS, self.T, self.N),
+            *(Term(DAMPING, *sides) for sides in symmetric),
+            Term(DAMPING, self.T_perp, self.T_perp),
+            Term(DAMPING, self.T, self.T),
+        )
+        return ParametricSystem(self.n, terms)
+
+    def weights(self, point: WorkingPoint, state: DesignState) -> StructureWeights:
+        """Weights of a design point about its working point, without modal damping."""
+        changes = self.by_mode(state.stiffness_changes(self.frequencies))
+        dampers = self.by_mode(state.modal_dampers(self.frequencies))
+        return structure_weights(
+            (self.stiffness + changes[0], 1.0, changes[1]),
+            contact_weights(self, point, state.operating),
+            dampers,
+            state.stiffness_damping,
+        )
+
+    def by_mode(self, values: Mapping[ModeKey, float]) -> tuple[Any, Any]:
+        """Values of component modes as weights of the elastic diagonal, and of the shapes."""
+        if not values:
+            return 0.0, 0.0
+        weights = np.zeros(self.n if self.shapes is None else self.shapes.shape[0])
+        for key, value in values.items():
+            weights[self.places[key]] = value
+        return (weights, 0.0) if self.shapes is None else (0.0, weights)
+
+
+def reduced_structure(model: ReducedModel) -> ContactStructure:
+    """A component-mode model: unit mass, elastic diagonal, component modes are coordinates."""
+    frequencies = component_frequencies(model)
+    return ContactStructure(
+        mass=None,
+        elastic=None,
+        stiffness=model.k_el,
+        springs=model.K_springs,
+        N=model.N,
+        T=model.T,
+        T_perp=model.T_perp,
+        area=model.area,
+        frictional=model.frictional,
+        frequencies=frequencies,
+        places={key: model.mode_coordinate(*key) for key in frequencies},
+    )
+
+
+def unreduced_structure(
+    assembly: Assembly, modes: Mapping[str, ComponentModes], state: DesignState
+) -> ContactStructure:
+    """An assembly; the component modes that the state changes or damps are shapes."""
+    used = list(dict.fromkeys([*state.frequency_scale, *state.mode_damping]))
+    masses = {c.name: c.M for c in assembly.components}
+    shapes = np.zeros((len(used), assembly.n_dof))
+    for row, (name, j) in zip(shapes, used, strict=True):
+        row[assembly.slices[name]] = masses[name] @ modes[name].phi[:, j - 1]
+    contact = assembly.contact
+    return ContactStructure(
+        mass=assembly.M,
+        elastic=assembly.K_el,
+        stiffness=1.0,
+        springs=assembly.K_springs(),
+        N=contact.N,
+        T=contact.T,
+        T_perp=contact.T_perp,
+        area=contact.area,
+        frictional=contact.frictional,
+        frequencies={(name, j): float(modes[name].omega[j - 1]) for name, j in used},
+        places={key: row for row, key in enumerate(used)},
+        shapes=shapes,
+    )
+
+
+def component_frequencies(model: ReducedModel) -> dict[ModeKey, float]:
+    """Free-free frequency [rad/s] of every component mode held by the basis."""
+    return {
+        (name, j + 1): float(np.sqrt(max(model.k_el[int(start) + j], 0.0)))
+        for name, start, count in zip(model.components, model.offsets, model.n_modes, strict=False)
+        for j in range(count)
+    }
+
+
+@dataclass(frozen=True)
+class LinearisedModel:
+    """Matrices of one design point in component-mode coordinates; the mass is the identity.
+
+    Attributes
+    ----------
+    C, K : ndarray (n, n)
+        Damping [rad/s] and non-symmetric stiffness [(rad/s)^2].
+    K_sym : ndarray (n, n)
+        Symmetric part without friction: elastic, springs and contact.
+    weights : StructureWeights
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    K_sym: np.ndarray
+    weights: StructureWeights
+
+
+def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> LinearisedModel:
+    """A component-mode model about a working point, modal damping of the assembly included.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the basis does not have.
+    """
+    structure = reduced_structure(model)
+    weights = structure.weights(point, state)
+    K_sym = symmetric_stiffness(structure, weights)
+    coupling = StructureWeights._fields.index("coupling")
+    K = K_sym + structure.system.summed(weights, [coupling])
+    C = structure.system.summed(weights, structure.system.numbers(DAMPING))
+    C += assembly_damping(K_sym, state, model.damped_to)
+    return LinearisedModel(C, K, K_sym, weights)
+
+
+def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:
+    """Elastic, spring and contact stiffness (n, n), without friction, of dense terms."""
+    return structure.system.summed(weights, SYMMETRIC)
+
+
+def assembly_damping(
+    K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
+) -> np.ndarray | float:
+    """Modal damping (n, n) of a design point's assembly, rad/s; 0 where it has none.
+
+    Real modes beyond `damped_to` [rad/s] have the coefficient of a mode there.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the basis does not have.
+    """
+    zeta = state.assembly_damping_ratios(len(K_sym))
+    return modal_damping(K_sym, zeta, damped_to) if zeta.any() else 0.0
+
+
+def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
+    """Modal damping (eq. 8): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,)."""
+    w2, phi = la.eigh(K_sym)
+    omega = np.sqrt(np.maximum(w2, 0.0))
+    return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T
