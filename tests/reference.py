@@ -14,7 +14,7 @@ from scipy.special import ive, ivp, jv, jvp, kve, kvp, yv, yvp
 
 # -- contact laws ------------------------------------------------------------------------------
 def contact_pressure(kind, a, b, g):
-    """p(g) of one point, as in the paper's figure 3 and eq. 5."""
+    """p(g) of one point (THEORY.md eq. (4), (5))."""
     if kind == "exponential":
         return a * math.exp(-b * g)
     if kind == "bilateral":
@@ -34,7 +34,7 @@ def contact_tangent(kind, a, b, g):
     return a if kind == "unilateral" else a * b * (-g) ** (b - 1)
 
 
-# -- full-order equations of theory.md section 1 -----------------------------------------------
+# -- full-order equations: THEORY.md eq. (17), (19) ---------------------------------------------
 def static_stiffness(assembly):
     """K of the static problem: components and the springs that are there at rest."""
     K = assembly.K_el.copy()

@@ -71,7 +71,7 @@ def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pres
 
 
 def test_a_component_mode_is_exactly_in_the_modal_coordinates(brake, reduced):
-    """Figure 13's residual vanishes: damping a caliper mode needs no projection."""
+    """Damping a caliper mode needs no projection (Vermot des Roches et al. 2010, fig. 13)."""
     key = ("caliper", 8)
     state = DesignState(NOMINAL)
     modes = reference_modes(reduced[0], brake.point, state, component_modes=(key,))

@@ -19,7 +19,7 @@ from squealstudy.models.fem.solid import assemble_solid
 STEEL = Isotropic(210e9, 0.3, 7800.0)
 TURN = (0.0, 2 * np.pi)
 ANYWHERE = (-np.inf, np.inf)
-# lining + plate and disc volumes of theory.md section 2, m3 (sectors of circular rings)
+# lining + plate and disc volumes of the default brake, m3 (sectors of circular rings)
 SECTOR = np.pi * (0.140**2 - 0.090**2)
 VOLUME_MASS = {
     "disc": 7200.0

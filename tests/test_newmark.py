@@ -243,7 +243,7 @@ def test_belt_oscillator_limit_cycle():
     ("x", "low", "high"), [(0.5, 0.0, 1e-6), (1.25, 0.0, 1e-3), (2.5, 3e-3, 0.05)]
 )
 def test_energy_gain_of_an_impact_oscillator(x, low, high):
-    # Hughes 1976: no gain for h omega_peak below 1.26, about 1 % at 2.5 (theory.md section 6)
+    # Hughes 1976: no gain for h omega_peak below 1.26, about 1 % at 2.5 (THEORY.md eq. (101))
     lam = 1e5
     system = point_system([1e4], [1], [0])
     law = ContactLaw("exponential", p0=1e-2, lam=lam)

@@ -83,7 +83,7 @@ def test_nominal_real_modes(brake, reduced):
 
 # -- complex modes against the full-order brake --------------------------------------------------
 def full_order(brake, point, state, band, n_roots):
-    """Roots of the unreduced brake in the band, from theory.md section 1, residual checked."""
+    """Roots of the unreduced brake in the band, by THEORY.md eq. (17), residual checked."""
     k_n = brake.assembly.contact.area * point.tangent
     M, C, K = reference.linearised(brake.assembly, point.pressure, k_n, state.operating)
     U, dk, dc = [], [], []

@@ -44,7 +44,7 @@ def nominal(tmp_path_factory) -> Results:
 
 
 def test_squeal_nominal(nominal):
-    """Growth at the complex mode's rate, then a bounded torque (paper figure 11)."""
+    """Growth as predicted, then a bounded torque (Vermot des Roches et al. 2010, fig. 11)."""
     point = nominal.points.iloc[0]
     assert point["class"] == "limit_cycle"
     assert point["growth_rate"] == pytest.approx(point["predicted_growth_rate"], rel=0.005)

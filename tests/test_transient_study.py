@@ -123,7 +123,7 @@ def test_a_damped_assembly_mode_must_exist(tmp_path):
 
 # -- what comes out ------------------------------------------------------------------------------
 def test_classes_on_both_sides_of_the_stability_boundary(finished):
-    """Stable for v > ln(10)/2 = 1.151293 (../shared/data/README.md)."""
+    """Stable for v > ln(10)/2 = 1.151293 (THEORY.md eq. (98))."""
     points = finished.points
     assert (points["status"] == "ok").all()
     stable = points["sliding_speed"] > np.log(10) / 2

@@ -1,6 +1,6 @@
 """Contact pressure and tangent at a contact point, by integer law code.
 
-Codes (paper, figure 3 left, eq. 5; theory.md section 1), gap g positive when open:
+Codes (THEORY.md eq. (4), (5)), gap g positive when open:
 
 ====  ============  =====================  =================
 code  law           p(g)                   parameters a, b

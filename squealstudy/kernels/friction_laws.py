@@ -1,8 +1,8 @@
 """Friction traction and its tangents at a contact point, per unit area, by integer law code.
 
 With sliding velocity w (two tangential directions), s = |w|, e = w/s and pressure p, the traction
-is t = -f(s, p) e, with the friction bound b = mu(s) max(p, 0) and (eq. 6 as theory.md section 1
-reads it; k_t is a viscous regularisation per area, N s/m3):
+is t = -f(s, p) e, with the friction bound b = mu(s) max(p, 0) and
+(THEORY.md eq. (7), (8); k_t is a viscous regularisation per area, N s/m3):
 
 ====  ===========  ====================
 code  law          f(s, p)

@@ -1,4 +1,4 @@
-"""The contact forces of a hybrid Newmark step, after its forward/back solve (paper figure 4).
+"""The contact forces of a hybrid Newmark step, after its forward/back solve (THEORY.md eq. (83)).
 
 What the forces change in the state is added by columns of J^-1 B^T for a few points, or left as
 the right-hand side of a second solve for many.

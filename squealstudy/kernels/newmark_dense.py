@@ -112,7 +112,7 @@ def point_row(B: np.ndarray, i: int, row: np.ndarray) -> None:
 def fixed_jacobian(
     B: np.ndarray, modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray
 ) -> None:
-    """The fixed Jacobian with its contact factor and tangential mock-up (eq. 7), dense.
+    """The fixed Jacobian, contact factor and tangential mock-up in it (THEORY.md eq. (67)).
 
     `row` (3, n) is room for one point's rows of B.
     """

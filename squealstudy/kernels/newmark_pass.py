@@ -1,7 +1,7 @@
 """The fused pass over the observation matrix for one design point: F = B^T r(B [q; v]).
 
 For every contact point three dots, the laws, three axpys; B is read from memory once, a panel of
-tiles at a time (theory.md section 6).
+tiles at a time (THEORY.md eq. (62)).
 """
 
 from __future__ import annotations

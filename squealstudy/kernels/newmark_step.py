@@ -1,4 +1,4 @@
-"""The course of one design point between two evaluations of its contact forces (paper figure 4).
+"""One design point between two evaluations of its contact forces (THEORY.md eq. (66)).
 
 Every design has its own time, sub-step, iteration and status; an evaluation at its trial state
 (`pass_one` or the batched pass) is followed by `advance`, which accepts, corrects, halves or stops

@@ -59,12 +59,13 @@ class RootErrors(NamedTuple):
 def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> RootErrors:
     """Estimated errors of roots lam (m,) of imaginary part >= 0 with right vectors psi (n, m).
 
-        |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa / |2 lam x^H D x|
+        |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa
+            / max(|x^H (2 lam M + C) x|, 2 |lam| x^H D x)
 
-    with moduli by entry, r the residual, D the diagonal of M (of a row without one the sum of its
-    moduli) and kappa the condition of the root
-    (`conditions`). Entries' round-off follows a stiff spring where it is felt: in a norm of the
-    matrices one spring of 1e15 N/m would drown all roots.
+    (THEORY.md eq. (35)) with moduli by entry, r the residual, D the diagonal of M (of a row
+    without one the sum of its moduli) and kappa the condition of the root (`conditions`).
+    Entries' round-off follows a stiff spring where it is felt: in a norm of the matrices one spring
+    of 1e15 N/m would drown all roots.
     """
     if not len(lam):
         return RootErrors(np.zeros(0), np.zeros(0))

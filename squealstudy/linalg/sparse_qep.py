@@ -1,7 +1,7 @@
 """Sparse quadratic eigenproblem (lambda^2 M + lambda C + K) psi = 0: roots next to zero.
 
 Companion form in theta = 1/lambda with time scaled: the operator needs one real factorisation of
-K; real arithmetic gives conjugate pairs. Measured on the generated brake: theory.md section 2.
+K; real arithmetic gives conjugate pairs (THEORY.md eq. (31)).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""An assembly: disjoint components, the interfaces between them, and loads (eq. 1)."""
+"""An assembly: disjoint components, the interfaces between them, and loads (THEORY.md eq. (23))."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Assembly:
 
     @cached_property
     def K_el(self) -> sp.csr_matrix:
-        """Elastic stiffness of the components (n_dof, n_dof), N/m: the block diagonal of eq. 1."""
+        """Elastic stiffness (n_dof, n_dof) of the components, N/m: block diagonal."""
         return sp.block_diag([c.K for c in self.components], format="csr")
 
     @cached_property

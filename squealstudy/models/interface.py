@@ -1,6 +1,6 @@
-"""Interfaces as observation matrices and point weights, never only as assembled matrices (eq. 1).
+"""Interfaces as observation matrices and point weights, never only as assembled matrices.
 
-Stiffness, pressure, friction and law so stay parameters.
+Stiffness, pressure, friction and law so stay parameters (THEORY.md eq. (1), (2)).
 """
 
 from __future__ import annotations

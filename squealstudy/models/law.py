@@ -22,7 +22,7 @@ LAW_CODES = {
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """Penalised contact law (paper figure 3, eq. 5).
+    """Penalised contact law (THEORY.md eq. (4), (5)).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Mechanical energy of the assembly's modes over time (figures 15 and 16 of the paper)."""
+"""Energy of the assembly's modes over time (Vermot des Roches et al. 2010, fig. 15, 16)."""
 
 from __future__ import annotations
 

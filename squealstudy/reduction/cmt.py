@@ -1,4 +1,4 @@
-"""Component Mode Tuning: component modes as explicit coordinates of the assembly (eq. 1-3)."""
+"""Component Mode Tuning: component modes as coordinates of the assembly (THEORY.md eq. (25))."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class ReducedModel:
 
 @dataclass(frozen=True)
 class Basis:
-    """Component blocks of T_R (eq. 2) and what they were made from.
+    """Component blocks of T_R (THEORY.md eq. (24)) and what they were made from.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ def _load_responses(
 ) -> np.ndarray:
     """Responses to the friction, friction-damping and contact-change loads of the modes `phi`.
 
-    Without the first two the basis has an error floor for complex modes (theory.md section 4);
+    Without the first two the basis has an error floor for complex modes (THEORY.md eq. (26));
     the contact-change loads serve design points at other pressures than the nominal one.
     """
     if not phi.shape[1]:

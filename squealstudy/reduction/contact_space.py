@@ -1,7 +1,7 @@
 """The static brake seen from its contact points: compliances from one factorisation.
 
 With K0 = K_static + k_c N^T A N factored once, any working point of any pressure, friction and
-law is a dense problem in the gaps (theory.md section 3). A change of component modes is a
+law is a dense problem in the gaps (THEORY.md eq. (13)). A change of component modes is a
 low-rank change of K0, taken exactly by Woodbury's identity.
 """
 

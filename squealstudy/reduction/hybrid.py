@@ -1,4 +1,4 @@
-"""The hybrid model of eq. 4: sparse matrices with a dense border, and its own real modes.
+"""The hybrid model (THEORY.md eq. (80)): sparse, with a dense border, and its own real modes.
 
 It is the reference that judges the modal representation. Its state is the deviation from steady
 sliding at a reference working point, whose contact tangent is inside `K`.
@@ -34,7 +34,7 @@ class HybridSettings:
     layers : int
         Element layers kept about the contact surfaces.
     by_component : bool
-        Traces by component; False: over all components together, as eq. 4 is printed.
+        Traces by component; False: over all components together (THEORY.md eq. (80)).
     """
 
     trace_cutoff: float
@@ -98,7 +98,7 @@ class HybridModel:
 
     @property
     def sensors(self) -> np.ndarray:
-        """Rows phi^T M (m, n): modal amplitudes (eq. 9) are their products with q."""
+        """Rows phi^T M (m, n), whose products with q are modal amplitudes (THEORY.md eq. (85))."""
         rows: np.ndarray = (self.M @ self.phi).T
         return rows
 

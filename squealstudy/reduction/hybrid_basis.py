@@ -1,4 +1,4 @@
-"""Hybrid basis of eq. 4: contact surroundings kept explicitly, the rest on traces of modes."""
+"""Contact surroundings kept explicitly, the rest on traces of modes (THEORY.md eq. (80))."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def hybrid_basis(
         Static state; it is scaled.
     layers : int
     by_component : bool
-        Traces by component, as in eq. 3; False: over all components together, as eq. 4 is printed.
+        Traces by component; False: over all components together (THEORY.md eq. (80)).
     """
     explicit = explicit_dofs(assembly, layers)
     inside = np.ones(assembly.n_dof, dtype=bool)

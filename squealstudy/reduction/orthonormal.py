@@ -17,11 +17,11 @@ def complete_basis(
     phi: np.ndarray,
     blocks: Sequence[tuple[np.ndarray, float]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The basis [phi | rest] of one component (eq. 3), M-orthonormal and diagonal in K.
+    """The basis [phi | rest] of one component, M-orthonormal, diagonal in K (THEORY.md eq. (25)).
 
     Vectors of a block are scaled together, not one by one: a small trace carries little of the
     motion and may be dropped. What the basis holds already is projected out twice, the Gram
-    matrix is truncated by its eigenvalues, Cholesky is done twice (theory.md section 4).
+    matrix is truncated by its eigenvalues, Cholesky is done twice (THEORY.md eq. (27)).
 
     Parameters
     ----------

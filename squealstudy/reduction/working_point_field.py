@@ -2,7 +2,7 @@
 
 Gaps are polynomials of the box coordinates (pressure in its logarithm, where a gap of the
 exponential law is nearly linear); a few simplified Newton steps with the inverse Jacobian of the
-nearest anchor take them to the tolerance (theory.md section 5).
+nearest anchor take them to the tolerance (THEORY.md eq. (13), (14)).
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ class TransientSection(Section):
         default=1.0,
         ge=0,
         le=1000,
-        description="factor on the contact stiffness k_c of the fixed Jacobian (eq. 7)",
+        description="factor k_c on the contact stiffness of the fixed Jacobian",
     )
     prewarp: bool = Field(
         default=False,

@@ -4,9 +4,10 @@
     K_sym = K_elastic + K_springs + U^T s U + N^T (.) N,   K = K_sym + T^T (.) N
     C = dampers of component modes + beta K_sym + T_perp^T (.) T_perp + T^T (.) T + modal damping
 
-The terms belong to a structure in some coordinates: unreduced, of component modes, or real modes
-of a reference. The weights belong to a design point; those of contact and friction are
-`contact_weights`. Modal damping is no weighted sum of fixed matrices: each user adds its own term.
+(THEORY.md eq. (17) to (20)). The terms belong to a structure in some coordinates: unreduced, of
+component modes, or real modes of a reference. The weights belong to a design point; those of
+contact and friction are `contact_weights`. Modal damping is no weighted sum of fixed matrices:
+each user adds its own term.
 """
 
 from __future__ import annotations
@@ -310,7 +311,10 @@ def assembly_damping(
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
-    """Modal damping (eq. 8): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,)."""
+    """Modal damping (n, n): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,).
+
+    THEORY.md eq. (18) where the mass is the identity.
+    """
     w2, phi = la.eigh(K_sym)
     omega = np.sqrt(np.maximum(w2, 0.0))
     return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T

@@ -1,7 +1,7 @@
 """Hybrid against modal on the coarse brake: size, time, solves, growth rate, limit cycle.
 
 Run:  python studies/benchmarks/hybrid.py --limit-cycle 0.04     (about five minutes)
-      --layers 1 --traces 12e3 --joint        what the hybrid basis keeps; eq. 4 as printed
+      --layers 1 --traces 12e3 --joint        what the hybrid basis keeps; traces together
       --damped 12e3 --beyond 0.01 --flat      damping, see below
       --growth 4e-3 --step 2e-6 --speed 0.02  durations, step and perturbation
       --only modal plain hybrid               representations
@@ -110,7 +110,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--damped", type=float, default=12e3, help="Hz, modes of ratio 0.5 %%")
     parser.add_argument("--beyond", type=float, default=0.01, help="ratio from where it rises")
     parser.add_argument("--flat", action="store_true", help="modal: 0.5 %% on all coordinates")
-    parser.add_argument("--joint", action="store_true", help="eq. 4 as printed")
+    parser.add_argument("--joint", action="store_true", help="traces of all components together")
     parser.add_argument("--growth", type=float, default=4e-3, help="s")
     parser.add_argument("--limit-cycle", type=float, default=0.0, help="s; 0 runs none")
     parser.add_argument("--step", type=float, default=2e-6, help="s")

@@ -73,10 +73,10 @@ def full_order_modes(
     damped_to_hz: float,
     expected: int | None = None,
 ) -> FullOrderModes:
-    """Complex modes of the unreduced assembly at a working point (theory.md section 1).
+    """Complex modes of the unreduced assembly at a working point (THEORY.md eq. (17), (19)).
 
     Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (eq. 8) is put on the assembly's real modes up to `damped_to_hz`, those beyond have the
+    (THEORY.md eq. (18)) is put on the real modes up to `damped_to_hz`, those beyond have the
     coefficient 2 zeta omega of a mode there. `expected` is how many roots the band's top may have
     below it, conjugates included: all are found whatever it says, soonest where it is close.
 

@@ -4,7 +4,7 @@ Damping has three parts::
 
     C = beta K + M phi (2 zeta omega - beta omega^2) phi^T M + shapes^T d shapes
 
-so that every mode in `phi` has exactly its zeta (eq. 8) and all motion beyond them is damped by
+(THEORY.md eq. (81)): every mode in `phi` has exactly its zeta, and the rest is damped by
 beta K, a ratio beta omega / 2. The modal representation has the same damping where its coordinates
 up to the same cutoff get 2 zeta omega and those beyond it beta omega^2.
 """

@@ -49,9 +49,7 @@ ADAPTIVE = {
 
 INTEGRATORS: Mapping[str, IntegratorEntry] = MappingProxyType(
     {
-        "newmark": IntegratorEntry(
-            "Newmark", "average acceleration, fixed Jacobian (paper eq. 7)", NEWMARK
-        ),
+        "newmark": IntegratorEntry("Newmark", "average acceleration, fixed Jacobian", NEWMARK),
         "newmark_newton": IntegratorEntry(
             "Newmark, Newton", "average acceleration, a fresh Jacobian an iteration", NEWTON
         ),

@@ -28,7 +28,7 @@ from squealstudy.analysis.method_stability.small_problem import SmallProblem
 from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-SAFE = 2.0  # times the estimate (theory.md section 5)
+SAFE = 2.0  # times the estimate, THEORY.md eq. (39)
 REACH = 2.0
 
 KNOBS = (

@@ -1,7 +1,7 @@
 """One Newmark step by the plain fixed Jacobian: what the theory says of it, and what it does.
 
 The iteration g <- g - J^-1 R(g) contracts near its solution by the spectral radius of
-I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (theory.md section 6).
+I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (THEORY.md eq. (69)).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ BAND = (1.0, 1e4)  # rad/s
 SPAN = 0.9  # of the box about mu_c
 NEIGHBOURS = 40  # design points beside the two that are judged: enough to pay for patches
 ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
-SAFE = 2.0  # times its estimate is what an error may be (theory.md section 5), and the tolerance
+SAFE = 2.0  # times its estimate is what an error may be (THEORY.md eq. (39)), and the tolerance
 BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
 
 KNOBS = (

@@ -16,7 +16,7 @@ def two_sided_error(problem: Problem, weights: Weights, pairs: Eigenpairs) -> np
 
         (y^H r_x  -  r_y^H K0^-1 r_x) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
 
-    in the full problem (theory.md section 5). The first part vanishes where the small model is an
+    in the full problem (THEORY.md eq. (39)). The first part vanishes where the small model is an
     exact projection, the second is what its basis lacks.
     """
     system, weights = problem.system.gathered(weights)

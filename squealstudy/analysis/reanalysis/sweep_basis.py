@@ -1,7 +1,7 @@
 """One basis for a whole box of design points, from right and left complex modes, by greedy choice.
 
 Modes at adaptively chosen points are truncated by SVD in the energy norm; the next point is the one
-of a sample whose estimated error against the full problem is largest (theory.md section 5).
+of a sample whose estimated error against the full problem is largest (THEORY.md eq. (37), (39)).
 """
 
 from __future__ import annotations

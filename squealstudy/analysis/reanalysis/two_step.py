@@ -1,7 +1,7 @@
 """Two steps, as commercial codes take them: symmetric real modes, then a small quadratic problem.
 
 Real modes lack the static response to friction and damping forces, so that the error stalls near
-1e-3 (theory.md section 5): this rung is for comparison.
+1e-3 (THEORY.md eq. (45)): this rung is for comparison.
 """
 
 from __future__ import annotations

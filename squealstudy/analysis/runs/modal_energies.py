@@ -1,4 +1,4 @@
-"""Mechanical energy of each mode of a run, and the share it has of all (eq. 9, 10)."""
+"""Mechanical energy of each mode of a run, and the share it has of all (THEORY.md eq. (86))."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ModalShares:
 
 
 def mode_energies(q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Mechanical energies (v^2 + omega^2 q^2) / 2 of modes of unit modal mass (eq. 9, 10).
+    """Mechanical energies (v^2 + omega^2 q^2) / 2 of modes of unit mass (THEORY.md eq. (86)).
 
     Parameters
     ----------

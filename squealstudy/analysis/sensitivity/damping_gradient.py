@@ -1,4 +1,4 @@
-"""How modal damping (eq. 8) changes a root, by the matrices it is made from.
+"""How modal damping changes a root, by the matrices it is made from (THEORY.md eq. (58)).
 
 C_d = sum of M phi (2 zeta omega) phi^T M is a function of K_sym and M. In the coordinates of the
 real modes phi its derivative is (Daleckii-Krein, with the mass)

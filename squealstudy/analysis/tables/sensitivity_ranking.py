@@ -1,4 +1,4 @@
-"""Sensitivities of one mode, the largest first (the paper's figure 7)."""
+"""Sensitivities of one mode, the largest first (figure 7 of Vermot des Roches et al. 2010)."""
 
 from __future__ import annotations
 

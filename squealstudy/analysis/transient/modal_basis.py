@@ -1,7 +1,7 @@
 """Smaller modal systems: assembly modes up to a frequency, and POD vectors of a run beside them.
 
 Truncation spoils the level of a limit cycle; POD vectors of a run repair it near that run
-(theory.md section 6). They spoil growth rates: a run owes little of its energy to its small
+(THEORY.md eq. (79)). They spoil growth rates: a run owes little of its energy to its small
 beginnings. What the growing modes have beyond the kept modes is therefore the first of the added
 vectors: a basis that holds a mode's right vector has its root. All added vectors live in the span
 of the truncated modes, so the kept modes stay exact and uncoupled.

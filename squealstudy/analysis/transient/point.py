@@ -181,9 +181,9 @@ def _check_slope(
 
 
 def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:
-    """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s (eq. 8).
+    """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s.
 
-    Modes and stiffness are those of the reference, for all design points.
+    THEORY.md eq. (18). Modes and stiffness are those of the reference, for all design points.
     """
     zeta = np.full(reference.system.n, state.damping_ratio)
     for mode, value in state.assembly_damping.items():

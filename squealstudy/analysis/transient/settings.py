@@ -33,7 +33,7 @@ class TransientSettings:
     contact_factor : float
         k_c, factor on the contact stiffness of the Jacobian; 1 keeps it diagonal.
     contact_stiffness : float or None
-        The paper's uniform law in the Jacobian, Pa/m; None for the static tangents.
+        Of a uniform law in the Jacobian, Pa/m (THEORY.md eq. (67)); None: static tangents.
     mockup : str
         Tangential mock-up k_t/2 in the Jacobian: ``auto``, ``always``, ``never``.
     prewarp : bool

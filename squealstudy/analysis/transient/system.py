@@ -1,7 +1,7 @@
 """Modal systems with contact and friction, and the design points on them.
 
-The equations are those of theory.md section 6 in coordinates that diagonalise the system at a
-reference working point (M = I)::
+In coordinates that diagonalise the system at a reference working point, M = I
+(THEORY.md eq. (62))::
 
     q'' + C q' + K q = load + N^T (A p(g) - rn_ref) + T1^T (t1 - t1_ref) + T2^T (t2 - t2_ref)
     g = gap + N q,    w = (speed + T1 q', T2 q')
@@ -31,7 +31,7 @@ FRICTION_CODES = {"regularised": friction_laws.REGULARISED, "smooth": friction_l
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """Coulomb friction, regularised, constant or falling with the sliding speed (eq. 6).
+    """Coulomb friction, regularised, constant or falling with speed (THEORY.md eq. (7) to (9)).
 
     Parameters
     ----------

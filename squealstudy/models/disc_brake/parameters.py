@@ -1,4 +1,4 @@
-"""Parameters of the disc brake with the defaults of theory.md section 2."""
+"""Parameters of the disc brake with their defaults, those of a brake that squeals."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def settings_of(section: TransientSection, every: int) -> TransientSettings:
 def sensed_modes(
     section: TransientSection, omega2: np.ndarray, band_hz: tuple[float, float]
 ) -> np.ndarray:
-    """Numbers (from 1) of the assembly modes under modal sensors (eq. 9).
+    """Numbers (from 1) of the assembly modes under modal sensors (THEORY.md eq. (85)).
 
     Raises
     ------

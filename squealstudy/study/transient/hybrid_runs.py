@@ -1,4 +1,4 @@
-"""Design points in the hybrid representation (eq. 4): the reference of the modal one.
+"""Design points in the hybrid representation (THEORY.md eq. (80)): the modal one's reference.
 
 Forecast and start are those of the modal representation, mapped on the assembly modes that both
 have; damping is the same on these.
