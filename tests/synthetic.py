@@ -10,7 +10,7 @@ from squealstudy.analysis.reanalysis.eigen import all_pairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, in_band, light
-from squealstudy.analysis.reanalysis.windows import Windows
+from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
 
 HZ = 2 * np.pi

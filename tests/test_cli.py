@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from squealstudy import open_results
+from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import main
 from squealstudy.errors import ConvergenceError
-from squealstudy.study.complex_modes.solve import solve_design
 
 STUDY = """[study]
 name = "lockin"
@@ -110,7 +110,7 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
     def fail(*_):
         raise ConvergenceError("not_converged", "no luck")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail)
+    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail)
     for _ in range(2):
         assert command(monkeypatch, "run", "study.toml", "-j", "1") == 2
         screen = capsys.readouterr()
@@ -119,12 +119,12 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
 
 
 def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, capsys):
-    def fail_above(prepared, design, *more):
-        if design.values["friction"] > 0.4:
+    def fail_above(prepared, state, *more):
+        if state.operating.mu_steady > 0.4:
             raise ConvergenceError("not_converged", "no luck")
-        return solve_design(prepared, design, *more)
+        return solve_point(prepared, state, *more)
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail_above)
+    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail_above)
     for _ in range(2):
         assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
         assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out

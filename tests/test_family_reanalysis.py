@@ -14,16 +14,12 @@ from squealstudy.analysis.reanalysis.estimate import two_sided_error
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, light
-from squealstudy.analysis.reanalysis.two_sided_basis import snapshots, two_sided_basis
-from squealstudy.analysis.reanalysis.windows import Windows
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.sparse_cholesky import SparseCholesky
 from squealstudy.models.expression import parse_expression
 from squealstudy.models.matrix_family import FamilyTerm, MatrixFamily
-from squealstudy.study.definition import load_study
-from squealstudy.study.family import read_family
-from squealstudy.study.source import SourceText
+from squealstudy.modes.rungs.windows import Windows
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
 W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
@@ -198,44 +194,3 @@ def test_sweep_basis_and_windows_of_a_family():
         assert len(point.lam) == len(exact)
         slight = light(exact)
         assert distance(point.lam, exact[slight]).max() < tolerance
-
-
-def test_two_sided_basis_converges_twice_as_fast_as_its_singular_values():
-    problem = machine()
-    train = [problem.pairs(np.array([t]), 1.0)[1] for t in (-1.0, -0.4, 0.4, 1.0)]
-    modes, theta = snapshots(problem, train), np.array([0.1])
-    weights, exact = problem.weights(theta), dense_roots(problem, theta)
-    errors = {}
-    for d in (20, 30, 45):
-        basis = two_sided_basis(problem, modes, d)
-        errors[d] = distance(basis.roots(weights), exact).max()
-        pairs = basis.pairs(weights)
-        found = pairs.take(np.abs(pairs.lam[None] - exact[:, None]).argmin(axis=1))
-        true = np.abs(found.lam - exact)
-        estimate = np.abs(two_sided_error(problem, weights, found))
-        if d == 45:
-            assert (true <= 5 * np.maximum(estimate, 1e-12 * np.abs(exact))).all()
-    assert errors[20] > 10 * errors[30] > 100 * errors[45]
-    with pytest.raises(ModelError, match="vectors asked for"):
-        two_sided_basis(problem, modes, 1000)
-
-
-def test_two_sided_basis_of_m0_between_its_speeds(m0_files, monkeypatch):
-    """40 vectors of three speeds, worst root of the published region at a speed between."""
-    monkeypatch.setenv("SQUEALSTUDY_DATA", str(m0_files.parent))
-    study = load_study(STUDIES / "outside_data" / "m0_speed.toml")
-    made = read_family(study.model, SourceText(study.path, study.text))
-
-    def speed(t):
-        return {"omega": float(LOW * (HIGH / LOW) ** ((t[0] + 1) / 2))}
-
-    problem = FamilyProblem(made, 1, speed, (200.0, 6400.0), 100, least_growth=-12.0)
-    train = [problem.pairs(np.array([t]), 1.0)[1] for t in (-1.0, 0.0, 1.0)]
-    basis = two_sided_basis(problem, snapshots(problem, train), 40)
-    values = {"omega": 20.0}
-    weights = made.weights(values)
-    exact = roots_in_band(*made.combined(weights), problem.band, 100).lam
-    exact = exact[(exact.real > -7) & (np.abs(exact) < 4e4)]
-    assert len(exact) == 13
-    error = np.abs(exact[:, None] - basis.roots(weights)[None]).min(axis=1).max()
-    assert error / np.abs(exact).max() < 5e-6

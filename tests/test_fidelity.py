@@ -15,7 +15,7 @@ from squealstudy.cli.app import app
 from squealstudy.cli.fidelity_screen import facts
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.cache import is_prepared, read_scalars
-from squealstudy.study.complex_modes.worker import ChunkTask
+from squealstudy.study.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity import frequency_search
 from squealstudy.study.fidelity import run as fidelity_run
@@ -701,6 +701,6 @@ class SlowAtFirst:
 
 def test_pilots_are_timed_without_what_the_first_call_of_a_process_owes():
     kind = SlowAtFirst()
-    task = ChunkTask((1.0, 2.0), (), True)
+    task = SolveTask(structure=None, rung="", points=(), box=None, keep_gaps=True)
     assert _solved(kind, [task])[0] < 0.1
     assert kind.calls == 2

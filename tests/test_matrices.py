@@ -28,7 +28,6 @@ from squealstudy.models.matrix_family import FamilyTerm, MatrixFamily
 from squealstudy.models.matrix_files import read_matrix
 from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.complex_modes.solve import solve_design
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
 from squealstudy.study.family_cache import load_any
@@ -414,7 +413,7 @@ def test_prepared_families_are_read_back_as_they_were(tmp_path, monkeypatch):
     (structure,) = plan.structures
     assert is_prepared(structure.key)
     found = load_any(structure.key)
-    modes = solve_design(found, plan.designs[4], plan.band_hz)
+    modes = solve_family_point(found, plan.designs[4].plain_values(), plan.band_hz)
     table = squealstudy.open_results(tmp_path / "r").modes
     own = table[table["point_id"] == plan.tasks[4].point_id]
     np.testing.assert_array_equal(np.abs(modes.lam) / (2 * np.pi), own["frequency_hz"])

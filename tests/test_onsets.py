@@ -19,7 +19,6 @@ from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.stability_boundary import stability_boundary
 from squealstudy.study.complex_modes.between import Neighbourhoods
-from squealstudy.study.complex_modes.full_rung import FullRung
 from squealstudy.study.definition import parse_study
 from squealstudy.study.measure.onset_lines import first_onset
 from squealstudy.study.parallel import Workers
@@ -330,10 +329,10 @@ def test_structural_sweeps_are_not_refined(tmp_path):
 
 
 def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, monkeypatch):
-    def fail(prepared, design, band):
+    def fail(*arguments):
         raise ConvergenceError("not_converged", "no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.between.solve_design", fail)
+    monkeypatch.setattr("squealstudy.modes.rungs.dense.Dense.modes_at", fail)
     (row,) = run(study(num=4), tmp_path / "r").onsets.to_dict("records")
     assert row["status"] == "failed"
     assert row["bracket_low"] < row["onset"] <= row["bracket_high"]
@@ -393,8 +392,7 @@ def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
         build_structures(plan, Workers())
         both.append(Neighbourhoods(plan).of(1))
     full, dense = both
-    assert isinstance(full.by, FullRung)
-    assert dense.by is None
+    assert (full.rung, dense.rung) == ("full", "dense")
     x = np.array([0.23])
     np.testing.assert_allclose(full.solve(x).lam, dense.solve(x).lam, rtol=1e-9)
 

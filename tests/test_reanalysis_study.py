@@ -13,19 +13,17 @@ from hypothesis import strategies as st
 
 from squealstudy import open_results
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.study.complex_modes import bases, full_rung
-from squealstudy.study.complex_modes.bases import split_boxes
+from squealstudy.study.complex_modes import problems, unreduced
 from squealstudy.study.complex_modes.chart import chart_of
 from squealstudy.study.complex_modes.kind import ComplexModes
-from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
-from squealstudy.study.complex_modes.window_worker import solve_box
+from squealstudy.study.complex_modes.problems import swept_structures
+from squealstudy.study.complex_modes.solve_tasks import solve_tasks, split_boxes
+from squealstudy.study.complex_modes.worker import solve_points
 from squealstudy.study.definition import parse_study
 from squealstudy.study.estimate import Estimate, _timed, run_seconds
-from squealstudy.study.method import Method
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures, run_study
-from squealstudy.study.tasks import PointTask
 
 HULTEN = """
 [study]
@@ -254,13 +252,13 @@ def test_a_study_narrowed_in_its_directory_makes_the_basis_of_its_smaller_box(tm
 
 
 def test_without_a_basis_auto_solves_all_points_exactly(tmp_path, monkeypatch):
-    def refuse(task, report):
+    def refuse(*arguments):
         raise ConvergenceError("not_converged", "nothing is smooth here")
 
-    def windows_anyway(study, *_):
-        return Method("windows", study.definition.modes.tolerance, "for the test")
+    def windows_anyway(*arguments):
+        return "windows", "for the test"
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.bases.make_basis", refuse)
+    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", refuse)
     monkeypatch.setattr("squealstudy.study.method._cheapest", windows_anyway)
     text = HULTEN.replace("num = 41", "num = 17") + "tolerance = 3.7e-5\n"  # a box of its own
     results = run(text, tmp_path)
@@ -304,23 +302,22 @@ def test_a_chart_gives_back_the_design(mu, pressure, speed):
 def test_boxes_part_the_points(n, d, most, seed):
     theta = np.random.default_rng(seed).integers(-4, 5, (n, d)) / 4.0
     boxes = split_boxes(theta, most)
-    rows = np.concatenate([rows for rows, _, _ in boxes])
+    rows = np.concatenate([rows for rows, _ in boxes])
     assert sorted(rows) == list(range(n))
-    for rows, low, high in boxes:
-        assert (theta[rows] >= low).all()
-        assert (theta[rows] <= high).all()
-        assert len(rows) <= most or not (high > low).any()
+    for rows, box in boxes:
+        assert box.holds(theta[rows]).all()
+        assert len(rows) <= most or not (box.high > box.low).any()
 
 
 def test_a_failure_of_the_method_leaves_its_points_to_the_exact_rung(tmp_path, monkeypatch):
     def fail(*arguments):
         raise ConvergenceError("not_converged", "no anchor")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.window_worker.make_anchor", fail)
+    monkeypatch.setattr("squealstudy.modes.rungs.perturbation.make_anchor", fail)
     plan = plan_of(HULTEN + 'method = "perturbation"\n', tmp_path)
-    (task, *_) = window_tasks(plan, plan.tasks)
+    (task, *_) = solve_tasks(plan, plan.tasks, 1)
     build_structures(plan, Workers())
-    rows = solve_box(task).rows
+    rows = solve_points(task).rows
     assert len(rows) == len(task.points)
     assert {(row["status"], row["method"]) for row in rows} == {("ok", "dense")}
 
@@ -329,7 +326,7 @@ def test_a_box_without_a_basis_names_the_way_out(tmp_path, monkeypatch):
     def fail(*arguments):
         raise ConvergenceError("working_point", "most of the box has no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.bases.make_basis", fail)
+    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", fail)
     with pytest.raises(StudyFileError, match=r"key 'modes.method': no sweep basis .*dense"):
         run(HULTEN + 'method = "windows"\n', tmp_path)
 
@@ -343,12 +340,10 @@ def test_a_method_in_another_kind_of_study_is_refused(tmp_path):
 def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     """Its points are failed rows already; the others get theirs."""
     plan = plan_of(HULTEN + 'method = "windows"\ntolerance = 3.9e-5\n', tmp_path)
-    (task,) = basis_tasks(plan)
+    (task,) = swept_structures(plan)
     unbuilt = replace(task, key="0" * 16)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "squealstudy.study.complex_modes.window_tasks.basis_tasks", lambda _: [unbuilt]
-        )
+        patch.setattr("squealstudy.study.complex_modes.kind.swept_structures", lambda _: [unbuilt])
         ComplexModes().prepare(plan, lambda *_: None)
     assert not unbuilt.path.is_file()
     build_structures(plan, Workers())
@@ -366,14 +361,13 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
             return object()
 
     def point(*modes):
-        design = SimpleNamespace(
+        return SimpleNamespace(
             model=Model(), mode_parameters=lambda: modes, plain_values=lambda: modes
         )
-        return PointTask("", design, "key")
 
-    monkeypatch.setattr(full_rung, "_built", {})
-    monkeypatch.setattr(full_rung, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
-    rung = full_rung.FullRung({}, SimpleNamespace(component_cutoff=1.0))
+    monkeypatch.setattr(unreduced, "_built", {})
+    monkeypatch.setattr(unreduced, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
+    rung = unreduced.Unreduced("key", {}, SimpleNamespace(component_cutoff=1.0))
     first = rung.assembly(point())
     assert rung.assembly(point()) is first
     assert first[1] == {}
@@ -385,13 +379,13 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
 def test_a_looser_tolerance_has_no_dearer_basis(tmp_path, monkeypatch, tolerance, trained):
     """A shorter cut would ask for more training points: that of 1e-4 serves looser ones."""
     asked = []
-    made = bases.build_sweep_basis
+    made = problems.build_sweep_basis
 
     def watched(problem, to, **more):
         asked.append(to)
         return made(problem, to, **more)
 
-    monkeypatch.setattr(bases, "build_sweep_basis", watched)
+    monkeypatch.setattr(problems, "build_sweep_basis", watched)
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))  # no basis is there yet
     run(HULTEN + f'method = "sweep_basis"\ntolerance = {tolerance}\n', tmp_path)
-    assert asked == [pytest.approx(bases.SHARE * trained)]
+    assert asked == [pytest.approx(problems.SHARE * trained)]

@@ -414,7 +414,7 @@ def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch
     def fail(*_):
         raise ConvergenceError("not_converged", "no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.worker.solve_design", fail)
+    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail)
     with contextlib.suppress(ResultsError):  # run says that every point failed
         run(tmp_path / "r", "latin_hypercube", 8)
     names = [

@@ -13,8 +13,8 @@ from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance,
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.eigen import all_pairs
-from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
-from squealstudy.analysis.reanalysis.two_step import (
+from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
+from squealstudy.modes.rungs.two_step import (
     is_symmetric,
     symmetric_modes,
     two_step_roots,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import squealstudy
-from squealstudy.study.complex_modes.solve import solve_design
+from squealstudy.analysis.point import solve_point
+from squealstudy.study.cache import load_prepared
 from squealstudy.study.definition import Study, parse_study
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
-from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
@@ -99,7 +99,7 @@ def test_friction_pressure_map(tmp_path: Path) -> None:
     assert sum(served.values()) == 529
     assert served["windows"] > 200
     for task in plan.tasks[7::89]:  # against the exact rung, at points of no grid line of nodes
-        exact = solve_design(prepared_any(task.prepared_key), task.design, plan.band_hz)
+        exact = solve_point(load_prepared(task.prepared_key), task.design.state(), plan.band_hz)
         found = results.modes[results.modes["point_id"] == task.point_id]
         within = np.abs(exact.lam) < 2 * np.pi * plan.band_hz[1] * (1 - 1e-4)
         light = exact.lam[within & (np.abs(exact.lam.real) < 0.05 * np.abs(exact.lam))]

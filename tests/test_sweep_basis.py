@@ -22,9 +22,9 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
     light,
     sample_box,
 )
-from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
 from squealstudy.errors import ConvergenceError
 from squealstudy.models.law import ContactLaw
+from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
@@ -121,7 +121,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
     assert map_basis.error <= TOLERANCE
     assert map_basis.V.shape[1] < 0.8 * prepared.model.n
     true, estimate = [], []
-    interpolated = map_problem.modal_damping_error()
+    interpolated = map_problem.interpolation_error()
     for theta in random_points(10, 2, seed=42):
         assert np.abs(map_basis.trained - theta).sum(axis=1).min() > 1e-3
         weights = map_problem.weights(theta)
@@ -189,7 +189,7 @@ def test_windows_along_a_line(prepared, state_at, tolerance, count):
     basis = build_sweep_basis(problem, tolerance / 3)
     theta = np.vstack([[[-1.0], [1.0]], random_points(count - 2, 1, seed=1)])
     found = list(Windows(problem, basis, tolerance).solve(whole_box(1), theta))
-    assert any(p.method == WINDOWS for p in found) == (count >= 50)
+    assert any(p.method == "windows" for p in found) == (count >= 50)
     assert sorted(p.row for p in found) == list(range(len(theta)))
     some = [p for p in found if p.row < 2 or p.row % (count // 5) == 0]
     true, estimate = compared(prepared, problem, theta, some, tolerance)
@@ -215,7 +215,7 @@ def damped_map(theta):
 def test_modal_damping_over_friction_and_pressure(prepared):
     """Its matrix has no terms of its own: it is interpolated, and no error estimate sees that."""
     problem = BrakeProblem(prepared, 2, damped_map, BAND)
-    assert problem.modal_damping_error() < 0.1 * TOLERANCE
+    assert problem.interpolation_error() < 0.1 * TOLERANCE
     basis = build_sweep_basis(problem, TOLERANCE / 3)
     part = Box(np.array([-1.0, -1.0]), np.array([0.0, 0.0]))
     theta = part.place(random_points(60, 2, seed=8))
@@ -238,7 +238,7 @@ def damped_box(theta):
 def test_modal_damping_is_interpolated_over_what_stiffens_the_brake(prepared):
     """Neither the speed nor the damping itself does: more nodes are left for the others."""
     problem = BrakeProblem(prepared, 4, damped_box, BAND)
-    assert problem.modal_damping_error() < 0.1 * 1e-4
+    assert problem.interpolation_error() < 0.1 * 1e-4
     theta = random_points(1, 4, seed=2)
     weights = problem.modal_damping.weights
     np.testing.assert_array_equal(weights(theta), weights(theta * [1, 1, 0, 0]))
@@ -247,7 +247,7 @@ def test_modal_damping_is_interpolated_over_what_stiffens_the_brake(prepared):
 
 def test_undamped_problems_have_no_modal_damping(map_problem):
     assert map_problem.modal_damping is None
-    assert map_problem.modal_damping_error() == 0.0
+    assert map_problem.interpolation_error() == 0.0
 
 
 @pytest.mark.parametrize(

@@ -22,10 +22,10 @@ from squealstudy.analysis.point import DENSE
 from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
+from squealstudy.analysis.reanalysis.ritz import ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, light
-from squealstudy.analysis.reanalysis.windows import SWEEP_BASIS, WINDOWS, Windows
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.rungs.windows import Windows
 
 
 def line(count, ends=1.0):
@@ -74,7 +74,7 @@ def test_roots_of_a_box_keep_the_tolerance(dimension, n, tolerance):
 def test_patches_serve_many_points_of_few_dimensions():
     for dimension in (1, 2):
         windows, found = solved(random_brake(20, dimension, 1), random_points(300, dimension), 1e-4)
-        assert share(found, WINDOWS) > 0.95
+        assert share(found, "windows") > 0.95
         assert windows.counts["nodes"] < 100
 
 
@@ -91,7 +91,7 @@ def test_undamped_lock_ins_of_many_pairs(seed):
 
 def test_the_sweep_basis_serves_few_points():
     _, found = audited(random_brake(20, 2, 1), random_points(12, 2), 1e-4)
-    assert share(found, SWEEP_BASIS) == 1.0
+    assert share(found, "sweep_basis") == 1.0
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
@@ -186,7 +186,7 @@ def test_an_undamped_pair_keeps_1e_6_near_its_exceptional_point(coupling, span):
     theta = np.concatenate([distance / span, -distance / span, np.linspace(-1, 1, 60)])
     theta = theta[np.abs(theta) <= 1][:, None]
     _, found = solved(problem, theta, 1e-6)
-    assert share(found, WINDOWS) > 0.9
+    assert share(found, "windows") > 0.9
     for p in found:
         _, K = problem.matrices(theta[p.row])
         s = np.linalg.eigvals(K).astype(complex)  # undamped: half the size, half the round-off
@@ -266,7 +266,7 @@ def test_crossing_without_mixing():
     )
     windows, found = audited(problem, line(90), 1e-6)
     assert windows.counts["patches"] == 1
-    assert share(found, WINDOWS) == 1.0
+    assert share(found, "windows") == 1.0
 
 
 # -- edges -----------------------------------------------------------------------------------
@@ -400,7 +400,7 @@ def test_estimates_of_heavily_damped_roots(dampers):
     problem = strongly_damped(30, dampers)
     theta = np.random.default_rng(1).uniform(-1, 1, (150, 2))
     windows, found = audited(problem, theta, 1e-3)
-    assert share(found, WINDOWS) > 0.95
+    assert share(found, "windows") > 0.95
     assert windows.counts["nodes"] < len(theta)
     audit = Audit(problem, theta, found, 1e-3)
     seen = audit.heavy_true > 1e-9
@@ -408,6 +408,15 @@ def test_estimates_of_heavily_damped_roots(dampers):
     assert len(ratio) > 100
     assert ratio.max() <= 5.0
     assert (ratio <= 2.0).mean() >= 0.95
+
+
+def interpolated_roots(patch, theta):
+    """Roots (b, m) of the interpolated matrices of the blocks alone."""
+    flat, found, offset = patch.cardinals(theta) @ patch.S, [], 0
+    for _, k in patch.slices:
+        found.append(np.linalg.eigvals(flat[:, offset : offset + k * k].reshape(-1, k, k)))
+        offset += k * k
+    return np.hstack(found)
 
 
 def test_heavy_roots_are_bounded_by_their_first_order_distance():
@@ -446,7 +455,7 @@ def test_points_without_a_working_point_are_rows_with_their_reason():
     assert lost == list(np.flatnonzero(theta[:, 0] > 0.43))
     assert all("none at" in str(p.failure) and p.sample is None for p in found if p.failure)
     there = [p for p in found if p.failure is None]
-    assert share(there, WINDOWS) > 0.3
+    assert share(there, "windows") > 0.3
     Audit(plain, theta, there, 1e-5).check(1e-5)
 
 
@@ -475,7 +484,7 @@ def test_estimates_of_a_coarse_basis_hold(kept):
     problem.band = (problem.band[0], HZ * 1200)
     basis = truncated_basis(problem, kept)
     found = sorted(Windows(problem, basis, 1e-2).solve(whole_box(1), theta), key=lambda p: p.row)
-    assert share(found, WINDOWS) > 0.5
+    assert share(found, "windows") > 0.5
     audit = Audit(problem, theta, found, 1e-2)
     audit.check(1e-2)
     assert audit.true.max() > 1e-8  # the basis is coarse indeed

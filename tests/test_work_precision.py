@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from squealstudy import open_results
+from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import app
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.plots.work_precision import work_precision
-from squealstudy.study.complex_modes import worker
-from squealstudy.study.complex_modes.solve import solve_design
+from squealstudy.study.complex_modes import problems
 from squealstudy.study.experiments.definition import load_any
 from squealstudy.study.experiments.kinds import experiment_kind
 from squealstudy.study.experiments.runner import run_experiment
@@ -428,14 +428,14 @@ def test_measured_points_on_one_line_share_it(write):
 
 
 def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
-    def fail(prepared, design, band, known=None):
-        if design.operating_point().mu_steady == 0.6:
+    def fail(prepared, state, band, known=None):
+        if state.operating.mu_steady == 0.6:
             raise ConvergenceError("not_converged", "no working point")
-        return solve_design(prepared, design, band, known)
+        return solve_point(prepared, state, band, known)
 
     kind = WorkPrecision(load_any(write(FLUTTER, ONSETS)))
     kind.prepare(Workers())
-    monkeypatch.setattr(worker, "solve_design", fail)
+    monkeypatch.setattr(problems, "solve_point", fail)
     (row,) = kind.solve(kind.runs()[-1])
     assert row["status"] == "not_converged"
     assert row["message"] == "on the line of onset: no working point"

@@ -19,7 +19,6 @@ from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.experiments.definition import Experiment, load_any
 from squealstudy.study.kinds import EXPERIMENTS
 from squealstudy.study.manifest import check_ownership, outdated
-from squealstudy.study.method import OVER_A_BASIS
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.runner import (
@@ -130,7 +129,8 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     if kind != "complex_modes":
         return []
     method = plan.method
-    kept = f", to {method.tolerance:g}" if method.name in OVER_A_BASIS else ""
+    rung = method.rung
+    kept = f", to {method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
     return [("method", f"{method.name}{kept}: {method.reason}")]
 
 

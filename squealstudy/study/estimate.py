@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from squealstudy.modes.rung import Rung
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Kind
 from squealstudy.study.kinds import kind_named
-from squealstudy.study.method import BASIS_SOLVES, FULL, OVER_A_BASIS, served_share
 from squealstudy.study.plan import Plan, checked_points, has_mesh
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.tasks import PointTask
@@ -78,14 +78,15 @@ def run_seconds(
     assert cost.point_s is not None
     own, bases = cost.point_s, 0.0
     complex_modes = plan.study.definition.study.kind == "complex_modes"
-    served = plan_share(plan, plan.method.name) if complex_modes else None
+    rung = plan.method.rung
+    served = plan_share(plan, rung) if complex_modes else None
     if served is not None:
         own *= served
-    if complex_modes and plan.method.name in OVER_A_BASIS:
-        from squealstudy.study.complex_modes.window_tasks import basis_tasks
+    if complex_modes and rung.over_a_basis:
+        from squealstudy.study.complex_modes.problems import swept_structures
 
-        new = sum(not task.path.is_file() for task in basis_tasks(plan))
-        bases = new * BASIS_SOLVES * cost.point_s
+        new = sum(not structure.path.is_file() for structure in swept_structures(plan))
+        bases = new * rung.setup_solves * cost.point_s
     build = cost.n_missing_structures * (cost.structure_s or 0.0)
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
     low, high = OTHER if not complex_modes else EXACT if served is None else REANALYSIS
@@ -102,10 +103,12 @@ def run_seconds(
     return build + low * points[0] + OVERHEAD[0], build + high * points[1] + OVERHEAD[1]
 
 
-def plan_share(plan: Plan, method: str) -> float | None:
-    """`served_share` of the points of a plan by a method."""
+def plan_share(plan: Plan, rung: Rung) -> float | None:
+    """Seconds of a point of a plan by a rung over those of an exact one; None where it is exact."""
+    if rung.exact:
+        return None
     varied = sum(not sweep.parameter.structural for sweep in plan.study.sweeps)
-    return served_share(method, len(plan.tasks) // len(plan.structures), varied)
+    return rung.relative_cost(len(plan.tasks) // len(plan.structures), varied)
 
 
 def _refines(plan: Plan) -> bool:
@@ -118,7 +121,7 @@ def _refines(plan: Plan) -> bool:
 
 def _check_seconds(plan: Plan, point_s: float) -> float:
     """Seconds of the points that are checked at full order."""
-    meshed = has_mesh(plan.study) and plan.method.name != FULL
+    meshed = has_mesh(plan.study) and not plan.method.rung.unreduced
     return len(checked_points(plan)) * point_s * (FULL_ORDER if meshed else 1.0)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import squealstudy
 
 # the code whose change changes a reduction or a result
-NUMERIC_PACKAGES = ("kernels", "linalg", "models", "reduction", "system", "analysis")
+NUMERIC_PACKAGES = ("kernels", "linalg", "models", "reduction", "system", "analysis", "modes")
 LENGTH = 16
 
 

@@ -1,4 +1,4 @@
-"""Which rung of reanalysis serves a study: as its file says, or the one of least total cost."""
+"""Which rung serves a study: as its file says, or the one of least total cost."""
 
 from __future__ import annotations
 
@@ -7,67 +7,54 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.modes.rung import Rung, Scope
+from squealstudy.modes.rungs import all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
+from squealstudy.study.sections import AUTO
 from squealstudy.study.source import SourceText
-
-AUTO, FULL, DENSE = "auto", "full", "dense"
-SWEEP_BASIS, WINDOWS = "sweep_basis", "windows"
-TWO_STEP, PERTURBATION = "two_step", "perturbation"
-OVER_A_BASIS = (SWEEP_BASIS, WINDOWS)
-FOR_COMPARISON = (TWO_STEP, PERTURBATION)
-APPROXIMATE = (*OVER_A_BASIS, *FOR_COMPARISON)
-# design points of one structure from which on windows take less time than dense points, by the
-# number of parameters that vary; a basis is made by one process, points are solved by all.
-# studies/benchmarks/method_costs.py measures these and what follows
-PAYS_FROM = {1: 60, 2: 500, 3: 1500}
-BASIS_PAYS_FROM = 600  # with more parameters: patches would be too many, a basis is not
-
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
-# seconds of a design point over those of an exact solve, about
-SERVED = {SWEEP_BASIS: 0.55, TWO_STEP: 0.9, PERTURBATION: 0.6}
-# and in windows, where many points share a patch: (ALONE / points) ** FALLS, by the number of
-# parameters that vary: .23 at 60 points over one; .89 and .64 at 300 and 500 over two; .13 at
-# 20,000 is of an earlier state, whose exact points were dearer
-ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
-
-
-def served_share(method: str, points: int, varied: int) -> float | None:
-    """Seconds of a design point over those of an exact solve, about; None of exact methods.
-
-    `points` are those of a structure, over so many parameters that vary.
-    """
-    if method != WINDOWS:
-        return SERVED.get(method)
-    share: float = min(1.0, (ALONE.get(varied, ALONE[2]) / max(points, 1)) ** FALLS)
-    return share
 
 
 class Method(NamedTuple):
-    """A rung, the tolerance it keeps, and why it was chosen."""
+    """A rung by its name, the tolerance it keeps, and why it was chosen.
+
+    Attributes
+    ----------
+    name : str
+    tolerance : float
+        Largest error of lightly damped and of growing roots, relative to their moduli.
+    reason : str
+    exact : str
+        The rung that is exact for the model, for what this one cannot solve.
+    """
 
     name: str
     tolerance: float
     reason: str
+    exact: str
+
+    @property
+    def rung(self) -> Rung:
+        """The rung itself."""
+        return rung_named(self.name)
 
     @property
     def largest_error(self) -> float:
-        """What a point's roots may be wrong by and count as solved, relative to their moduli.
-
-        Rungs that are there for comparison keep no tolerance.
-        """
-        return np.inf if self.name in FOR_COMPARISON else self.tolerance
+        """What a point's roots may be wrong by and count as solved, relative to their moduli."""
+        return self.tolerance if self.rung.keeps_tolerance else np.inf
 
     @property
     def identity(self) -> list[object]:
-        """What results depend on beside the model: nothing where the method is exact."""
-        if self.name in APPROXIMATE:
-            return [self.name, self.tolerance]
-        return [FULL] if self.name == FULL else []
+        """What results depend on beside the model: nothing where the reduced model is exact."""
+        rung = self.rung
+        outside = [rung.source_hash] if rung.source_hash else []
+        if rung.exact:
+            return [rung.name, *outside] if rung.unreduced or outside else []
+        return [rung.name, self.tolerance, *outside]
 
 
 def choose_method(
-    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], exact: str
+    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], reduced: bool
 ) -> Method:
     """The method of a study.
 
@@ -78,37 +65,29 @@ def choose_method(
         Swept values of each design point.
     structural : sequence of str
         Swept parameters whose every value is another structure.
-    exact : str
-        The rung that is exact for the model: dense, or full for matrices.
+    reduced : bool
+        The model has component-mode coordinates; a family of matrices has none.
 
     Raises
     ------
     StudyFileError
         A method that cannot serve this study.
     """
-    section = study.definition.modes
-    single = _single_mode_damping(study, swept)
-    if section.method != AUTO and study.definition.study.kind != "complex_modes":
-        raise SourceText(study.path, study.text).error(
+    section, exact = study.definition.modes, exact_rung(reduced).name
+    scope = _scope(study, swept, structural, reduced)
+    if section.method == AUTO:
+        name, reason = _cheapest(study, scope, exact)
+        return Method(name, section.tolerance, reason, exact)
+    source = SourceText(study.path, study.text)
+    if study.definition.study.kind != "complex_modes":
+        raise source.error(
             ("modes", "method"),
             f"a {study.definition.study.kind} study has no choice of method: leave the key out",
         )
-    if section.method != AUTO:
-        if section.method in OVER_A_BASIS and single:
-            raise SourceText(study.path, study.text).error(
-                ("modes", "method"),
-                f"{section.method} has no damping of single modes of the assembly ({single} is not "
-                f"{DAMPING_RATIO}): expected dense, two_step or perturbation, or {DAMPING_RATIO} "
-                "in its place",
-            )
-        if section.method == DENSE and exact == FULL:
-            raise SourceText(study.path, study.text).error(
-                ("modes", "method"),
-                "a family of matrices has no component-mode coordinates for dense: expected full, "
-                "sweep_basis or windows",
-            )
-        return Method(section.method, section.tolerance, _who_says(study))
-    return _cheapest(study, swept, structural, exact, single)
+    if refusal := rung_named(section.method).refusal(scope):
+        others = ", ".join(rung.name for rung in all_rungs() if not rung.refusal(scope))
+        raise source.error(("modes", "method"), f"{refusal}: expected one of {others}")
+    return Method(section.method, section.tolerance, _who_says(study), exact)
 
 
 def _who_says(study: Study) -> str:
@@ -118,35 +97,38 @@ def _who_says(study: Study) -> str:
     return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
-def _cheapest(
-    study: Study,
-    swept: Sequence[Mapping[str, float]],
-    structural: Sequence[str],
-    exact: str,
-    single: str,
-) -> Method:
-    tolerance = study.definition.modes.tolerance
-    if study.definition.study.kind != "complex_modes":
-        return Method(exact, tolerance, "the only one of this kind of study")
-    if single:
-        return Method(exact, tolerance, f"{single} needs the real modes of each point")
-    if study.definition.design.type == "boundary":
-        return Method(exact, tolerance, "a boundary design has few points")
-    if exact == DENSE and "mesh" not in study.options:
-        return Method(exact, tolerance, "a model of few degrees of freedom")
+def _scope(
+    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], reduced: bool
+) -> Scope:
     free = [s.name for s in study.sweeps if s.name not in structural]
-    varied = sum(len({point[name] for point in swept}) > 1 for name in free)
-    values = {tuple(point[name] for name in structural) for point in swept}
-    each = len(swept) // max(len(values), 1)
-    if not varied:
-        return Method(exact, tolerance, "nothing varies that a basis could serve")
-    if varied in PAYS_FROM and each >= PAYS_FROM[varied]:
-        return Method(WINDOWS, tolerance, f"{each} points a structure pay for a basis and patches")
-    if varied not in PAYS_FROM and (damped := _not_zero(study, swept, [DAMPING_RATIO])):
-        return Method(exact, tolerance, f"{damped} is not interpolated over {varied} parameters")
-    if varied not in PAYS_FROM and each >= BASIS_PAYS_FROM:
-        return Method(SWEEP_BASIS, tolerance, f"{each} points a structure pay for a basis")
-    return Method(exact, tolerance, f"{each} points a structure do not pay for a basis")
+    structures = {tuple(point[name] for name in structural) for point in swept}
+    return Scope(
+        reduced=reduced,
+        varied=sum(len({point[name] for point in swept}) > 1 for name in free),
+        points=len(swept) // max(len(structures), 1),
+        damped=DAMPING_RATIO if any(_at(study, p, DAMPING_RATIO) for p in swept) else "",
+        single=_single_mode_damping(study, swept),
+    )
+
+
+def _cheapest(study: Study, scope: Scope, exact: str) -> tuple[str, str]:
+    """The rung of an ``auto`` study, and the reason."""
+    if study.definition.study.kind != "complex_modes":
+        return exact, "the only one of this kind of study"
+    if scope.single:
+        return exact, f"{scope.single} needs the real modes of each point"
+    if study.definition.design.type == "boundary":
+        return exact, "a boundary design has few points"
+    if scope.reduced and "mesh" not in study.options:
+        return exact, "a model of few degrees of freedom"
+    if not scope.varied:
+        return exact, "nothing varies that a basis could serve"
+    offers = [(rung, rung.offer(scope)) for rung in all_rungs() if not rung.refusal(scope)]
+    paying = [(rung, offer.reason) for rung, offer in offers if offer.pays]
+    if not paying:
+        return exact, "; ".join(offer.reason for _, offer in offers if offer.reason)
+    rung, why = min(paying, key=lambda found: found[0].relative_cost(scope.points, scope.varied))
+    return rung.name, why
 
 
 def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
@@ -160,11 +142,3 @@ def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> 
 
 def _at(study: Study, point: Mapping[str, float], name: str) -> float:
     return point.get(name, study.values.get(name, 0.0))
-
-
-def _not_zero(study: Study, swept: Sequence[Mapping[str, float]], names: Sequence[str]) -> str:
-    """The first of some parameters that is not zero at some design point, or ''."""
-    for name in names:
-        if any(_at(study, point, name) for point in swept):
-            return name
-    return ""

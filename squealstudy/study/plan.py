@@ -18,7 +18,7 @@ from squealstudy.study.definition import Study
 from squealstudy.study.design import Design, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
-from squealstudy.study.method import APPROXIMATE, DENSE, FULL, Method, choose_method
+from squealstudy.study.method import Method, choose_method
 from squealstudy.study.regularisation import (
     is_automatic,
     regularisation_facts,
@@ -264,9 +264,9 @@ class Plan:
     @cached_property
     def method(self) -> Method:
         """How design points are solved; StudyFileError for one that cannot serve this study."""
-        exact = FULL if isinstance(self.study.model, FamilyDefinition) else DENSE
+        reduced = not isinstance(self.study.model, FamilyDefinition)
         structural = [s.name for s in self.study.sweeps if s.parameter.structural]
-        return choose_method(self.study, self.swept, structural, exact)
+        return choose_method(self.study, self.swept, structural, reduced)
 
     @cached_property
     def tasks(self) -> tuple[PointTask, ...]:
@@ -302,7 +302,7 @@ class Plan:
                 *self.in_time,
                 *self.in_sensitivity,
                 *self.method.identity,
-                *([source_hash(REANALYSIS_SOURCES)] if self.method.name in APPROXIMATE else []),
+                *([] if self.method.rung.exact else [source_hash(REANALYSIS_SOURCES)]),
             ]
         )
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
+from squealstudy.modes.rungs import rung_names
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.matrix_section import TermSection
+from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
 from squealstudy.study.sensitivity_section import SensitivitySection
+from squealstudy.study.source import shown
 from squealstudy.study.transient_section import TransientSection
+
+AUTO = "auto"  # [modes] method: the rung of least cost
 
 Scale = Literal["linear", "log"]
 DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
@@ -153,6 +158,15 @@ class DesignSection(Section):
     )
 
 
+def _rung(name: str) -> str:
+    """A rung that there is, or the choice of one."""
+    known = (AUTO, *rung_names())
+    if name not in known:
+        listed = ", ".join(shown(one) for one in known)
+        raise ValueError(f"expected one of {listed}, got {shown(name)}{did_you_mean(name, known)}")
+    return name
+
+
 class ModesSection(Section):
     """Which complex modes are computed and how they are judged."""
 
@@ -169,12 +183,11 @@ class ModesSection(Section):
         description="a mode is unstable where its damping ratio is below minus this and its growth "
         "rate above error_rung; errors below it leave no mode uncertain",
     )
-    method: Literal[
-        "auto", "full", "dense", "two_step", "sweep_basis", "windows", "perturbation"
-    ] = Field(
-        default="auto",
-        description="how design points are solved; auto: exactly (dense, of matrices full) or by "
-        "windows over a sweep basis, whichever costs less in all at the tolerance",
+    method: Annotated[str, AfterValidator(_rung)] = Field(
+        default=AUTO,
+        description="how design points are solved, a rung of squealstudy/modes/rungs; auto: "
+        "exactly or by one that keeps the tolerance, whichever costs less in all",
+        json_schema_extra={"enum": [AUTO, *rung_names()]},
     )
     tolerance: float = Field(
         default=1e-4,

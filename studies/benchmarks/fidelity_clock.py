@@ -8,11 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from squealstudy.study.complex_modes.window_tasks import basis_tasks
+from squealstudy.study.complex_modes.problems import swept_structures
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.kinds import kind_named
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import OVER_A_BASIS
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import build_structures
 from squealstudy.study.transient.basis import training_path
@@ -49,9 +48,9 @@ def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
     if plan.study.definition.study.kind == "transient":
         wanted = plan.study.definition.transient.pod_vectors
         return tuple(training_path(plan, s.key) for s in plan.structures if wanted)
-    if plan.method.name not in OVER_A_BASIS:
+    if not plan.method.rung.over_a_basis:
         return ()
-    return tuple(task.path for task in basis_tasks(plan))
+    return tuple(structure.path for structure in swept_structures(plan))
 
 
 def _quiet(stage: str, done: int, total: int) -> None:

@@ -1,4 +1,4 @@
-"""What methods of complex modes cost, in exact solves: figures of squealstudy/study/method.py.
+"""What methods of complex modes cost, in exact solves: figures of the rungs' files.
 
 Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--varied 1 2 3]
       --points N  in place of as many as PAYS_FROM says
@@ -17,27 +17,27 @@ import argparse
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # processor time is that of one thread
 
-from squealstudy.study.complex_modes.bases import make_basis, served  # noqa: E402
-from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks  # noqa: E402
-from squealstudy.study.complex_modes.window_worker import solve_box  # noqa: E402
-from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk  # noqa: E402
-from squealstudy.study.experiments.definition import load_any  # noqa: E402
-from squealstudy.study.method import (  # noqa: E402
-    OVER_A_BASIS,
-    PAYS_FROM,
-    PERTURBATION,
-    SWEEP_BASIS,
-    TWO_STEP,
-    WINDOWS,
+
+from squealstudy.modes.rungs import all_rungs  # noqa: E402
+from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG  # noqa: E402
+from squealstudy.study.complex_modes.kind import ComplexModes  # noqa: E402
+from squealstudy.study.complex_modes.problems import (  # noqa: E402
+    make_basis,
+    problem_of,
+    swept_structures,
 )
+from squealstudy.study.complex_modes.solve_tasks import solve_tasks  # noqa: E402
+from squealstudy.study.experiments.definition import load_any  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.structures import build_structure, build_task  # noqa: E402
+from squealstudy.study.tasks import PointTask  # noqa: E402
 
 STUDY = """
 [study]
@@ -77,25 +77,27 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def exact_seconds(plan: Plan) -> float:
-    """Of a point by the exact method; what is loaded once is not in it."""
-    first, *others = (plan.tasks[i] for i in range(EXACT_POINTS + 1))
-    chunk = ChunkTask(plan.band_hz, (first,), False)
-    solve_chunk(chunk)
-    rest = ChunkTask(plan.band_hz, tuple(others), False)
-    return seconds(lambda: solve_chunk(rest)) / len(others)
+def solving_seconds(plan: Plan, points: Sequence[PointTask]) -> float:
+    """Of a point; what is loaded once is not in it."""
+    tasks = [replace(t, keep_gaps=False) for t in solve_tasks(plan, points, 1)]
+    return seconds(lambda: [ComplexModes().solve(task) for task in tasks]) / len(points)
+
+
+def exact_seconds(folder: Path, mesh: str, varied: int, samples: int) -> float:
+    """Of a point by the exact method."""
+    plan = plan_of(folder, mesh, varied, samples, "dense")
+    solving_seconds(plan, plan.tasks[:1])
+    return solving_seconds(plan, plan.tasks[1 : EXACT_POINTS + 1])
 
 
 def served_seconds(plan: Plan, most: int | None = None) -> tuple[float, float]:
     """Of the basis, if the method has one and it is not there yet, and of one of `most` points."""
-    (task,) = basis_tasks(plan)
-    over_a_basis = plan.method.name in OVER_A_BASIS
-    basis = seconds(lambda: make_basis(task, lambda done, most: None)) if over_a_basis else 0.0
-    served(task, over_a_basis)
-    points = plan.tasks[:most]
-    boxes = window_tasks(plan, points)
-    spent = seconds(lambda: [solve_box(box) for box in boxes])
-    return basis, spent / len(points)
+    (structure,), rung = swept_structures(plan), plan.method.rung
+    basis = 0.0
+    if rung.over_a_basis:
+        basis = seconds(lambda: make_basis(structure, rung, lambda done, most: None))
+        _ = problem_of(structure, rung).basis_reader
+    return basis, solving_seconds(plan, plan.tasks[:most])
 
 
 def main() -> None:
@@ -108,6 +110,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     mesh = "coarse" if arguments.quick else arguments.mesh
+    others = [r.name for r in all_rungs() if not r.exact and r is not RUNG]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         print(
@@ -116,17 +119,17 @@ def main() -> None:
         for varied in arguments.varied:
             asked = arguments.points or PAYS_FROM[varied]
             samples = asked // (5 if arguments.quick else 1)
-            plan = plan_of(folder, mesh, varied, samples, WINDOWS)
+            plan = plan_of(folder, mesh, varied, samples, RUNG.name)
             if reason := build_structure(build_task(plan, plan.structures[0], 1))[1]:
                 raise SystemExit(reason)
-            exact = exact_seconds(plan)
+            exact = exact_seconds(folder, mesh, varied, samples)
             basis, point = served_seconds(plan)
             pays = arguments.jobs * basis / (exact - point) if exact > point else float("inf")
             line = (
                 f"{varied:<14}{samples:>7}{exact:>9.3f}{basis / exact:>7.0f}{point / exact:>8.2f}"
             )
             print(f"{line}{pays:>11.0f}", flush=True)
-            for method in (SWEEP_BASIS, TWO_STEP, PERTURBATION) if varied == 2 else ():
+            for method in others if varied == 2 else ():
                 other = plan_of(folder, mesh, varied, samples, method)
                 _, point = served_seconds(other, OTHER_POINTS)
                 print(f"{method:<14}{OTHER_POINTS:>7}{'':>16}{point / exact:>8.2f}", flush=True)

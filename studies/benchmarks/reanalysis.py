@@ -13,11 +13,9 @@ Run:  python studies/benchmarks/reanalysis.py --mesh medium --top 16000 --box mu
 One process, one core: set OMP_NUM_THREADS=1 and OPENBLAS_NUM_THREADS=1. Points are random, no basis
 was trained on them. Milliseconds are medians a point: of the roots alone (values), with right and
 left vectors, with the estimate of their errors besides. Working points are apart, and so is what is
-paid once (set-up). Windows come twice, each covering the box with patches sized for what it gives:
-interpolated roots alone (values), Ritz values with vectors and estimates. Light modes have
-|zeta| < 5 %; `heavy` is the largest relative error of all the others, overdamped roots among them;
-`missed` counts light modes that are more than 1 % off; <=2x and <=5x are the shares of light modes
-whose true error is within so many estimates.
+paid once (set-up). Light modes have |zeta| < 5 %; `heavy` is the largest relative error of all the
+others, overdamped roots among them; `missed` counts light modes that are more than 1 % off; <=2x and <=5x
+are the shares of light modes whose true error is within so many estimates.
 """
 
 from __future__ import annotations
@@ -70,7 +68,7 @@ def brake(arguments: argparse.Namespace) -> None:
     studies = []
     for tolerance in arguments.tolerances:
         basis, row = rungs.sweep_basis(problem, points, tolerance / 3, MOST[d])
-        add(row, *rungs.windows(problem, basis, points, tolerance))
+        add(row, rungs.windows(problem, basis, points, tolerance))
         if arguments.study:
             many = np.random.default_rng(7).uniform(-1, 1, (arguments.study, d))
             each, served = rungs.whole_study(problem, basis, many, tolerance)
@@ -104,8 +102,6 @@ def m0_brake(arguments: argparse.Namespace) -> None:
             if not arguments.quick:
                 add(brake.pod(np.linspace(m0.LOW, m0.HIGH, count), d, "POD equidistant speeds"))
             add(brake.pod(by_log, d, "POD logarithmic speeds"))
-        for d in (25, 40, 50, 60, 75, 85):
-            add(brake.two_sided(by_log, d))
     for tolerance in (1e-3,) if arguments.quick else (1e-4, 1e-6, 1e-8):
         add(*brake.windows(tolerance, 3 if arguments.quick else 12))
     faster(rows)

@@ -202,15 +202,21 @@ def _check(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _basis(quick: bool, folder: Path) -> dict[str, float]:
-    from squealstudy.study.complex_modes.bases import make_basis
-    from squealstudy.study.complex_modes.window_tasks import basis_tasks
+    try:
+        from squealstudy.study.complex_modes.problems import make_basis, swept_structures
+    except ImportError:  # an earlier state
+        from squealstudy.study.complex_modes.window_tasks import basis_tasks as swept_structures
+
+        from squealstudy.study.complex_modes.bases import make_basis
 
     _reduced(_plan("basis", quick, folder))
     found = {}
     for tolerance in TOLERANCES:
-        (task,) = basis_tasks(_plan("basis", quick, folder, tolerance))
+        plan = _plan("basis", quick, folder, tolerance)
+        (structure,) = swept_structures(plan)
         started = time.process_time()
-        basis = make_basis(task, lambda done, most: None)
+        rung = [plan.method.rung] if hasattr(plan.method, "rung") else []
+        basis = make_basis(structure, *rung, lambda done, most: None)
         found[f"basis {tolerance:g}"] = time.process_time() - started
         print(f"{tolerance:g}: {len(basis.trained)} points, r {basis.V.shape[1]}", file=sys.stderr)
     return found

@@ -32,7 +32,7 @@ from squealstudy.analysis.reanalysis.sweep_basis import (  # noqa: E402
     in_band,
     light,
 )
-from squealstudy.analysis.reanalysis.windows import Windows  # noqa: E402
+from squealstudy.modes.rungs.windows import Windows  # noqa: E402
 
 MATCHED = 1e-2  # relative distance of roots that are the same mode
 EDGE = 1.01  # beyond the band a root has its partner too

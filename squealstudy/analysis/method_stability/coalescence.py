@@ -25,7 +25,7 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
-from squealstudy.analysis.reanalysis.perturbation import make_anchor, perturbed_roots
+from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
 SAFE = 2.0  # times the estimate, THEORY.md eq. (39)

@@ -24,7 +24,7 @@ Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class SmallProblem:
-    """lambda^2 I + lambda C + K over one parameter; see reanalysis.problem.Problem.
+    """lambda^2 I + lambda C + K over one parameter; see reanalysis.problem.SweptProblem.
 
     Parameters
     ----------
@@ -45,6 +45,10 @@ class SmallProblem:
         self._matrices, self._nominal, self.band = matrices, nominal, band
         terms = (Term(MASS), Term(DAMPING, dense=True), Term(STIFFNESS, dense=True))
         self.system = ParametricSystem(len(nominal), terms)
+
+    def interpolation_error(self) -> float:
+        """Nothing is interpolated."""
+        return 0.0
 
     def weights(self, theta: np.ndarray) -> Weights:
         """One, C and K."""

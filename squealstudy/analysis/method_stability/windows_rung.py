@@ -37,7 +37,7 @@ from squealstudy.analysis.method_stability.small_problem import SmallProblem
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
-from squealstudy.analysis.reanalysis.windows import WINDOWS, Windows
+from squealstudy.modes.rungs.windows import RUNG, Windows
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,
@@ -91,7 +91,7 @@ class WindowsRung:
             return Cell(FAILED, "working point", True, predicted, np.nan, np.nan, len(theta))
         error = max(distance(p.lam, problem.exact_roots(theta[p.row] / SPAN)) for p in own)
         estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own)
-        rungs = sorted({p.method for p in own} - {WINDOWS})
+        rungs = sorted({p.method for p in own} - {RUNG.name})
         flagged = not (estimate <= tolerance and all(p.sure for p in own))
         outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
         by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""

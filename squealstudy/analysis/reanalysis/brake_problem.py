@@ -132,7 +132,7 @@ class BrakeProblem:
         looked_at = np.vstack([middle, axes, -axes])
         return any(self.state_at(theta).damping_ratio for theta in looked_at)
 
-    def modal_damping_error(self) -> float:
+    def interpolation_error(self) -> float:
         """Largest error of a damping ratio by the interpolation of modal damping, at some points.
 
         Raises

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
-from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.system.parametric import Columns, Weights
 
 LEAST = 1e-13  # relative: round-off of a dense eigenvalue
 
 
-def two_sided_error(problem: Problem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
+def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
     """Signed first-order error lam - lam_exact of each root (m,) complex, rad/s.
 
         (y^H r_x  -  r_y^H K0^-1 r_x) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
@@ -38,7 +38,7 @@ def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
 
 
 def residuals(
-    problem: Problem, weights: Weights, pairs: Eigenpairs
+    problem: SweptProblem, weights: Weights, pairs: Eigenpairs
 ) -> tuple[np.ndarray, np.ndarray]:
     """Backward errors (m,) of pairs, and how far they may have moved the roots (m,), rad/s.
 

@@ -69,6 +69,10 @@ class FamilyProblem:
         """Terms of the family, one scalar weight each."""
         return family_system(self.family)
 
+    def interpolation_error(self) -> float:
+        """Nothing is interpolated."""
+        return 0.0
+
     def weights(self, theta: np.ndarray) -> Weights:
         """Coefficients at theta; ConvergenceError where one has no value."""
         try:

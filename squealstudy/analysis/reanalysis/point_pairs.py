@@ -9,14 +9,14 @@ import numpy as np
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
 from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
-from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.errors import ConvergenceError
 from squealstudy.system.parametric import Weights
 
 
 def alone(
-    problem: Problem,
+    problem: SweptProblem,
     theta: np.ndarray,
     index: int,
     method: str,

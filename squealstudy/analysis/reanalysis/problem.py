@@ -19,7 +19,7 @@ class Sample(NamedTuple):
     working_point: WorkingPoint | None
 
 
-class Problem(Protocol):
+class SweptProblem(Protocol):
     """A model over a box of design points, theta in [-1, 1]^d."""
 
     @property
@@ -40,6 +40,10 @@ class Problem(Protocol):
     @property
     def band(self) -> tuple[float, float]:
         """Bounds of |lambda|, rad/s."""
+        ...
+
+    def interpolation_error(self) -> float:
+        """Largest error of a damping ratio by what the problem interpolates over the box."""
         ...
 
     def weights(self, theta: np.ndarray) -> Weights:

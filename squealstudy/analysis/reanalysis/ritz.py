@@ -53,17 +53,6 @@ class _Batch(NamedTuple):
     KY: np.ndarray
 
 
-def interpolated_roots(patch: Patch, theta: np.ndarray) -> np.ndarray:
-    """Roots (b, m) of the interpolated small matrices alone: fast, first order in their error."""
-    flat = patch.cardinals(theta) @ patch.S
-    found, offset = [], 0
-    for _, k in patch.slices:
-        blocks = flat[:, offset : offset + k * k].reshape(-1, k, k)
-        found.append(_eigenvalues(blocks))
-        offset += k * k
-    return np.hstack(found)
-
-
 def _eigenvalues(blocks: np.ndarray) -> np.ndarray:
     """Eigenvalues of stacked (b, k, k) matrices; of one and two rows in closed form."""
     k = blocks.shape[1]

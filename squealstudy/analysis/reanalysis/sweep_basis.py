@@ -17,7 +17,7 @@ from squealstudy.analysis.full_order.modes import LIGHT
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
-from squealstudy.analysis.reanalysis.problem import Problem, Sample
+from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
 from squealstudy.errors import ConvergenceError
 from squealstudy.system.parametric import Weights
 
@@ -115,7 +115,7 @@ def light(lam: np.ndarray) -> np.ndarray:
 
 
 def build_sweep_basis(
-    problem: Problem,
+    problem: SweptProblem,
     tolerance: float,
     most: int = 16,
     seed: int = 0,
@@ -125,7 +125,7 @@ def build_sweep_basis(
 
     Parameters
     ----------
-    problem : Problem
+    problem : SweptProblem
     tolerance : float
     most : int
         Design points whose modes may enter.
@@ -182,7 +182,9 @@ def _first_points(dimension: int) -> np.ndarray:
     return np.vstack([corners(dimension)[[0, -1]], np.zeros((1, dimension))])
 
 
-def _all_seen(problem: Problem, basis: SweepBasis, theta: np.ndarray, tolerance: float) -> bool:
+def _all_seen(
+    problem: SweptProblem, basis: SweepBasis, theta: np.ndarray, tolerance: float
+) -> bool:
     """Whether the basis has every light mode of the full problem at a point.
 
     Residuals of the modes that a basis has do not tell of one that it lacks altogether.
@@ -196,7 +198,7 @@ def _all_seen(problem: Problem, basis: SweepBasis, theta: np.ndarray, tolerance:
     return not missed.any()
 
 
-def _sampled_weights(problem: Problem, seed: int) -> list[Weights]:
+def _sampled_weights(problem: SweptProblem, seed: int) -> list[Weights]:
     count = min(SAMPLES_A_DIMENSION * max(problem.dimension, 1), MOST_SAMPLES)
     points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, seed)])
     points = points if problem.dimension else points[:1]
@@ -211,7 +213,7 @@ def _sampled_weights(problem: Problem, seed: int) -> list[Weights]:
     return found
 
 
-def _snapshots(problem: Problem, theta: np.ndarray) -> np.ndarray | None:
+def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
     """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates."""
     try:
         _, pairs = problem.pairs(theta, REACH)
@@ -227,7 +229,7 @@ def _snapshots(problem: Problem, theta: np.ndarray) -> np.ndarray | None:
 
 
 def _truncated(
-    problem: Problem, snapshots: np.ndarray, cut: float
+    problem: SweptProblem, snapshots: np.ndarray, cut: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Basis (n, r), orthonormal in the mass and diagonal in K0, and the flexibilities (r,)."""
     U, s, _ = la.svd(snapshots, full_matrices=False)
@@ -238,7 +240,7 @@ def _truncated(
 
 
 def _estimates(
-    problem: Problem, basis: SweepBasis, step: int, seed: int
+    problem: SweptProblem, basis: SweepBasis, step: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """A fresh sample of design points (n, d) and the estimated errors there (n,)."""
     points = _on_faces(sample_box(problem.dimension, CANDIDATES, seed + 1000 + step))
@@ -271,7 +273,7 @@ def _on_faces(points: np.ndarray) -> np.ndarray:
     return moved
 
 
-def estimated_error(problem: Problem, basis: SweepBasis, theta: np.ndarray) -> float:
+def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray) -> float:
     """Largest estimated relative error of light modes at a point; 0 where it has none."""
     try:
         weights = problem.weights(theta)

@@ -9,24 +9,16 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.tracking.interpolated import InterpolatedModes, ModalMatrices
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.rungs import rung_named
 from squealstudy.study.cache import load_prepared
-from squealstudy.study.complex_modes.bases import BasisTask
-from squealstudy.study.complex_modes.full_rung import FullRung
-from squealstudy.study.complex_modes.solve import solve_design
-from squealstudy.study.complex_modes.window_tasks import basis_tasks, window_tasks
-from squealstudy.study.complex_modes.window_worker import (
-    WindowTask,
-    solve_in_basis,
-    solve_in_box,
-)
+from squealstudy.study.complex_modes.problems import SweptStructure, problem_of, swept_structures
+from squealstudy.study.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box
 from squealstudy.study.design import Design
-from squealstudy.study.family_cache import prepared_any
-from squealstudy.study.method import FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.plan import Plan
-from squealstudy.study.tasks import PointTask
 from squealstudy.study.working_points import known_gap
 from squealstudy.system.linearise import linearise
 
@@ -43,25 +35,25 @@ class Between:
 
     Attributes
     ----------
-    prepared_key : str
+    structure : SweptStructure
+    rung : str
+        By which the study solves the point.
+    box : Box
+        In which it does so.
     design : Design
         Of the point at coordinates `x`.
     x : ndarray (p,)
         As in Plan.coordinates.
     sweeps : tuple of (str, bool)
         Name of each coordinate, and whether it is a logarithm.
-    band_hz : (low, high)
-    by : BasisTask, WindowTask, FullRung or None
-        What the study's method solves by: a sweep basis, a box, the unreduced model; None for the
-        reduced model itself.
     """
 
-    prepared_key: str
+    structure: SweptStructure
+    rung: str
+    box: Box
     design: Design
     x: np.ndarray
     sweeps: tuple[tuple[str, bool], ...]
-    band_hz: tuple[float, float]
-    by: BasisTask | WindowTask | FullRung | None = None
 
     def design_at(self, x: np.ndarray) -> Design:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
@@ -79,9 +71,11 @@ class Between:
         ConvergenceError
             Where there are none: no working point, or an eigenproblem without solution.
         """
+        rung = rung_named(self.rung)
         try:
             with _threads().limit(limits=1):
-                return self._solved(self.design_at(x))
+                problem = problem_of(self.structure, rung)
+                return rung.modes_at(problem, self.design_at(x), self.box)
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
@@ -93,9 +87,9 @@ class Between:
         ConvergenceError
             Where there is no working point.
         """
-        prepared = load_prepared(self.prepared_key)
+        prepared = load_prepared(self.structure.key)
         state, X = self.design.state(), prepared.shape_basis
-        known = known_gap(self.prepared_key, self.design)
+        known = known_gap(self.structure.key, self.design)
         with _threads().limit(limits=1):
             point = state_working_point(prepared, state, known)
             system = linearise(prepared.model, point, state)
@@ -109,20 +103,9 @@ class Between:
         ConvergenceError
             Where one of both has no working point.
         """
-        band = (2 * np.pi * self.band_hz[0], 2 * np.pi * self.band_hz[1])
+        low, high = self.structure.band_hz
+        band = (2 * np.pi * low, 2 * np.pi * high)
         return InterpolatedModes(self.matrices(), other.matrices(), self.x, other.x, band)
-
-    def _solved(self, design: Design) -> Modes:
-        if isinstance(self.by, BasisTask):
-            return Modes(*solve_in_basis(self.by, design))
-        if isinstance(self.by, WindowTask):
-            found = solve_in_box(self.by, design)
-        elif isinstance(self.by, FullRung):
-            found = self.by.solve(PointTask("", design, self.prepared_key), self.band_hz)
-        else:
-            found = solve_design(prepared_any(self.prepared_key), design, self.band_hz)
-        kept = ~found.overdamped
-        return Modes(found.lam[kept], found.shapes[kept])
 
 
 class Neighbourhoods:
@@ -138,16 +121,9 @@ class Neighbourhoods:
     def __init__(self, plan: Plan, whole: Plan | None = None) -> None:
         self._plan = plan
         whole = plan if whole is None else whole
-        method = whole.method.name
-        bases = basis_tasks(whole) if method in OVER_A_BASIS else []
-        self._bases = {b.key: b for b in bases if b.path.is_file()}
-        boxes = window_tasks(whole, whole.tasks) if method in FOR_COMPARISON else []
-        self._boxes = {
-            task.point_id: replace(box, points=(), theta=box.theta[:0])
-            for box in boxes
-            for task in box.points
-        }
-        self._full = FullRung(plan.study.options, plan.settings) if method == FULL else None
+        self._structures = {s.key: s for s in swept_structures(whole)}
+        self._rungs = {key: rung_of(whole, s) for key, s in self._structures.items()}
+        self._boxes = _boxes_of_points(whole)
         self._sweeps = tuple(
             (s.name, s.scale == "log" and all(point[s.name] > 0 for point in plan.swept))
             for s in plan.study.sweeps
@@ -156,8 +132,16 @@ class Neighbourhoods:
     def of(self, point: int) -> Between:
         """What lies around a design point."""
         task, x = self._plan.tasks[point], self._plan.coordinates[point]
-        by = self._bases.get(task.prepared_key) or self._boxes.get(task.point_id) or self._full
-        return Between(task.prepared_key, task.design, x, self._sweeps, self._plan.band_hz, by)
+        structure = self._structures[task.prepared_key]
+        box = self._boxes.get(task.point_id) or whole_box(structure)
+        return Between(
+            structure=structure,
+            rung=self._rungs[structure.key],
+            box=box,
+            design=task.design,
+            x=x,
+            sweeps=self._sweeps,
+        )
 
     def logarithmic(self, column: int) -> bool:
         """Whether a coordinate is a logarithm."""
@@ -166,3 +150,15 @@ class Neighbourhoods:
     def joined(self, a: int, b: int) -> bool:
         """Whether one prepared model holds at both points, and so between them."""
         return self._plan.tasks[a].prepared_key == self._plan.tasks[b].prepared_key
+
+
+def _boxes_of_points(plan: Plan) -> dict[str, Box]:
+    """The box in which each point of a plan is solved, where a rung does more than point by point.
+
+    A basis serves all points alike.
+    """
+    rung = plan.method.rung
+    if rung.exact or rung.over_a_basis:
+        return {}
+    tasks = solve_tasks(plan, plan.tasks, 1)
+    return {point.point_id: task.box for task in tasks for point in task.points}

@@ -78,7 +78,7 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
     solve, a, b = task.start.solve, task.a, task.b
     foreign = np.zeros(len(b.lam), dtype=bool)
-    if task.start.prepared_key != task.end.prepared_key:
+    if task.start.structure.key != task.end.structure.key:
         try:
             way = task.start.way_to(task.end)
         except SquealstudyError:

@@ -12,28 +12,30 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.rungs import rung_named
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.complex_modes import rows
 from squealstudy.study.complex_modes.counts import read_roots
-from squealstudy.study.complex_modes.full_rung import FullRung
-from squealstudy.study.complex_modes.solve import solve_design
-from squealstudy.study.complex_modes.worker import ChunkTask, solve_chunk
+from squealstudy.study.complex_modes.problems import (
+    SweptStructure,
+    make_basis,
+    problem_of,
+    refuse_basis,
+    swept_structures,
+)
+from squealstudy.study.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
+from squealstudy.study.complex_modes.worker import solve_points
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.kind import Kind
-from squealstudy.study.method import APPROXIMATE, AUTO, FOR_COMPARISON, FULL, OVER_A_BASIS
 from squealstudy.study.names import MODES, ONSETS, POINTS
-from squealstudy.study.parallel import Progress, Workers, split_chunks
+from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan, checked_points
 from squealstudy.study.rows import FAILURES
+from squealstudy.study.sections import AUTO
 from squealstudy.study.tasks import PointTask, Solved
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from squealstudy.study.complex_modes.bases import BasisTask
-    from squealstudy.study.complex_modes.window_worker import WindowTask
-
-KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
 
 
 class ComplexModes(Kind):
@@ -44,7 +46,7 @@ class ComplexModes(Kind):
 
     def check(self, plan: Plan) -> None:
         """Modes of the assembly must be held by every basis; component modes are, in any kind."""
-        if not plan.designs[0].assembly_parameters() or plan.method.name == FULL:
+        if not plan.designs[0].assembly_parameters() or plan.method.rung.unreduced:
             return
         for structure in plan.structures:
             if is_prepared(structure.key):
@@ -52,12 +54,11 @@ class ComplexModes(Kind):
 
     def warnings(self, plan: Plan) -> list[str]:
         """A method that keeps no tolerance."""
-        name = plan.method.name
-        if name not in FOR_COMPARISON:
+        if plan.method.rung.keeps_tolerance:
             return []
         return [
-            f"{name} is a method to compare others with: it keeps no tolerance, and its points are "
-            "'ok' whatever errors the modes table estimates"
+            f"{plan.method.name} is a method to compare others with: it keeps no tolerance, and "
+            "its points are 'ok' whatever errors the modes table estimates"
         ]
 
     def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
@@ -75,70 +76,37 @@ class ComplexModes(Kind):
         return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
 
     def prepare(self, plan: Plan, report: Progress) -> None:
-        """The sweep bases of methods that need them."""
-        if plan.method.name in OVER_A_BASIS:
-            from squealstudy.study.complex_modes.window_tasks import basis_tasks
-
+        """The sweep bases of rungs that need them."""
+        if plan.method.rung.over_a_basis:
             with threadpool_limits(1):  # matrices are small: more threads wait for each other
-                for task in basis_tasks(plan):
-                    if is_prepared(task.key):
-                        self._make_basis(plan, task, report)
+                for structure in swept_structures(plan):
+                    if is_prepared(structure.key):
+                        self._make_basis(plan, structure, report)
 
     @staticmethod
-    def _make_basis(plan: Plan, task: BasisTask, report: Progress) -> None:
-        chosen = plan.study.definition.modes.method != AUTO
-        if task.refusal.is_file() and not chosen:
+    def _make_basis(plan: Plan, structure: SweptStructure, report: Progress) -> None:
+        chosen, rung = plan.study.definition.modes.method != AUTO, plan.method.rung
+        if structure.refusal.is_file() and not chosen:
             return
-        from squealstudy.study.complex_modes.bases import make_basis, refuse_basis
-
         try:
-            make_basis(task, lambda done, most: report("sweep basis", done, most))
+            make_basis(structure, rung, lambda done, most: report("sweep basis", done, most))
         except (ConvergenceError, np.linalg.LinAlgError) as error:
             if not chosen:  # all its points are then exact
-                refuse_basis(task, str(error))
+                refuse_basis(structure, str(error))
                 return
             raise plan.error_at(
                 ("modes", "method"),
-                f"no sweep basis for {plan.method.name} can be made over this box ({error}): "
-                'method = "dense" (of matrices "full") solves point by point',
+                f"no sweep basis for {rung.name} can be made over this box ({error}): "
+                f'method = "{plan.method.exact}" solves point by point',
             ) from error
 
-    def tasks(
-        self, plan: Plan, points: Sequence[PointTask], jobs: int
-    ) -> list[ChunkTask | WindowTask]:
-        """Chunks of consecutive points, or boxes of neighbouring ones."""
-        boxed: list[PointTask] = []
-        if plan.method.name in APPROXIMATE:
-            without = {task.key for task in self._without_basis(plan)}
-            boxed = [point for point in points if point.prepared_key not in without]
-            points = [point for point in points if point.prepared_key in without]
-        keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
-        full = FullRung(plan.study.options, plan.settings) if plan.method.name == FULL else None
-        chunks = [
-            ChunkTask(plan.band_hz, tuple(part), keep, full) for part in split_chunks(points, jobs)
-        ]
-        if not boxed:
-            return [*chunks]
-        from squealstudy.study.complex_modes.window_tasks import window_tasks
+    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SolveTask]:
+        """Boxes of neighbouring points, or chunks of consecutive ones."""
+        return solve_tasks(plan, points, jobs)
 
-        return [*window_tasks(plan, boxed), *chunks]
-
-    @staticmethod
-    def _without_basis(plan: Plan) -> list[BasisTask]:
-        """Structures over whose design points no basis could be made."""
-        if plan.method.name not in OVER_A_BASIS:
-            return []
-        from squealstudy.study.complex_modes.window_tasks import basis_tasks
-
-        return [task for task in basis_tasks(plan) if not task.path.is_file()]
-
-    def solve(self, task: ChunkTask | WindowTask) -> Solved:
-        """Solve one chunk in a worker."""
-        if isinstance(task, ChunkTask):
-            return solve_chunk(task)
-        from squealstudy.study.complex_modes.window_worker import solve_box
-
-        return solve_box(task)
+    def solve(self, task: SolveTask) -> Solved:
+        """Solve the points of a task in a worker."""
+        return solve_points(task)
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
@@ -189,25 +157,23 @@ class ComplexModes(Kind):
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]
             facts["audit"] = audited(directory, ids, read_references(directory))
         reason = plan.method.reason
-        for task in self._without_basis(plan):
-            if task.refusal.is_file():
-                reason += f"; no basis, all points are exact: {task.refusal.read_text()}"
+        for structure in swept_structures(plan) if plan.method.rung.over_a_basis else ():
+            if structure.refusal.is_file() and not structure.path.is_file():
+                reason += f"; no basis, all points are exact: {structure.refusal.read_text()}"
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point by the exact method."""
-        prepared = load_any(task.prepared_key)
-        full = plan.method.name == FULL
-        rung = FullRung(plan.study.options, plan.settings) if full else None
+        method = plan.method
+        rung = method.rung if method.rung.exact else rung_named(method.exact)
+        structure = next(s for s in swept_structures(plan) if s.key == task.prepared_key)
+        problem = problem_of(structure, rung)
         started = time.perf_counter()
         with threadpool_limits(1):
             try:
-                if rung is not None:
-                    rung.solve(task, plan.band_hz)
-                else:
-                    solve_design(prepared, task.design, plan.band_hz)
+                list(rung.solve(problem, [task.design], whole_box(structure)))
             except FAILURES:
                 return None
         return time.perf_counter() - started

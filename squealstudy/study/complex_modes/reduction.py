@@ -21,7 +21,6 @@ from squealstudy.study.cache import prepared_path
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.files import write_json
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.method import FULL
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rows import FAILURES, reason
@@ -93,7 +92,7 @@ def solve_sample(task: SampleTask) -> None:
 
 def is_reduced(plan: Plan) -> bool:
     """Whether the points of a plan are solved in models with an error of reduction."""
-    return has_mesh(plan.study) and plan.method.name != FULL
+    return has_mesh(plan.study) and not plan.method.rung.unreduced
 
 
 def sample_points(plan: Plan) -> list[int]:

@@ -18,7 +18,7 @@ from squealstudy.analysis.point import state_working_point
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.study.complex_modes.full_rung import FullRung
+from squealstudy.study.complex_modes.unreduced import Unreduced
 from squealstudy.study.family_cache import Prepared, load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.tasks import PointTask
@@ -72,7 +72,8 @@ def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
         return check_family_point(prepared, design.plain_values(), task.band_hz)
     state = design.state()
     point = state_working_point(prepared, state)
-    assembly, modes = FullRung(task.options, task.settings).assembly(task.point)
+    unreduced = Unreduced(task.point.prepared_key, task.options, task.settings)
+    assembly, modes = unreduced.assembly(design)
     cutoff = task.settings.damped_to
     expected = expected_roots(prepared.model, point, task.band_hz[1])
     return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)

@@ -1,62 +1,63 @@
-"""What a worker process does: solve a chunk of design points and write its file."""
+"""What a worker process does: solve design points of a structure by a rung, a row each."""
 
 from __future__ import annotations
 
+import contextlib
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from squealstudy.study.complex_modes.full_rung import FullRung
+from squealstudy.analysis.point import PointModes
+from squealstudy.modes.rungs import rung_named
+from squealstudy.study.complex_modes.problems import problem_of
 from squealstudy.study.complex_modes.rows import failed_row, solved_row
-from squealstudy.study.complex_modes.solve import solve_design
-from squealstudy.study.family_cache import prepared_any
+from squealstudy.study.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.keys import chunk_id
 from squealstudy.study.rows import FAILURES, reason
-from squealstudy.study.tasks import PointTask, Solved
+from squealstudy.study.tasks import Solved
 from squealstudy.study.working_points import NewGaps, known_gap
 
 
-@dataclass(frozen=True)
-class ChunkTask:
-    """Design points that one worker solves and writes together."""
-
-    band_hz: tuple[float, float]
-    points: tuple[PointTask, ...]
-    keep_gaps: bool
-    full: FullRung | None = None
-
-
-def solve_chunk(task: ChunkTask) -> Solved:
-    """Solve the points of a chunk; new working points are kept in the cache."""
+def solve_points(task: SolveTask) -> Solved:
+    """Solve the points of a task; new working points are kept in the cache."""
+    last = time.perf_counter()
     rows: list[dict[str, Any]] = []
     new_gaps = NewGaps()
-    known = 0
-    for point in task.points:
-        gap = known_gap(point.prepared_key, point.design)
-        known += gap is not None
-        row, found = solve_alone(point, task, gap)
-        rows.append(row)
-        if gap is None and found is not None and task.keep_gaps:
-            new_gaps.add(point.prepared_key, point.design, found)
-    new_gaps.save(chunk_id(p.point_id for p in task.points))
-    return Solved(rows, known=known)
-
-
-def solve_alone(
-    point: PointTask, task: ChunkTask, known: np.ndarray | None
-) -> tuple[dict[str, Any], np.ndarray | None]:
-    """Row of one point, whatever becomes of it, and the gaps of its working point."""
-    started = time.perf_counter()
-    try:
-        if task.full is not None:
-            modes = task.full.solve(point, task.band_hz)
+    key = task.structure.key
+    looked_up = task.points if task.keep_gaps else ()
+    known = {p.point_id for p in looked_up if known_gap(key, p.design) is not None}
+    for i, found in _solved(task):
+        point, now = task.points[i], time.perf_counter()
+        if isinstance(found, PointModes):
+            rows.append(solved_row(point.point_id, now - last, found))
+            if task.keep_gaps and point.point_id not in known:
+                new_gaps.add(key, point.design, found.working_point.gap)
         else:
-            prepared = prepared_any(point.prepared_key)
-            modes = solve_design(prepared, point.design, task.band_hz, known)
-    except FAILURES as error:
-        wall = time.perf_counter() - started
-        return failed_row(point.point_id, wall, *reason(error)), None
-    wall = time.perf_counter() - started
-    return solved_row(point.point_id, wall, modes), modes.working_point.gap
+            rows.append(failed_row(point.point_id, now - last, *reason(found)))
+        last = now
+    new_gaps.save(chunk_id(p.point_id for p in task.points))
+    return Solved(rows, known=len(known))
+
+
+def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception]]:
+    """Modes of each point, in any order, or why it has none.
+
+    Points that a failure of an approximate rung leaves over are solved exactly.
+    """
+    rung = rung_named(task.rung)
+    problem = problem_of(task.structure, rung)
+    designs = [point.design for point in task.points]
+    left = dict.fromkeys(range(len(designs)))
+    if not rung.exact:
+        with contextlib.suppress(*FAILURES):
+            for i, found in rung.solve(problem, designs, task.box):
+                del left[i]
+                yield i, found
+        rung = rung_named(problem.swept.exact)
+    for i in left:
+        try:
+            ((_, modes),) = rung.solve(problem, [designs[i]], task.box)
+        except FAILURES as error:
+            yield i, error
+        else:
+            yield i, modes

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.modes.rungs import rung_named
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.fidelity.frequency_search import exact_method
 from squealstudy.study.fidelity.ladders import BASIS, free_ladders
@@ -86,7 +87,7 @@ def _better(scene: Scene, changes: Mapping[str, Any]) -> tuple[dict[str, Any], s
     """Settings one rung up from the chosen ones, and in words."""
     if not scene.in_time:
         exact = exact_method(scene.study)
-        words = "the full-order model" if exact == "full" else "exact solves"
+        words = "the full-order model" if rung_named(exact).unreduced else "exact solves"
         return {"modes.method": exact}, words
     better: dict[str, Any] = {}
     words_of = []

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
+from squealstudy.modes.rung import Scope
+from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
 from squealstudy.study.complex_modes.reduction import SAFETY
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.estimate import plan_share
@@ -21,14 +21,6 @@ from squealstudy.study.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladd
 from squealstudy.study.fidelity.scene import MISSED, SPARE, Scene
 from squealstudy.study.measure.frequency_domain import finer_finding
 from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.method import (
-    BASIS_SOLVES,
-    DENSE,
-    FULL,
-    OVER_A_BASIS,
-    PAYS_FROM,
-    WINDOWS,
-)
 from squealstudy.study.plan import Plan, has_mesh, reference_choice
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
@@ -43,7 +35,7 @@ def search_modes(scene: Scene) -> Choice:
     search = ModeSearch(scene)
     ladder = free_ladders(scene.study).get(REDUCTION)
     if ladder is None:
-        label = "reduction as the file says" if has_mesh(scene.study) else search.method
+        label = "reduction as the file says" if has_mesh(scene.study) else search.method.name
         tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder.rungs)
@@ -69,12 +61,12 @@ class ModeSearch:
         self.making = 0.0  # seconds of the last reduction
         self.exact = exact_method(scene.study)
         self.truth: dict[str, Any] = {}  # settings that errors are measured against
-        self.method = scene.variant(self.common, scene.plan.swept).method.name
+        self.method = scene.variant(self.common, scene.plan.swept).method
 
     @property
     def method_error(self) -> float:
         """What reanalysis may add."""
-        if self.method not in OVER_A_BASIS:
+        if not self.method.rung.over_a_basis:
             return 0.0
         explicit = float(self.scene.study.definition.modes.tolerance)
         return METHOD * self.scene.tolerance if self.common else explicit
@@ -82,9 +74,9 @@ class ModeSearch:
     def attempt(self, rung: Rung) -> Tried:
         """Solve the pilots without reanalysis; the error is that against full order."""
         scene, changes = self.scene, {**self.common, **rung.changes}
-        own = self.method
-        if own in OVER_A_BASIS:  # whose own error is another share
-            own = DENSE if has_mesh(scene.study) else self.exact
+        own = self.method.name
+        if self.method.rung.over_a_basis:  # whose own error is another share
+            own = self.method.exact
         solved = {**changes, "modes.method": own}
         if not self.points:
             candidates = reference_choice(scene.plan, scene.section.pilots + SPARE)
@@ -98,35 +90,40 @@ class ModeSearch:
 
     @property
     def small_rungs(self) -> tuple[Rung, ...]:
-        """Methods of a minimal model, cheapest first, where the file leaves the choice."""
+        """Methods of a minimal model, cheapest first, where the file leaves the choice.
+
+        Beside the exact one those whose points are cheaper together.
+        """
         free = "modes.method" not in given_keys(self.scene.study)
-        if not free or self.method != DENSE or self.exact != DENSE:
+        if not free or self.method.name != self.exact or self.method.rung.unreduced:
             return ()
-        return Rung(WINDOWS, {"modes.method": WINDOWS}), Rung(DENSE, {})
+        together = [r.name for r in all_rungs() if r.shares_work and r.keeps_tolerance]
+        return (*(Rung(name, {"modes.method": name}) for name in together), Rung(self.exact, {}))
 
     def small_windows(self) -> list[Tried]:
-        """Windows over a sweep of a minimal model, where there are points enough to try them.
+        """Such methods over a sweep of a minimal model, where there are points enough to try them.
 
         Trying them is solving the study: of a few degrees of freedom that takes a moment.
         """
-        scene = self.scene
-        if not self.small_rungs:
-            return []
+        scene, points = self.scene, len(self.scene.plan.tasks)
         sweeps = scene.study.sweeps
-        least = PAYS_FROM.get(len(sweeps), np.inf) * SMALL_MODEL_SHARE
-        if any(s.parameter.structural for s in sweeps) or len(scene.plan.tasks) < least:
+        if any(s.parameter.structural for s in sweeps):
             return []
-        changes = {"modes.method": WINDOWS}
-        try:
-            made = scene.measure({**self.common, **changes}, self.points)
-        except SquealstudyError:  # no basis over this box, or damping that windows do not know
-            return []
-        dense = scene.measure({**self.common, "modes.method": DENSE}, self.points)
-        error = METHOD * scene.tolerance + scene.error(made, dense)
-        points = made.seconds * len(scene.plan.tasks) / scene.jobs
-        return [
-            Tried(WINDOWS, changes, error, made.reduction_seconds + made.setup_seconds + points)
-        ]
+        scope = Scope(reduced=True, varied=len(sweeps), points=int(points / SMALL_MODEL_SHARE))
+        found = []
+        for rung in self.small_rungs[:-1]:
+            if not rung_named(rung.label).offer(scope).pays:
+                continue
+            try:
+                made = scene.measure({**self.common, **rung.changes}, self.points)
+            except SquealstudyError:  # no basis over this box, or damping that they do not know
+                continue
+            exact = scene.measure({**self.common, "modes.method": self.exact}, self.points)
+            error = METHOD * scene.tolerance + scene.error(made, exact)
+            seconds = made.reduction_seconds + made.setup_seconds
+            cost = seconds + made.seconds * points / scene.jobs
+            found.append(Tried(rung.label, rung.changes, error, cost))
+        return found
 
     def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
         """Largest at the pilots, one by one until one is beyond the whole tolerance.
@@ -186,16 +183,17 @@ class ModeSearch:
     def study_seconds(self, made: Measurement) -> float:
         """Seconds of the whole study, from exact solves at the pilots."""
         solves = float(len(self.scene.plan.tasks))
-        if self.method in OVER_A_BASIS:
-            share = plan_share(self.scene.plan, self.method) or 1.0
-            solves = BASIS_SOLVES * self.scene.jobs + share * solves
+        rung = self.method.rung
+        if rung.over_a_basis:
+            share = plan_share(self.scene.plan, rung) or 1.0
+            solves = rung.setup_solves * self.scene.jobs + share * solves
         return made.reduction_seconds + made.seconds * solves / self.scene.jobs
 
 
 def exact_method(study: Study) -> str:
     """What others are held against: full order, of a model without a reduction its own modes."""
     small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
-    return DENSE if small else FULL
+    return (exact_rung(reduced=True) if small else full_order_rung()).name
 
 
 def _method_changes(scene: Scene) -> Mapping[str, Any]:

@@ -18,7 +18,7 @@ from squealstudy.study.definition import Study
 from squealstudy.study.experiments.base import BaseStudy
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.keys import content_hash
-from squealstudy.study.measure.frequency_domain import TOGETHER, measure_modes
+from squealstudy.study.measure.frequency_domain import measure_modes
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.time_domain import measure_runs
 from squealstudy.study.parallel import Progress, Workers
@@ -98,7 +98,7 @@ class Scene:
         name = content_hash([sorted(changes.items(), key=str), list(points)])
         if name not in self.measured:
             plan = self.variant(changes, self.plan.swept)
-            together = not self.in_time and plan.method.name in TOGETHER
+            together = not self.in_time and plan.method.rung.shares_work
             wanted = None if together else {plan.tasks[i].prepared_key for i in points}
             failures = build_structures(plan, Workers(self.jobs, self.report), wanted)
             self.measured[name] = self._measured(plan, points, failures)

@@ -13,17 +13,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.finer_model import finer_modes
+from squealstudy.modes.rungs import rung_named
 from squealstudy.study.cache import is_prepared, read_scalars
 from squealstudy.study.chunks import read_chunks, write_rows
-from squealstudy.study.complex_modes.bases import BasisTask, load_basis, served
+from squealstudy.study.complex_modes.bases import load_basis
 from squealstudy.study.complex_modes.kind import ComplexModes
+from squealstudy.study.complex_modes.problems import problem_of
 from squealstudy.study.complex_modes.rows import SCHEMA
-from squealstudy.study.complex_modes.window_worker import WindowTask
-from squealstudy.study.complex_modes.worker import ChunkTask
+from squealstudy.study.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.family_cache import load_any
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.measure.onset_lines import LinePlan, find_onset
-from squealstudy.study.method import PERTURBATION, WINDOWS
 from squealstudy.study.parallel import silent
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
@@ -31,8 +31,6 @@ from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.working_points import prepared_model
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
-# rungs whose design points share work within a box: all points of the study are solved and timed
-TOGETHER = (WINDOWS, PERTURBATION)
 
 
 def measure_modes(
@@ -57,7 +55,7 @@ def measure_modes(
     lines = {} if lines is None else lines
     on_lines = [i for line in lines.values() for i in line]
     wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
-    solved = plan.tasks if plan.method.name in TOGETHER else wanted
+    solved = plan.tasks if plan.method.rung.shares_work else wanted
     with tempfile.TemporaryDirectory() as scratch:
         tasks = kind.tasks(plan, solved, 1)
         ready_s = _made_ready(tasks)
@@ -103,20 +101,18 @@ def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], floa
     return found, time.process_time() - started
 
 
-def _made_ready(tasks: Sequence[ChunkTask | WindowTask]) -> float:
+def _made_ready(tasks: Sequence[SolveTask]) -> float:
     """Seconds until problems and bases of the tasks are in memory."""
     started = time.process_time()
     for task in tasks:
-        if isinstance(task, WindowTask):
-            served(task.basis, task.basis.path.is_file())
-        else:
-            load_any(task.points[0].prepared_key)
+        rung = rung_named(task.rung)
+        problem = problem_of(task.structure, rung)
+        if rung.over_a_basis:
+            _ = problem.basis_reader
     return time.process_time() - started
 
 
-def _solved(
-    kind: ComplexModes, tasks: Sequence[ChunkTask | WindowTask]
-) -> tuple[float, list[dict[str, Any]]]:
+def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list[dict[str, Any]]]:
     """Processor seconds of solving tasks, and the rows.
 
     What is brief is solved once more, now that all is imported.
@@ -125,14 +121,11 @@ def _solved(
     rows: list[dict[str, Any]] = []
     while not spent or (len(spent) == 1 and spent[0] < BRIEF):
         started = time.process_time()
-        rows = [row for task in tasks for row in kind.solve(_forgetful(task)).rows]
+        # without keeping working points: a second round must not know those of the first
+        forgetful = [replace(task, keep_gaps=False) for task in tasks]
+        rows = [row for task in forgetful for row in kind.solve(task).rows]
         spent.append(time.process_time() - started)
     return min(spent), rows
-
-
-def _forgetful(task: ChunkTask | WindowTask) -> ChunkTask | WindowTask:
-    """The task without keeping working points: a second round must not know those of the first."""
-    return task if isinstance(task, WindowTask) else replace(task, keep_gaps=False)
 
 
 def reduction_seconds(plan: Plan) -> float:
@@ -142,12 +135,10 @@ def reduction_seconds(plan: Plan) -> float:
     return float(spent) * len(plan.structures) / max(len(made), 1)
 
 
-def _bases_s(tasks: Sequence[ChunkTask | WindowTask]) -> float:
+def _bases_s(tasks: Sequence[SolveTask]) -> float:
     """Seconds that the sweep bases in use took when they were made."""
-    found: dict[Path, BasisTask] = {
-        t.basis.path: t.basis for t in tasks if isinstance(t, WindowTask)
-    }
-    return float(sum(load_basis(path).seconds for path in found if path.is_file()))
+    paths = {t.structure.path for t in tasks if rung_named(t.rung).over_a_basis}
+    return float(sum(load_basis(path).seconds for path in paths))
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""The brake M0 over disc speed: a plain POD, the two-sided basis, sweep basis and windows."""
+"""The brake M0 over disc speed: a plain POD, sweep basis and windows."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ import scipy.linalg as la
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_roots
 from squealstudy.analysis.reanalysis.estimate import two_sided_error
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
-from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
+from squealstudy.analysis.reanalysis.ritz import ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
-from squealstudy.analysis.reanalysis.two_sided_basis import snapshots, two_sided_basis
-from squealstudy.analysis.reanalysis.windows import Windows
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.models.matrix_family import MatrixFamily
+from squealstudy.modes.rungs.windows import Windows
 from squealstudy.study.definition import load_study
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, Weights
 
 from .measure import timed
-from .rungs import Cover, Holds, cover, ritz_hold, values_hold
+from .rungs import Cover, Holds, cover, ritz_hold
 
 STUDY = Path(__file__).resolve().parents[2] / "outside_data" / "m0_speed.toml"
 LOW, HIGH = 2 * np.pi, 40 * np.pi
@@ -146,27 +145,6 @@ class M0:
         self._run(row, solve)
         return row
 
-    def two_sided(self, speeds: np.ndarray, d: int) -> M0Row | None:
-        """Right modes in, left modes against."""
-        pairs, seconds = self.modes(speeds)
-        started = time.perf_counter()
-        modes = snapshots(self.problem, pairs)
-        if d > len(modes.right[1]):
-            return None
-        basis = two_sided_basis(self.problem, modes, d)
-        row = M0Row("two-sided basis", len(speeds), d, seconds + time.perf_counter() - started)
-        self._run(row, basis.roots)
-        ratios, count, wanted = [], 0, 0
-        for w, exact in zip(self.weights, self.exact[0], strict=True):
-            found = basis.pairs(w)
-            found = found.take(in_region(found.lam))
-            error = np.abs(two_sided_error(self.problem, w, found))
-            trusted = error <= TRUSTED * np.abs(found.lam)
-            count, wanted = count + int(trusted.sum()), wanted + len(exact)
-            ratios += true_to_estimate(exact, found.lam, error)
-        row.note = f"{count} trusted roots of {wanted}; {coverage(ratios)}"
-        return row
-
     def _run(self, row: M0Row, solve) -> None:
         for w, exact in zip(self.weights, self.exact[0], strict=True):
             lam, first = timed(lambda w=w: solve(w))
@@ -185,18 +163,7 @@ class M0:
         self._run(rows[0], lambda w: all_roots(*(A[0] for A in basis.small.matrices([w]))))
         rows[0].note = coverage(self._basis_ratios(problem, basis))
         solver = Windows(problem, basis, tolerance)
-        fast = self._interpolated(solver, theta, f"windows values {name}")
-        return [*rows, fast, self._ritz(solver, theta, f"windows Ritz {name}")]
-
-    def _interpolated(self, solver: Windows, theta: np.ndarray, name: str) -> M0Row:
-        row, patches = self._covered(solver, theta, name, values_hold(solver))
-        for followed, own in patches:
-            lam = interpolated_roots(followed.patch, theta[own])
-            many = np.resize(theta[own], (BATCH, 1))
-            _, ms = timed(lambda p=followed.patch, t=many: interpolated_roots(p, t))
-            for k, i in enumerate(own):
-                row.add(self.exact[0][i], lam[k], ms / BATCH)
-        return row
+        return [*rows, self._ritz(solver, theta, f"windows {name}")]
 
     def _ritz(self, solver: Windows, theta: np.ndarray, name: str) -> M0Row:
         row, patches = self._covered(solver, theta, name, ritz_hold(solver, theta))

@@ -13,24 +13,21 @@ from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.perturbation import MARGIN, make_anchor, perturbed_pairs
 from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.problem import Problem, Sample
-from squealstudy.analysis.reanalysis.ritz import interpolated_roots, ritz_roots
+from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.analysis.reanalysis.ritz import ritz_roots
 from squealstudy.analysis.reanalysis.sweep_basis import (
     SweepBasis,
     build_sweep_basis,
     in_band,
-    light,
 )
-from squealstudy.analysis.reanalysis.two_step import two_step_pairs, two_step_values
-from squealstudy.analysis.reanalysis.windows import DEGREE, FollowedPatch, Windows
+from squealstudy.modes.rungs.perturbation import MARGIN, make_anchor, perturbed_pairs
+from squealstudy.modes.rungs.two_step import two_step_pairs
+from squealstudy.modes.rungs.windows import DEGREE, FollowedPatch, Windows
 from squealstudy.system.parametric import Weights
 
 from .measure import Measured, timed
 
-PROBES = 6
-PART = 0.5  # of the tolerance that probes may show
 EDGE = 1.02  # roots found a little beyond the band are no spurious ones
 
 
@@ -59,18 +56,17 @@ def dense(
     return Points(theta, weights, exact), row
 
 
-def two_step(problem: Problem, points: Points, factor: float) -> Measured:
+def two_step(problem: SweptProblem, points: Points, factor: float) -> Measured:
     """Real modes, then a small problem."""
     row, top = Measured(f"two_step {factor:g}x band"), factor * problem.band[1]
     for w, exact in zip(points.weights, points.exact, strict=True):
-        _, values = timed(lambda w=w: two_step_values(problem.system, w, top))
         pairs, vectors = timed(lambda w=w: two_step_pairs(problem.system, w, top))
         row.size = f"{len(pairs.lam) // 2}"
-        _estimated(row, problem, w, exact, pairs, (values, vectors))
+        _estimated(row, problem, w, exact, pairs, (None, vectors))
     return row
 
 
-def perturbation(problem: Problem, points: Points, order: int) -> Measured:
+def perturbation(problem: SweptProblem, points: Points, order: int) -> Measured:
     """From the middle of the box."""
     anchor, setup = timed(lambda: make_anchor(problem, np.zeros(problem.dimension), 1e6))
     near = np.flatnonzero(in_band(anchor.pairs.lam, problem.band, MARGIN))
@@ -82,7 +78,7 @@ def perturbation(problem: Problem, points: Points, order: int) -> Measured:
 
 
 def sweep_basis(
-    problem: Problem, points: Points, tolerance: float, most: int
+    problem: SweptProblem, points: Points, tolerance: float, most: int
 ) -> tuple[SweepBasis, Measured]:
     """One basis for the box."""
     basis = build_sweep_basis(problem, tolerance, most)
@@ -110,31 +106,10 @@ def _estimated(row, problem, weights, exact, pairs, times) -> None:
     row.compare(exact, pairs.lam, bounded(error, pairs.lam))
 
 
-def windows(
-    problem: Problem, basis: SweepBasis, points: Points, tolerance: float
-) -> list[Measured]:
-    """Patches that cover the box: sized for interpolated roots, and for Ritz values."""
+def windows(problem: SweptProblem, basis: SweepBasis, points: Points, tolerance: float) -> Measured:
+    """Patches that cover the box: two-sided Ritz values, vectors, estimates of their errors."""
     solver = Windows(problem, basis, tolerance)
-    return [_interpolated(solver, points), _ritz(solver, points)]
-
-
-def _interpolated(solver: Windows, points: Points) -> Measured:
-    """Roots of interpolated small matrices alone."""
-    name = f"windows values {solver.tolerance:.0e}"
-    row, patches = _covered(solver, points, name, values_hold(solver))
-    for followed, rows in patches:
-        patch, theta = followed.patch, points.theta[rows]
-        interpolated_roots(patch, theta[:1])  # the first call sets nothing up that it should pay
-        lam, ms = timed(lambda p=patch, t=theta: interpolated_roots(p, t))
-        row.values += [ms / len(rows)] * len(rows)
-        for i, found in zip(rows, lam, strict=True):
-            row.compare(points.exact[i], found[found.imag >= 0])
-    return row
-
-
-def _ritz(solver: Windows, points: Points) -> Measured:
-    """Two-sided Ritz values with both vectors and the estimates of their errors."""
-    name = f"windows Ritz {solver.tolerance:.0e}"
+    name = f"windows {solver.tolerance:.0e}"
     row, patches = _covered(solver, points, name, ritz_hold(solver, points.theta))
     for followed, rows in patches:
         batch = [points.weights[i] for i in rows]
@@ -150,33 +125,11 @@ def _ritz(solver: Windows, points: Points) -> Measured:
 Holds = Callable[[FollowedPatch, list[int]], bool]
 
 
-def values_hold(solver: Windows) -> Holds:
-    """Whether the interpolated roots of a patch are within the tolerance of its Ritz values."""
-    return lambda followed, _: interpolation_error(solver, followed) <= PART * solver.tolerance
-
-
 def ritz_hold(solver: Windows, theta: np.ndarray) -> Holds:
     """Whether the estimates of the points of a patch are within the tolerance."""
     return lambda followed, rows: all(
         solver.good(p) for p in solver._points(followed, theta, np.array(rows))
     )
-
-
-def interpolation_error(solver: Windows, followed: FollowedPatch) -> float:
-    """Largest relative distance of interpolated light roots to Ritz values, at random places."""
-    patch, problem = followed.patch, solver.problem
-    places = np.random.default_rng(5).uniform(-1, 1, (PROBES, len(patch.box.low)))
-    theta = patch.box.place(places)
-    known = [s for s in problem.samples(theta, followed.starts) if isinstance(s, Sample)]
-    if len(known) < len(theta):
-        return np.inf
-    exact = ritz_roots(patch, solver.basis, theta, [s.weights for s in known]).lam
-    worst = 0.0
-    for ritz, found in zip(exact, interpolated_roots(patch, theta), strict=True):
-        ritz = ritz[light(ritz) & in_band(ritz, problem.band, 1.0)]
-        distance = np.abs(ritz[:, None] - found).min(axis=1) / np.abs(ritz)
-        worst = max(worst, float(distance.max(initial=0.0)))
-    return worst
 
 
 Cover = list[tuple[FollowedPatch, list[int]]]
@@ -226,7 +179,7 @@ def cover(
 
 
 def whole_study(
-    problem: Problem, basis: SweepBasis, theta: np.ndarray, tolerance: float
+    problem: SweptProblem, basis: SweepBasis, theta: np.ndarray, tolerance: float
 ) -> tuple[float, dict[str, int]]:
     """Milliseconds a point of a study of these points, patches and working points counted."""
     solver, d = Windows(problem, basis, tolerance), theta.shape[1]

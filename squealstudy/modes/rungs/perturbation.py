@@ -6,16 +6,20 @@ only left vectors y and right vectors x of the quadratic problem enter.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.point_pairs import alone
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
-from squealstudy.analysis.reanalysis.problem import Problem
+from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.rung import Found, Rung
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,
@@ -24,9 +28,30 @@ from squealstudy.system.parametric import (
     Weights,
 )
 
-PERTURBATION = "perturbation"
+ORDER = 2
+REACH = 4.0  # second-order terms run through the modes of the band widened by this
+COST = 0.6  # seconds of a point over those of an exact one, about
 MARGIN = 1.2  # of the band: modes of the anchor that may move into it
 REAL = 1e-12  # relative imaginary part of a root that is its own conjugate
+
+
+class Perturbation(Rung):
+    """From the middle of the box."""
+
+    name = "perturbation"
+    description = "second-order perturbation from the middle of a part of the design"
+    keeps_tolerance = False
+    shares_work = True
+
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+        """From one anchor."""
+        anchor = make_anchor(problem.swept, box.middle, REACH)
+        for i, theta in enumerate(problem.theta(points)):
+            yield i, problem.modes(perturbed_roots(problem.swept, anchor, theta, ORDER, i))
+
+    def relative_cost(self, points: int, varied: int) -> float:
+        """Mostly of the estimate."""
+        return COST
 
 
 @dataclass(frozen=True)
@@ -46,7 +71,7 @@ class Anchor:
     pairs: Eigenpairs
 
 
-def make_anchor(problem: Problem, theta: np.ndarray, reach: float) -> Anchor:
+def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> Anchor:
     """Solve a design point exactly.
 
     Second-order terms run through the modes with band[0] / reach <= |lam| <= reach band[1]: all
@@ -64,7 +89,7 @@ def make_anchor(problem: Problem, theta: np.ndarray, reach: float) -> Anchor:
 
 
 def perturbed_roots(
-    problem: Problem, anchor: Anchor, theta: np.ndarray, order: int, index: int = 0
+    problem: SweptProblem, anchor: Anchor, theta: np.ndarray, order: int, index: int = 0
 ) -> PointRoots:
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
@@ -84,7 +109,7 @@ def perturbed_roots(
     def solve(weights: Weights) -> Eigenpairs:
         return perturbed_pairs(problem.system, anchor, weights, order, near)
 
-    return alone(problem, theta, index, PERTURBATION, solve)
+    return alone(problem, theta, index, Perturbation.name, solve)
 
 
 def perturbed_pairs(
@@ -132,3 +157,6 @@ class _Change(NamedTuple):
 
 def _of_order(system: ParametricSystem, change: Weights, order: int) -> _Change:
     return _Change(*system.of_order(change, order))
+
+
+RUNG = Perturbation()

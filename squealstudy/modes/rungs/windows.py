@@ -8,27 +8,24 @@ the sweep basis, and where that is not good enough, in the full problem.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from squealstudy.analysis.reanalysis.blocks import Solved
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
-from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
-from squealstudy.analysis.reanalysis.patch import (
-    Box,
-    Patch,
-    make_patch,
-    mixing_by_direction,
-)
+from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.analysis.reanalysis.patch import Box, Patch, make_patch, mixing_by_direction
 from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
 from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.analysis.reanalysis.problem import Problem, Sample
+from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
+from squealstudy.analysis.reanalysis.sweep_basis import in_band, light
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.rung import Found, Offer, Scope
+from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 
 DEGREE = {1: 5, 2: 4}  # of the interpolation; in more dimensions 2
@@ -36,26 +33,53 @@ PAYS = 1.5  # design points a node for a patch to pay
 BATCH = 32
 MOST_EXCEEDING = 0.1  # share of points beyond the tolerance from which on a patch is halved
 DEEPEST = 14  # halvings
-SWEEP_BASIS, WINDOWS = "sweep_basis", "windows"
+
+# design points of one structure from which on windows take less time than dense points, by the
+# number of parameters that vary; a basis is made by one process, points are solved by all.
+# studies/benchmarks/method_costs.py measures these and what follows
+PAYS_FROM = {1: 60, 2: 500, 3: 1500}
+# seconds of a point over those of an exact one, where many share a patch: (ALONE / points) ** FALLS
+# by the number of parameters that vary: .23 at 60 points over one; .89 and .64 at 300 and 500 over
+# two; .13 at 20,000 is of an earlier state, whose exact points were dearer
+ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
 
 
-@dataclass
-class Windows:
+class WindowsRung(OverABasis):
+    """Blocks of modes interpolated in patches of the box, estimated against the sweep basis."""
+
+    name = "windows"
+    description = "modes interpolated over patches of the design, in a sweep basis"
+    shares_work = True
+
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+        """Patch by patch."""
+        windows = Windows(problem.swept, problem.basis, problem.tolerance)
+        for found in windows.solve(box, problem.theta(points)):
+            yield found.row, problem.modes(found)
+
+    def relative_cost(self, points: int, varied: int) -> float:
+        """It falls with the number of points that share a patch."""
+        return float(min(1.0, (ALONE.get(varied, ALONE[2]) / max(points, 1)) ** FALLS))
+
+    def offer(self, scope: Scope) -> Offer:
+        """From some number of points on, over few parameters."""
+        if scope.varied not in PAYS_FROM:
+            return Offer(False, "")
+        if scope.points < PAYS_FROM[scope.varied]:
+            return Offer(False, f"{scope.points} points a structure do not pay for a basis")
+        return Offer(True, f"{scope.points} points a structure pay for a basis and patches")
+
+
+@dataclass(frozen=True)
+class Windows(InBasis):
     """Solves design points of a box by patches over a sweep basis.
 
     Attributes
     ----------
-    problem : Problem
-    basis : SweepBasis
-    tolerance : float
-        Largest error of light roots relative to their modulus.
     counts : Counter
-        Patches, nodes and points by rung, as they were used.
+        Patches made, and nodes solved for them.
     """
 
-    problem: Problem
-    basis: SweepBasis
-    tolerance: float
     counts: Counter[str] = field(default_factory=Counter)
 
     def solve(self, box: Box, theta: np.ndarray) -> Iterator[PointRoots]:
@@ -189,52 +213,17 @@ class Windows:
         near = (np.abs(lam) + own >= band[0]) & (np.abs(lam) - own <= band[1])
         doubtful |= near & ~light(lam) & _may_be_real(lam, own)
         return PointRoots(
-            index,
-            sample,
-            None,
-            lam[kept],
-            roots.X[k][:, kept],
-            (own + of_basis)[kept],
-            roots.residual[k][kept],
-            WINDOWS,
-            False,
-            not doubtful.any(),
+            row=index,
+            sample=sample,
+            failure=None,
+            lam=lam[kept],
+            X=roots.X[k][:, kept],
+            error=(own + of_basis)[kept],
+            residual=roots.residual[k][kept],
+            method=WindowsRung.name,
+            full=False,
+            sure=not doubtful.any(),
         )
-
-    def good(self, point: PointRoots) -> bool:
-        """Whether the light roots of a point are within the tolerance; failed points are."""
-        if point.failure is not None:
-            return True
-        if not point.sure:
-            return False
-        slight = light(point.lam)
-        error = point.error[slight] / np.abs(point.lam[slight])
-        return bool((error <= self.tolerance).all())
-
-    def alone(self, theta: np.ndarray, index: int) -> PointRoots:
-        """One design point in the sweep basis, in the full problem where that is not enough."""
-        sample = self.problem.samples(theta[None])[0]
-        if isinstance(sample, ConvergenceError):
-            return failed(index, sample)
-        pairs = self.basis.pairs(sample.weights)
-        pairs = _ordered(pairs.take(in_band(pairs.lam, self.problem.band, 1.0)))
-        full = self.basis.expand(sample.weights, pairs)
-        error = bounded(two_sided_error(self.problem, sample.weights, full), pairs.lam)
-        error += self.basis.interpolated * np.abs(pairs.lam)
-        residual, _ = residuals(self.problem, sample.weights, full)
-        found = PointRoots(
-            index, sample, None, pairs.lam, full.X, error, residual, SWEEP_BASIS, True
-        )
-        return found if self.good(found) else self.exact(theta, index, sample)
-
-    def exact(self, theta: np.ndarray, index: int, sample: Sample) -> PointRoots:
-        """One design point in the full problem."""
-        weights, pairs = self.problem.pairs(theta, 1.0)
-        pairs = _ordered(pairs)
-        residual, moved = residuals(self.problem, weights, pairs)
-        error = bounded(moved, pairs.lam)
-        name = self.problem.exact
-        return PointRoots(index, sample, None, pairs.lam, pairs.X, error, residual, name, True)
 
 
 class FollowedPatch(NamedTuple):
@@ -266,10 +255,6 @@ def _may_be_real(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
     return (lam.imag != 0) & ~(np.abs(lam.imag) > error)
 
 
-def _ordered(pairs: Eigenpairs) -> Eigenpairs:
-    return pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
-
-
 def _tight(box: Box, theta: np.ndarray) -> Box:
     """The box shrunk to its design points."""
     return Box(np.maximum(box.low, theta.min(axis=0)), np.minimum(box.high, theta.max(axis=0)))
@@ -280,3 +265,6 @@ def _halves(box: Box, axis: int, theta: np.ndarray) -> list[tuple[Box, np.ndarra
     lower, upper = box.halves(axis)
     below = theta[:, axis] <= box.middle[axis]
     return [(lower, below), (upper, ~below)]
+
+
+RUNG = WindowsRung()

@@ -1,0 +1,110 @@
+"""Design points of one structure as a rung sees them, whatever the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from squealstudy.analysis.point import PointModes
+from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
+from squealstudy.errors import ConvergenceError
+
+
+class Point(Protocol):
+    """A design point: the values of all its parameters, by name."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Of every parameter, SI units."""
+        ...
+
+
+class Chart(Protocol):
+    """Design points as coordinates in which modes vary smoothly: theta in [-1, 1]^d."""
+
+    def theta(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Coordinates (n, d) of design points given by their values."""
+        ...
+
+    def design_at(self, theta: np.ndarray) -> Any:
+        """The design point at coordinates (d,)."""
+        ...
+
+
+class Reader(Protocol):
+    """Reads roots and vectors in the coordinates of a basis as modes."""
+
+    def read(self, found: PointRoots) -> PointModes:
+        """The modes of a solved point, oscillating ones first."""
+        ...
+
+    def shapes(self, X: np.ndarray) -> np.ndarray:
+        """Unit coordinates (m, k) complex64, comparable over design points, of vectors (n, m)."""
+        ...
+
+
+@dataclass(eq=False)
+class Problem:
+    """Design points of one structure, of a brake, a minimal model or a family of matrices.
+
+    Attributes
+    ----------
+    swept : SweptProblem
+        Terms and weights of the model over the box of all its design points.
+    chart : Chart
+        From design points to coordinates in that box and back.
+    tolerance : float
+        Largest error of lightly damped and of growing roots, relative to their moduli.
+    exact : callable
+        Complex modes of a design point by the exact rung of the model; ConvergenceError.
+    full_order : callable
+        The same in the unreduced model.
+    reader : callable
+        The `Reader` of a basis V (n, r), or of full coordinates for None.
+    load_basis : callable
+        The sweep basis over the box; it is there where a rung asks for one.
+    """
+
+    swept: SweptProblem
+    chart: Chart
+    tolerance: float
+    exact: Callable[[Any], PointModes]
+    full_order: Callable[[Any], PointModes]
+    reader: Callable[[np.ndarray | None], Reader]
+    load_basis: Callable[[], SweepBasis]
+
+    def theta(self, points: Sequence[Point]) -> np.ndarray:
+        """Coordinates (n, d) of design points."""
+        return self.chart.theta([point.values for point in points])
+
+    def point_at(self, theta: np.ndarray) -> Point:
+        """The design point at coordinates (d,)."""
+        point: Point = self.chart.design_at(theta)
+        return point
+
+    @cached_property
+    def basis(self) -> SweepBasis:
+        """The sweep basis over the box, read once."""
+        return self.load_basis()
+
+    @cached_property
+    def full_reader(self) -> Reader:
+        """Of vectors in full coordinates."""
+        return self.reader(None)
+
+    @cached_property
+    def basis_reader(self) -> Reader:
+        """Of vectors in those of the sweep basis."""
+        return self.reader(self.basis.V)
+
+    def modes(self, found: PointRoots) -> PointModes | ConvergenceError:
+        """Roots of a rung as modes, or why there are none."""
+        if found.failure is not None:
+            return found.failure
+        return (self.full_reader if found.full else self.basis_reader).read(found)

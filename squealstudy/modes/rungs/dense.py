@@ -1,0 +1,33 @@
+"""The dense eigenproblem in all component-mode coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.rung import Found, Rung, Scope
+
+
+class Dense(Rung):
+    """Exact in the reduced model; of a minimal model, whose basis is complete, altogether."""
+
+    name = "dense"
+    description = "dense eigenproblem of the component-mode model"
+    exact = True
+
+    def refusal(self, scope: Scope) -> str:
+        """A family of matrices is never reduced."""
+        if scope.reduced:
+            return ""
+        return (
+            "a family of matrices has no component-mode coordinates for dense: expected full, "
+            "sweep_basis or windows"
+        )
+
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+        """Point by point."""
+        return ((i, problem.exact(point)) for i, point in enumerate(points))
+
+
+RUNG = Dense()

@@ -1,0 +1,31 @@
+"""The unreduced model: sparse shift-and-invert Arnoldi iterations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.rung import Found, Rung
+
+COST = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
+
+
+class Full(Rung):
+    """Exact, and the reference of all others."""
+
+    name = "full"
+    description = "sparse eigenproblem of the unreduced model"
+    exact = True
+    unreduced = True
+
+    def relative_cost(self, points: int, varied: int) -> float:
+        """Of a brake; a family of matrices has nothing cheaper to compare with."""
+        return COST
+
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+        """Point by point."""
+        return ((i, problem.full_order(point)) for i, point in enumerate(points))
+
+
+RUNG = Full()

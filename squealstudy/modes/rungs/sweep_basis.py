@@ -1,0 +1,161 @@
+"""One projection for all design points of a structure, on modes at adaptively chosen ones.
+
+A point whose estimate exceeds the tolerance is solved in the full problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.analysis.quadratic import dense_roots
+from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
+from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
+from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
+from squealstudy.analysis.tracking.refinement import Modes
+from squealstudy.errors import ConvergenceError
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.rung import Found, Offer, Rung, Scope
+
+BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
+# with so many parameters patches would be too many; a basis is not from so many points on
+MANY_PARAMETERS, PAYS_FROM = 4, 600
+COST = 0.55  # seconds of a point over those of an exact one, about
+
+
+class OverABasis(Rung):
+    """What rungs over a sweep basis have in common."""
+
+    over_a_basis = True
+
+    def refusal(self, scope: Scope) -> str:
+        """Damping of single modes needs the real modes of each point."""
+        if not scope.single:
+            return ""
+        return (
+            f"{self.name} has no damping of single modes of the assembly ({scope.single} is not "
+            "that of all modes)"
+        )
+
+    @property
+    def setup_solves(self) -> int:
+        """Of the basis."""
+        return BASIS_SOLVES
+
+    def modes_at(self, problem: Problem, point: Point, box: Box) -> Modes:
+        """In the basis alone, without an estimate."""
+        sample = problem.swept.samples(problem.theta([point]))[0]
+        if isinstance(sample, ConvergenceError):
+            raise sample
+        C, K = problem.basis.small.matrices([sample.weights])
+        lam, X = dense_roots(C[0], K[0], problem.swept.band)
+        oscillating = lam.imag > 0
+        return Modes(lam[oscillating], problem.basis_reader.shapes(X[:, oscillating]))
+
+
+class SweepBasisRung(OverABasis):
+    """All pairs of the projected problem at every point."""
+
+    name = "sweep_basis"
+    description = "dense eigenproblem projected on a basis of the whole sweep"
+
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+        """Point by point."""
+        solver = InBasis(problem.swept, problem.basis, problem.tolerance)
+        for i, theta in enumerate(problem.theta(points)):
+            yield i, problem.modes(solver.alone(theta, i))
+
+    def relative_cost(self, points: int, varied: int) -> float:
+        """Of a small dense problem and its estimate."""
+        return COST
+
+    def offer(self, scope: Scope) -> Offer:
+        """Over many parameters."""
+        if scope.varied < MANY_PARAMETERS:
+            return Offer(False, "")
+        if scope.damped:
+            why = f"{scope.damped} is not interpolated over {scope.varied} parameters"
+            return Offer(False, why)
+        if scope.points < PAYS_FROM:
+            return Offer(False, f"{scope.points} points a structure do not pay for a basis")
+        return Offer(True, f"{scope.points} points a structure pay for a basis")
+
+
+@dataclass(frozen=True)
+class InBasis:
+    """Solves design points in a sweep basis.
+
+    Attributes
+    ----------
+    problem : SweptProblem
+    basis : SweepBasis
+    tolerance : float
+        Largest error of light roots relative to their modulus.
+    """
+
+    problem: SweptProblem
+    basis: SweepBasis
+    tolerance: float
+
+    def good(self, point: PointRoots) -> bool:
+        """Whether the light roots of a point are within the tolerance; failed points are."""
+        if point.failure is not None:
+            return True
+        if not point.sure:
+            return False
+        slight = light(point.lam)
+        error = point.error[slight] / np.abs(point.lam[slight])
+        return bool((error <= self.tolerance).all())
+
+    def alone(self, theta: np.ndarray, index: int) -> PointRoots:
+        """One design point in the sweep basis, in the full problem where that is not enough."""
+        sample = self.problem.samples(theta[None])[0]
+        if isinstance(sample, ConvergenceError):
+            return failed(index, sample)
+        pairs = self.basis.pairs(sample.weights)
+        pairs = _ordered(pairs.take(in_band(pairs.lam, self.problem.band, 1.0)))
+        full = self.basis.expand(sample.weights, pairs)
+        error = bounded(two_sided_error(self.problem, sample.weights, full), pairs.lam)
+        error += self.basis.interpolated * np.abs(pairs.lam)
+        residual, _ = residuals(self.problem, sample.weights, full)
+        found = PointRoots(
+            row=index,
+            sample=sample,
+            failure=None,
+            lam=pairs.lam,
+            X=full.X,
+            error=error,
+            residual=residual,
+            method=SweepBasisRung.name,
+            full=True,
+        )
+        return found if self.good(found) else self.exact(theta, index, sample)
+
+    def exact(self, theta: np.ndarray, index: int, sample: Sample) -> PointRoots:
+        """One design point in the full problem."""
+        weights, pairs = self.problem.pairs(theta, 1.0)
+        pairs = _ordered(pairs)
+        residual, moved = residuals(self.problem, weights, pairs)
+        return PointRoots(
+            row=index,
+            sample=sample,
+            failure=None,
+            lam=pairs.lam,
+            X=pairs.X,
+            error=bounded(moved, pairs.lam),
+            residual=residual,
+            method=self.problem.exact,
+            full=True,
+        )
+
+
+def _ordered(pairs: Eigenpairs) -> Eigenpairs:
+    return pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
+
+
+RUNG = SweepBasisRung()
