@@ -14,8 +14,8 @@ One process, one core: set OMP_NUM_THREADS=1 and OPENBLAS_NUM_THREADS=1. Points 
 was trained on them. Milliseconds are medians a point: of the roots alone (values), with right and
 left vectors, with the estimate of their errors besides. Working points are apart, and so is what is
 paid once (set-up). Light modes have |zeta| < 5 %; `heavy` is the largest relative error of all the
-others, overdamped roots among them; `missed` counts light modes that are more than 1 % off; <=2x and <=5x
-are the shares of light modes whose true error is within so many estimates.
+others, overdamped roots among them; `missed` counts light modes that are more than 1 % off; <=2x
+and <=5x are the shares of light modes whose true error is within so many estimates.
 """
 
 from __future__ import annotations

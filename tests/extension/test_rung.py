@@ -1,0 +1,134 @@
+"""A rung from outside the package, in use in a study."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from squealstudy import open_results
+from squealstudy.errors import ConvergenceError, StudyFileError
+from squealstudy.modes import rungs
+from squealstudy.modes.rungs import all_rungs, exact_rung, register_rung, rung_named, rung_names
+from squealstudy.study.definition import parse_study
+from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
+
+FILE = Path(__file__).with_name("my_rung.py")
+HULTEN = """
+[study]
+name = "interpolated"
+kind = "complex_modes"
+
+[model]
+name = "hulten"
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.2
+num = 21
+
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+method = "linear"
+"""
+SECOND = '[[sweep]]\nparameter = "damping_ratio"\nvalues = [0.0, 0.01]\n[modes]'
+W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+
+
+@pytest.fixture
+def linear(monkeypatch):
+    """The rung of my_rung.py, registered for a test."""
+    monkeypatch.setattr(rungs, "_registered", {})
+    spec = spec_from_file_location("my_rung", FILE)
+    module = module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "my_rung", module)
+    spec.loader.exec_module(module)
+    register_rung(module.RUNG)
+    return module.RUNG
+
+
+def plan_of(text, tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return Plan(parse_study(text, path))
+
+
+def closed_form(mu):
+    """Both frequencies of Hulten's undamped model below flutter, Hz."""
+    K = np.array([[W1**2, -mu * W2**2], [mu * W1**2, W2**2]])
+    return np.sort(np.sqrt(np.linalg.eigvals(K).real)) / (2 * np.pi)
+
+
+def found_frequencies(results):
+    modes = results.modes.merge(results.points[["point_id", "friction"]], on="point_id")
+    modes = modes.sort_values(["friction", "frequency_hz"])
+    return modes, np.concatenate([closed_form(mu) for mu in np.unique(modes["friction"])])
+
+
+@pytest.mark.usefixtures("linear")
+def test_a_rung_of_ones_own_serves_a_study_by_name_and_its_error_holds(tmp_path):
+    run_study(plan_of(HULTEN, tmp_path), tmp_path / "r", jobs=1)
+    results = open_results(tmp_path / "r")
+    assert set(results.points["method"]) == {"linear"}
+    modes, exact = found_frequencies(results)
+    off = np.abs(modes["frequency_hz"].to_numpy() - exact)
+    chord = (closed_form(0.0) + closed_form(0.2)) / 2 - closed_form(0.1)
+    assert off.max() == pytest.approx(np.abs(chord).max(), rel=0.03)
+    assert (off[:2] < 1e-9).all()  # the ends are exact
+    assert (2 * np.pi * off <= 1.2 * modes["error_estimate"].to_numpy() + 1e-6).all()
+
+
+def test_results_know_the_file_of_a_rung_from_outside(linear, tmp_path, monkeypatch):
+    before = plan_of(HULTEN, tmp_path).tasks[0].point_id
+    monkeypatch.setattr(type(linear), "source_hash", "another text")
+    assert plan_of(HULTEN, tmp_path).tasks[0].point_id != before
+
+
+def test_what_a_rung_of_ones_own_leaves_over_is_solved_exactly(linear, tmp_path, monkeypatch):
+    solve = type(linear).solve
+
+    def half(self, problem, points, box):
+        for i, found in solve(self, problem, points, box):
+            if i == 10:
+                raise ConvergenceError("not_converged", "half is enough")
+            yield i, found
+
+    monkeypatch.setattr(type(linear), "solve", half)
+    run_study(plan_of(HULTEN + "track = false\n", tmp_path), tmp_path / "r", jobs=1)
+    served = open_results(tmp_path / "r").points["method"]
+    assert served.tolist() == ["linear"] * 10 + ["dense"] * 11
+
+
+@pytest.mark.usefixtures("linear")
+def test_a_rung_says_why_it_cannot_serve_a_study_and_others_are_named(tmp_path):
+    text = HULTEN.replace("[modes]", SECOND)
+    message = r"key 'modes.method': linear serves one parameter, 2 vary: expected one of dense, full"
+    with pytest.raises(StudyFileError, match=message):
+        plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
+
+
+def test_a_name_that_no_rung_has_is_refused_with_the_names_there_are(tmp_path):
+    with pytest.raises(StudyFileError, match=r"expected one of 'auto', 'dense', .*got 'linear'"):
+        plan_of(HULTEN, tmp_path)
+    with pytest.raises(KeyError):
+        rung_named("linear")
+
+
+def test_a_name_of_the_package_is_taken(linear, monkeypatch):
+    monkeypatch.setattr(type(linear), "name", "dense")
+    with pytest.raises(ValueError, match="a rung named 'dense' already"):
+        register_rung(linear)
+
+
+def test_every_rung_is_found_by_its_file_under_its_own_name():
+    names = ("dense", "full", "perturbation", "sweep_basis", "two_step", "windows")
+    assert rung_names() == names
+    assert tuple(rung.name for rung in all_rungs()) == names
+    assert all(rung.description for rung in all_rungs())
+    assert (exact_rung(reduced=True).name, exact_rung(reduced=False).name) == ("dense", "full")
