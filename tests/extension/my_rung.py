@@ -8,6 +8,8 @@ import numpy as np
 
 from squealstudy.modes.rung import Rung
 
+SAFETY = 1.5  # roots are no parabolas
+
 
 class Linear(Rung):
     """Between the ends of a box of one parameter, in which as many modes are to lie everywhere."""
@@ -28,7 +30,7 @@ class Linear(Rung):
         for i, theta in enumerate(problem.theta(points)):
             share = float((box.local(theta)[0] + 1) / 2)
             lam = (1 - share) * low.lam + share * high.lam
-            error = 4 * share * (1 - share) * curved + low.error_rung
+            error = SAFETY * 4 * share * (1 - share) * curved + low.error_rung
             yield i, replace(low, lam=lam, error_rung=error, method=self.name)
 
     def relative_cost(self, points, varied):
