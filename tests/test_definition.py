@@ -171,7 +171,11 @@ BAD = {
         "model",
         "[model] is missing",
     ),
-    "kind": (GOOD.replace('"complex_modes"', '"modes" #!'), "study.kind", "'complex_modes'"),
+    "kind": (
+        GOOD.replace('"complex_modes"', '"modes" #!'),
+        "study.kind",
+        "one of complex_modes, transient",
+    ),
     "study name": (
         GOOD.replace('"friction_pressure"', '"a/b" #!'),
         "study.name",

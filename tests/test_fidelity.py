@@ -30,8 +30,8 @@ from squealstudy.study.fidelity.scene import MISSED, Scene, largest
 from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.study.keys import source_hash
 from squealstudy.study.measure.frequency_domain import _solved
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.plan import Plan
-from squealstudy.study.runner import build_structures
 from squealstudy.study.tasks import Solved
 
 BELT = """
@@ -212,7 +212,7 @@ def test_step_is_chosen_and_its_error_audited(finished):
     resolved, report = finished
     facts = report.manifest["fidelity"]
     step = facts["chosen"]["changes"]["transient.step"]
-    assert step == resolved.plan.study.definition.transient.step
+    assert step == resolved.plan.study.section.step
     assert facts["chosen"]["estimated_error"] <= 0.001
     assert facts["audit"]["passed"]
     assert facts["audit"]["error"] <= 0.001

@@ -9,10 +9,8 @@ import pytest
 import squealstudy
 from squealstudy.analysis.runs.levels import mean_interval
 from squealstudy.analysis.runs.pooled import pooled_interval
-from squealstudy.study.definition import parse_study
-from squealstudy.study.experiments.definition import load_any
-from squealstudy.study.experiments.runner import run_experiment
-from squealstudy.study.experiments.work_precision.variants import make_variants
+from squealstudy.kinds.work_precision.variants import make_variants
+from squealstudy.study.definition import load_any, load_plan, parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 
@@ -111,10 +109,10 @@ def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
     text = text.partition('[[method]]\nname = "LSODA')[0] + OTHER_BRAKE
     path = tmp_path / "irregular.toml"
     path.write_text(text)
-    ran = {v.label: v.plan.study.definition.transient for v in make_variants(load_any(path))}
+    ran = {v.label: v.plan.study.section for v in make_variants(load_any(path))}
     assert ran["Newmark, step 1e-06"].integrator == "newmark"
     assert ran["exponential, step 1e-06"].integrator == "exponential"
-    run_experiment(load_any(path), tmp_path / "out", 1)
+    run_study(load_plan(path), tmp_path / "out", 1)
     table = squealstudy.open_results(tmp_path / "out").measurements.set_index("method")
     for name in ("torque_rms", "torque_mean"):
         error, chance = table[f"error_{name}"], table[f"chance_{name}"]

@@ -14,9 +14,8 @@ from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.cli.app import app
 from squealstudy.cli.check import check_command
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.study.experiments.definition import load_any
-from squealstudy.study.experiments.kinds import experiment_kind
-from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.definition import load_plan
+from squealstudy.study.runner import run_study
 
 SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))
 CAUTIOUS = ("tracking_step",)  # the prediction is where labels may go wrong, not where they do
@@ -56,22 +55,22 @@ def test_a_map_of_methods_has_no_mesh_error(write):
 
 def test_cells_of_a_map(write, tmp_path):
     path = write(MAP)
-    report = run_experiment(load_any(path), tmp_path / "out", 1)
+    report = run_study(load_plan(path), tmp_path / "out", 1)
     cells = open_results(tmp_path / "out").cells
     assert len(cells) == 10
     np.testing.assert_allclose(cells["dependence"][:5], np.geomspace(1e-9, 1e-1, 5))
     assert (cells["tolerance"][:5] == 1e-7).all()  # the first knob varies fastest
-    assert report.n_solved == 2  # lines
+    assert report.n_solved == 10
     assert report.manifest["agreement"] == 1.0
     assert report.manifest["unflagged_wrong"] == 0
     assert set(cells["outcome"]) == {"converged", "recovered", "failed"} & set(cells["outcome"])
-    assert run_experiment(load_any(path), tmp_path / "out", 1).n_solved == 0
+    assert run_study(load_plan(path), tmp_path / "out", 1).n_solved == 0
 
 
-def test_a_finer_map_keeps_the_lines_that_it_has(write, tmp_path):
-    run_experiment(load_any(write(MAP)), tmp_path / "out", 1)
+def test_a_finer_map_keeps_the_cells_that_it_has(write, tmp_path):
+    run_study(load_plan(write(MAP)), tmp_path / "out", 1)
     more = MAP.replace("[1e-7, 1e-3]", "[1e-7, 1e-5, 1e-3]")
-    assert run_experiment(load_any(write(more)), tmp_path / "out", 1).n_solved == 1
+    assert run_study(load_plan(write(more)), tmp_path / "out", 1).n_solved == 5
     assert len(open_results(tmp_path / "out").cells) == 15
 
 
@@ -94,7 +93,7 @@ def test_a_finer_map_keeps_the_lines_that_it_has(write, tmp_path):
 )
 def test_bad_files_name_the_key(write, old, new, key, message):
     with pytest.raises(StudyFileError) as error:
-        experiment_kind(load_any(write(MAP.replace(old, new, 1 if old != "[[knob]]" else -1))))
+        load_plan(write(MAP.replace(old, new, 1 if old != "[[knob]]" else -1)))
     assert message in str(error.value)
     assert error.value.key.startswith(key)
 
@@ -146,9 +145,9 @@ def test_shipped_maps(path, tmp_path):
     text = re.sub(r"num = \d+", "num = 5", path.read_text())
     small = tmp_path / path.name
     small.write_text(text)
-    experiment = load_any(small)
-    assert experiment.owner[0] == path.stem
-    found = run_experiment(experiment, tmp_path / "out", 1).manifest
+    plan = load_plan(small)
+    assert plan.owner[0] == path.stem
+    found = run_study(plan, tmp_path / "out", 1).manifest
     assert found["n_failed"] == 0
     assert found["unflagged_wrong"] == 0
     assert found["unpredicted_failures"] == 0

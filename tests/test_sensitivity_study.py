@@ -159,11 +159,11 @@ def test_stable_design_gives_no_rows(tmp_path):
 
 def test_defaults_and_families_of_component_modes():
     """Operating point, contact law and every elastic component mode."""
-    asked = plan(BRAKE.replace('parameters = ["friction"]', "")).in_sensitivity[1]
+    asked = plan(BRAKE.replace('parameters = ["friction"]', "")).identity[1]
     assert asked[:4] == ["friction", "pressure", "contact.lambda", "sliding_speed"]
     assert "caliper.modes[*].frequency_scale" in asked
     assert "disc.modes[*].damping_ratio" in asked
-    assert plan(HULTEN.replace("modes = 2\nparameters", "modes = 2\n#")).in_sensitivity[1] == [
+    assert plan(HULTEN.replace("modes = 2\nparameters", "modes = 2\n#")).identity[1] == [
         "friction",
         "sliding_speed",
         "mass.modes[*].frequency_scale",

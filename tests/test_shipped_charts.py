@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import squealstudy
-from squealstudy.study.experiments.definition import load_any
-from squealstudy.study.experiments.runner import run_experiment
+from squealstudy.study.definition import load_plan
+from squealstudy.study.runner import run_study
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -24,7 +24,7 @@ def measured(name, place, *changes):
         text = re.sub(old, new, text)
     path = place / f"{name}.toml"
     path.write_text(text)
-    run_experiment(load_any(path), place / "results", 1)
+    run_study(load_plan(path), place / "results", 1)
     table = squealstudy.open_results(place / "results").measurements
     return table[~table["reference"]].set_index("label")
 

@@ -22,10 +22,10 @@ from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.fidelity.time_search import RunSearch
 from squealstudy.study.measure import slope_pilot as pilot_module
+from squealstudy.study.model_kind import build_structures, run_study
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
-from squealstudy.study.runner import build_structures, run_study
 from squealstudy.study.transient import forecast
 
 NAME = REGULARISATION_SPEED.name

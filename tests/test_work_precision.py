@@ -11,16 +11,14 @@ from squealstudy import open_results
 from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import app
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
+from squealstudy.kinds.work_precision import kind as kind_module
 from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.complex_modes import problems
-from squealstudy.study.experiments.definition import load_any
-from squealstudy.study.experiments.kinds import experiment_kind
-from squealstudy.study.experiments.runner import run_experiment
-from squealstudy.study.experiments.work_precision import kind as kind_module
-from squealstudy.study.experiments.work_precision.kind import WorkPrecision
+from squealstudy.study.definition import load_plan
 from squealstudy.study.measure.time_domain import together
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.parallel import Workers
-from squealstudy.study.runner import build_structures
+from squealstudy.study.runner import run_study
 
 SPEED = '"contact.regularisation_speed" = 0.08'
 BELT = """
@@ -116,9 +114,17 @@ def steps(tmp_path_factory):
     place = tmp_path_factory.mktemp("steps")
     (place / "base.toml").write_text(BELT)
     (place / "study.toml").write_text(IN_TIME)
-    experiment = load_any(place / "study.toml")
-    report = run_experiment(experiment, place / "results", 1)
-    return experiment, place / "results", report
+    plan = load_plan(place / "study.toml")
+    report = run_study(plan, place / "results", 1)
+    return plan, place / "results", report
+
+
+def ready(path):
+    """Plan of a study with its models made, and the tasks of the reference and of the last run."""
+    plan = load_plan(path)
+    plan.kind.ready(plan, Workers(), print)
+    first, *_, last = plan.kind.tasks(plan, plan.tasks, Workers())
+    return plan, first, last
 
 
 def test_smaller_steps_cost_more_and_err_less(steps):
@@ -150,33 +156,32 @@ def test_errors_table_has_value_and_truth(steps):
 
 
 def test_a_finished_study_is_not_run_again_and_a_broken_one_goes_on(steps):
-    experiment, directory, _ = steps
-    assert run_experiment(experiment, directory, 1).n_solved == 0
+    plan, directory, _ = steps
+    assert run_study(plan, directory, 1).n_solved == 0
     chunks = sorted((directory / "chunks").glob("*.parquet"))
     chunks[0].unlink()
     manifest = directory / "manifest.json"
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"status": "running"}))
-    assert run_experiment(experiment, directory, 1).n_solved == 1
+    assert run_study(plan, directory, 1).n_solved == 1
 
 
 def test_measured_points_lie_in_the_swept_box_and_depend_on_the_seed(write):
-    first = experiment_kind(load_any(write(BELT, IN_TIME)))
-    again = experiment_kind(load_any(write(BELT, IN_TIME)))
-    other = experiment_kind(
-        load_any(write(BELT, IN_TIME.replace("points = 1", "points = 1\nseed = 4")))
-    )
+    first = load_plan(write(BELT, IN_TIME))
+    again = load_plan(write(BELT, IN_TIME))
+    other = load_plan(write(BELT, IN_TIME.replace("points = 1", "points = 1\nseed = 4")))
 
-    def drawn(kind):
-        return [kind.variants[0].plan.swept[i] for i in kind.variants[0].measured]
+    def drawn(plan):
+        _, (first, *_) = plan.content
+        return [first.plan.swept[i] for i in first.measured]
 
     assert drawn(first) == drawn(again) != drawn(other)
     assert 0.5 < drawn(first)[0]["sliding_speed"] < 0.75
-    whole = experiment_kind(load_any(write(BELT, IN_TIME.replace("points = 1", "points = 0"))))
+    whole = load_plan(write(BELT, IN_TIME.replace("points = 1", "points = 0")))
     assert [p["sliding_speed"] for p in drawn(whole)] == [0.5, 0.75]
 
 
 def test_rungs_of_complex_modes_against_dense(write, tmp_path):
-    run_experiment(load_any(write(HULTEN, RUNGS)), tmp_path / "out", 1)
+    run_study(load_plan(write(HULTEN, RUNGS)), tmp_path / "out", 1)
     table = open_results(tmp_path / "out").measurements.set_index("label")
     assert table.loc["dense again", "error_frequency"] < 1e-14
     assert table.loc["perturbation", "error_frequency"] > 1e-4
@@ -188,7 +193,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
         "set.transient.step = 2e-6", "set.transient.step = 2e-6\nset.parameters.contact.kt = 1e-3"
     )
     with pytest.raises(ResultsError, match="reference 'small steps' failed"):
-        run_experiment(load_any(write(BELT.replace(SPEED, ""), text)), tmp_path / "out", 1)
+        run_study(load_plan(write(BELT.replace(SPEED, ""), text)), tmp_path / "out", 1)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +219,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
 def test_bad_files_name_the_key(write, old, new, key, message):
     path = write(BELT, IN_TIME.replace(old, new))
     with pytest.raises(StudyFileError) as error:
-        experiment_kind(load_any(path))
+        load_plan(path)
     assert message in str(error.value)
     assert error.value.key.startswith(key)
     assert error.value.path == path
@@ -223,7 +228,7 @@ def test_bad_files_name_the_key(write, old, new, key, message):
 def test_an_integrator_needs_a_transient_base(write):
     text = RUNGS + 'integrator = "newmark"\n'
     with pytest.raises(StudyFileError, match="integrates nothing"):
-        experiment_kind(load_any(write(HULTEN, text)))
+        load_plan(write(HULTEN, text))
 
 
 def test_screens(write, tmp_path):
@@ -262,7 +267,7 @@ def test_starts_differ_in_size(write, tmp_path):
     text = IN_TIME.replace("repeats = 2", "repeats = 1\nstarts = 2").replace(
         "[2e-5, 2e-4]", "[2e-5]"
     )
-    run_experiment(load_any(write(BELT, text)), tmp_path / "out", 1)
+    run_study(load_plan(write(BELT, text)), tmp_path / "out", 1)
     errors = open_results(tmp_path / "out").errors
     rms = errors[(errors["quantity"] == "torque_rms") & (errors["label"] == "small steps")].iloc[0]
     assert rms["error"] == 0.0
@@ -302,19 +307,15 @@ def test_picture_draws_front_failures_and_tolerance():
 
 
 def test_a_method_whose_model_cannot_be_made_is_a_failed_row(write, tmp_path, monkeypatch):
-    experiment = load_any(write(BELT, IN_TIME.replace("repeats = 2", "repeats = 1")))
-    kind = WorkPrecision(experiment)
-    kind.prepare(Workers())
+    plan, first, last = ready(write(BELT, IN_TIME.replace("repeats = 2", "repeats = 1")))
     monkeypatch.setattr(kind_module, "is_prepared", lambda _: False)
-    (row,) = kind.solve(kind.runs()[-1])
-    assert row["status"] == "structure"
-    reference = kind.runs()[0]
+    assert plan.kind.solve(last).rows[0]["status"] == "structure"
     with pytest.raises(ResultsError, match="no reduction of its model can be made"):
-        kind.solve(reference)
+        plan.kind.solve(first)
 
 
 def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
-    kind = WorkPrecision(load_any(write(BELT, IN_TIME)))
+    plan = load_plan(write(BELT, IN_TIME))
     asked = []
 
     def build(plan, workers):
@@ -324,13 +325,13 @@ def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
         return build_structures(plan, workers)
 
     monkeypatch.setattr(kind_module, "build_structures", build)
-    kind.prepare(Workers())
+    plan.kind.ready(plan, Workers(), print)
     assert len(asked) == 4
 
 
 def test_rounds_alternate_over_the_methods(write):
-    kind = WorkPrecision(load_any(write(BELT, IN_TIME)))
-    order = [(variant.label, number) for _, variant, number in kind.runs()]
+    runs = [run.content for run in load_plan(write(BELT, IN_TIME)).tasks]
+    order = [(variant.label, number) for variant, number in runs]
     labels = ["Newmark, step 2e-05", "Newmark, step 0.0002", "Newton"]
     assert order == [("small steps", 0), *((x, 0) for x in labels), *((x, 1) for x in labels)]
 
@@ -377,7 +378,7 @@ def onsets(tmp_path_factory):
     place = tmp_path_factory.mktemp("onsets")
     (place / "base.toml").write_text(FLUTTER)
     (place / "study.toml").write_text(ONSETS)
-    run_experiment(load_any(place / "study.toml"), place / "results", 1)
+    run_study(load_plan(place / "study.toml"), place / "results", 1)
     return open_results(place / "results")
 
 
@@ -414,7 +415,7 @@ def test_measured_points_on_one_line_share_it(write):
     base = FLUTTER.replace("[modes]", second + "[modes]")
 
     def lines(text):
-        variant = experiment_kind(load_any(write(base, text))).variants[0]
+        _, (variant, *_) = load_plan(write(base, text)).content
         swept = variant.plan.swept
         return variant, {n: [swept[i] for i in rows] for n, rows in variant.lines.items()}
 
@@ -433,10 +434,9 @@ def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
             raise ConvergenceError("not_converged", "no working point")
         return solve_point(prepared, state, band, known)
 
-    kind = WorkPrecision(load_any(write(FLUTTER, ONSETS)))
-    kind.prepare(Workers())
+    plan, _, last = ready(write(FLUTTER, ONSETS))
     monkeypatch.setattr(problems, "solve_point", fail)
-    (row,) = kind.solve(kind.runs()[-1])
+    (row,) = plan.kind.solve(last).rows
     assert row["status"] == "not_converged"
     assert row["message"] == "on the line of onset: no working point"
 
@@ -452,7 +452,7 @@ def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
 def test_onsets_need_lines(write, base, message):
     base = base.replace("num = 7\n", "") if "sobol" in base else base
     with pytest.raises(StudyFileError, match=message) as error:
-        experiment_kind(load_any(write(base, ONSETS)))
+        load_plan(write(base, ONSETS))
     assert error.value.key == "work_precision.quantities"
 
 

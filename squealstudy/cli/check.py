@@ -15,21 +15,16 @@ from squealstudy.cli import fidelity_screen, screen, transient_screen
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.study import chunks
+from squealstudy.study.definition import load_any
 from squealstudy.study.estimate import Estimate, estimate, run_seconds
-from squealstudy.study.experiments.definition import Experiment, load_any
-from squealstudy.study.kinds import EXPERIMENTS
-from squealstudy.study.manifest import check_ownership, outdated
+from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.study.manifest import check_owner, outdated
+from squealstudy.study.model_kind import build_first, check_component_modes, check_shapes
 from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rounds import grown, grows, most_points
-from squealstudy.study.runner import (
-    build_first,
-    check_component_modes,
-    check_shapes,
-    default_directory,
-    kind_of,
-)
+from squealstudy.study.runner import default_directory
 from squealstudy.study.sampling import check_limit
-from squealstudy.study.schema import experiment_schema, study_schema
+from squealstudy.study.schema import methods_schema, study_schema
 from squealstudy.study.validity import parameter_reasons
 from squealstudy.wording import plural
 
@@ -39,7 +34,7 @@ def check_command(
 ) -> None:
     """Validate, count, estimate; exit code 2 and one message where the study is not valid."""
     loaded = load_any(path)
-    if isinstance(loaded, Experiment):
+    if loaded.kind.of_methods:
         from squealstudy.cli.experiment import check_experiment_command
 
         if of_mesh:
@@ -58,7 +53,7 @@ def check_command(
         plan, facts = resolved.plan, resolved.facts
     check_limit(plan.study, yes=True)
     directory = output or default_directory(plan)
-    found = check_ownership(directory, plan)
+    found = check_owner(directory, plan.owner)
     if found and found.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)
     jobs = jobs or os.cpu_count() or 1
@@ -69,7 +64,7 @@ def check_command(
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
     check_component_modes(plan)
-    kind = kind_of(plan)
+    kind = plan.kind
     kind.check(plan)
     plan = grown(plan, directory) if directory.is_dir() else plan
     done = chunks.finished_points(directory, kind.schema) if directory.is_dir() else set()
@@ -93,7 +88,7 @@ def _facts(
         *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
         _structures(plan, cost),
         *_method(plan),
-        *transient_screen.regularisation(plan.regularisation),
+        *transient_screen.regularisation(plan.kind.manifest(plan).get("regularisation")),
         *_validity(plan),
     ]
     if cost.n_coordinates is not None:
@@ -122,11 +117,10 @@ def _facts(
 
 def _method(plan: Plan) -> list[tuple[str, str]]:
     """How design points are solved, and why so."""
-    kind = plan.study.definition.study.kind
-    if kind == "transient":
-        section = plan.study.definition.transient
+    if plan.kind.name == "transient":
+        section = plan.study.section
         return [("method", f"{section.integrator}, contact iteration to {section.balance:g}")]
-    if kind != "complex_modes":
+    if not plan.kind.chooses_rung:
         return []
     method = plan.method
     rung = method.rung
@@ -166,10 +160,7 @@ def _mesh_error(plan: Plan, jobs: int) -> list[tuple[str, str]]:
 
 def _bound(plan: Plan) -> str:
     """Runs that may end early are timed as if they did not."""
-    definition = plan.study.definition
-    if definition.study.kind != "transient" or definition.transient.stop == "end":
-        return ""
-    return "; runs end once their outcome is known"
+    return "; runs end once their outcome is known" if plan.kind.may_end_early(plan) else ""
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
@@ -217,8 +208,9 @@ def _duration(seconds: float) -> str:
 
 def schema_command(kind: str | None) -> None:
     """Print the JSON Schema of study files, or of those of an experiment."""
-    if kind is not None and kind not in EXPERIMENTS:
-        raise SquealstudyError(f"kind '{kind}': expected {' or '.join(EXPERIMENTS)}")
-    found = study_schema() if kind is None else experiment_schema(kind)
+    of_methods = [name for name in kind_names() if kind_named(name).of_methods]
+    if kind is not None and kind not in of_methods:
+        raise SquealstudyError(f"kind '{kind}': expected {' or '.join(of_methods)}")
+    found = study_schema() if kind is None else methods_schema(kind)
     json.dump(found, sys.stdout, indent=2)
     sys.stdout.write("\n")

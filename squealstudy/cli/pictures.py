@@ -22,7 +22,7 @@ from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.plots.stability_diagram import stability_diagram
 from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.kinds import EXPERIMENTS
+from squealstudy.study.kinds import is_of_methods
 from squealstudy.study.results import SOBOL_INDICES, Results
 
 
@@ -50,7 +50,7 @@ def draw_pictures(results: Results, directory: Path, along: str | None = None) -
 
 
 def _named_figures(results: Results, along: str | None) -> Iterable[tuple[str, Figure]]:
-    if results.kind in EXPERIMENTS:
+    if is_of_methods(results.kind):
         return experiment_figures(results)
     if results.kind == "transient":
         return transient_figures(results, along)

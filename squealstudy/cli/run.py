@@ -8,8 +8,8 @@ from typing import Any
 
 from squealstudy.cli import fidelity_screen, mode_screen, screen, transient_screen
 from squealstudy.models.matrix_family import NAME as MATRICES
-from squealstudy.study.experiments.definition import Experiment, load_any
-from squealstudy.study.manifest import check_ownership
+from squealstudy.study.definition import load_any
+from squealstudy.study.manifest import check_owner
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import TABLES, Results
 from squealstudy.study.runner import RunReport, default_directory, failure_counts, run_study
@@ -26,7 +26,7 @@ def run_command(
     """Run, rank, draw, and say where everything is."""
     loaded = load_any(study)
     jobs = jobs or os.cpu_count() or 1
-    if isinstance(loaded, Experiment):
+    if loaded.kind.of_methods:
         from squealstudy.cli.experiment import run_experiment_command
 
         run_experiment_command(loaded, output, jobs, pictures)
@@ -40,7 +40,7 @@ def run_command(
             from squealstudy.study.fidelity.run import resolve, run_resolved
 
             check_limit(plan.study, yes)
-            check_ownership(directory, plan)
+            check_owner(directory, plan.owner)
             chosen = resolve(loaded, jobs, progress)
             report = run_resolved(chosen, directory, yes, progress, screen.warning)
     results = Results.open(directory)

@@ -12,10 +12,10 @@ from squealstudy.cli import mode_screen, screen
 from squealstudy.cli.sensitivity_screen import show_ranking
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.study.definition import Study, load_study
+from squealstudy.study.kinds import model_kind
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import default_directory, run_study
-from squealstudy.study.sections import DesignSection
 
 KIND = "sensitivity"
 
@@ -66,6 +66,8 @@ def nominal_sensitivities(study: Study) -> Study:
             study.path,
             "study.kind",
         )
+    kind = model_kind(KIND)
     named = definition.study.model_copy(update={"kind": KIND, "name": f"{study.name}_{KIND}"})
-    changed = definition.model_copy(update={"study": named, "sweep": (), "design": DesignSection()})
-    return replace(study, definition=changed, sweeps=())
+    kept = {k: getattr(definition, k) for k in ("model", "parameters", "modes", "reduction")}
+    changed = kind.definition(study=named, **kept)
+    return replace(study, kind=kind, definition=changed, sweeps=())

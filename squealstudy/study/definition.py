@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
+from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.parameters import (
     StudyParameter,
     check_disjoint,
@@ -21,6 +22,7 @@ from squealstudy.study.toml_lines import KeyPath
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
     from squealstudy.models.parameter import ModelDefinition
+    from squealstudy.study.model_kind import ModelKind
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class Study:
     path : Path
     text : str
         The file's content as it was read.
+    kind : ModelKind
+        What is computed at the design points.
     definition : StudyDefinition
     model : ModelDefinition
     options : mapping of name -> str or int
@@ -43,6 +47,7 @@ class Study:
 
     path: Path
     text: str
+    kind: ModelKind
     definition: StudyDefinition
     model: ModelDefinition
     options: Mapping[str, str | int]
@@ -55,14 +60,39 @@ class Study:
         return self.definition.study.name
 
     @property
+    def section(self) -> Any:
+        """The table of the file that is the kind's own; None where it has none."""
+        return getattr(self.definition, self.kind.section) if self.kind.section else None
+
+    @property
     def shown_parameters(self) -> tuple[str, ...]:
         """Names of the swept parameters, then of those in [parameters], each once."""
         swept = dict.fromkeys(s.name for s in self.sweeps)
         return tuple(swept | dict.fromkeys(self.definition.parameters))
 
 
+def load_any(path: str | Path) -> Any:
+    """Read and check a study file of any kind: a `Study`, or what a kind of methods reads.
+
+    Raises
+    ------
+    StudyFileError
+        With file, line, key and what was expected, whatever is wrong with the file.
+    """
+    source = SourceText(Path(path), read_text(Path(path)))
+    tables = parse_toml(source.path, source.text)
+    kind = kind_of_file(source, tables)
+    return resolve_study(source, tables) if kind is None else kind.read(source, tables)
+
+
+def load_plan(path: str | Path) -> Any:
+    """The design points, or runs, of a study file of any kind; raises as `load_any`."""
+    study = load_any(path)
+    return study.kind.plan(study)
+
+
 def load_study(path: str | Path) -> Study:
-    """Read and check a study file.
+    """Read and check a study file of a model.
 
     Raises
     ------
@@ -90,7 +120,8 @@ def parse_study(text: str, path: Path) -> Study:
 
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
     """The study of a file's tables, perhaps with some values changed; errors are about the file."""
-    definition = validate(StudyDefinition, source, tables)
+    kind = _kind(source, tables)
+    definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
@@ -106,7 +137,37 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
     sweeps = resolve_sweeps(definition, model, source)
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
     _check_disjoint(used, source)
-    return Study(source.path, source.text, definition, model, options, values, sweeps)
+    return Study(
+        path=source.path,
+        text=source.text,
+        kind=kind,
+        definition=definition,
+        model=model,
+        options=options,
+        values=values,
+        sweeps=sweeps,
+    )
+
+
+def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
+    """The kind of a study file; StudyFileError for a table that another kind has."""
+    kind = kind_of_file(source, tables)
+    if kind is None:  # what is missing or wrong in [study] is said
+        validate(StudyDefinition, source, tables)
+        raise source.error(("study", "kind"), "expected the name of a kind of study")
+    if kind.of_methods:
+        text = f"expected a study of a model, {kind.name} is one of methods"
+        raise source.error(("study", "kind"), text)
+    for name in (name for name in tables if name not in kind.definition.model_fields):
+        for other in map(kind_named, kind_names()):
+            if other.section == name:
+                raise source.error(
+                    (name,), f'a [{name}] section needs kind = "{other.name}", this is {kind.name}'
+                )
+    found = model_kind(kind.name)
+    if "fidelity" in tables and not found.has_fidelity:
+        raise source.error(("fidelity",), f"a {kind.name} study has no [fidelity] section")
+    return found
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

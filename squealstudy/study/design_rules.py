@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from squealstudy.study.kinds import model_kind
 from squealstudy.study.sections import StudyDefinition, SweepSection
 from squealstudy.study.source import SourceText
 
@@ -62,10 +63,11 @@ def _check_boundary(
     definition: StudyDefinition, sweeps: Sequence[Sweep], source: SourceText
 ) -> None:
     """Complex modes, few sweeps, a grid that is not vast."""
-    kind, design = definition.study.kind, definition.design
-    if kind != "complex_modes":
+    kind, design = model_kind(definition.study.kind), definition.design
+    if not kind.chooses_rung:
         raise source.error(
-            ("design", "type"), f"a boundary design needs kind = 'complex_modes', this is {kind}"
+            ("design", "type"),
+            f"a boundary design needs kind = 'complex_modes', this is {kind.name}",
         )
     if len(sweeps) > MOST_BOUNDARY_SWEEPS:
         raise source.error(

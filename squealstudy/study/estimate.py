@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from squealstudy.modes.rung import Rung
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.family_cache import load_any
-from squealstudy.study.kind import Kind
-from squealstudy.study.kinds import kind_named
+from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.plan import Plan, checked_points, has_mesh
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.tasks import PointTask
@@ -77,7 +76,7 @@ def run_seconds(
     """
     assert cost.point_s is not None
     own, bases = cost.point_s, 0.0
-    complex_modes = plan.study.definition.study.kind == "complex_modes"
+    complex_modes = plan.kind.chooses_rung
     rung = plan.method.rung
     served = plan_share(plan, rung) if complex_modes else None
     if served is not None:
@@ -90,7 +89,7 @@ def run_seconds(
     build = cost.n_missing_structures * (cost.structure_s or 0.0)
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
     low, high = OTHER if not complex_modes else EXACT if served is None else REANALYSIS
-    if plan.study.definition.transient.stop != "end" and not complex_modes:
+    if plan.kind.may_end_early(plan):
         low = 0.0
     if complex_modes and served is None and _refines(plan):
         high += BETWEEN
@@ -125,7 +124,7 @@ def _check_seconds(plan: Plan, point_s: float) -> float:
     return len(checked_points(plan)) * point_s * (FULL_ORDER if meshed else 1.0)
 
 
-def _timed(kind: Kind, plan: Plan, tasks: Sequence[PointTask]) -> list[float]:
+def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[PointTask]) -> list[float]:
     """Seconds of a few design points; where the first is brief it is timed once more."""
     seconds: list[float] = []
     for number, task in enumerate(tasks):
@@ -140,7 +139,7 @@ def _timed(kind: Kind, plan: Plan, tasks: Sequence[PointTask]) -> list[float]:
 
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
-    kind = kind_named(plan.study.definition.study.kind)
+    kind = plan.kind
     ready = [s.key for s in plan.structures if is_prepared(s.key)]
     missing = len(plan.structures) - len(ready)
     if not ready:

@@ -20,6 +20,7 @@ from squealstudy.models.matrix_family import (
     family_definition,
 )
 from squealstudy.models.matrix_files import read_matrix
+from squealstudy.study.kinds import model_kind
 from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import ModelSection, StudyDefinition
@@ -27,7 +28,6 @@ from squealstudy.study.source import SourceText
 from squealstudy.study.toml_lines import KeyPath
 
 DATA = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
-KIND = "complex_modes"
 # columns of the tables beside the parameters
 TAKEN = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
 TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
@@ -48,11 +48,12 @@ def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefiniti
         value under [parameters], or one that no coefficient uses; an option of another model.
     """
     section = definition.model
-    if definition.study.kind != KIND:
+    kind = model_kind(definition.study.kind)
+    if kind.needs_contact:
         raise source.error(
             ("study", "kind"),
-            f"a model '{NAME}' has neither contact nor components: expected '{KIND}', "
-            f"got '{definition.study.kind}'",
+            f"a model '{NAME}' has neither contact nor components: expected 'complex_modes', "
+            f"got '{kind.name}'",
         )
     for name in section.options:
         known = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"

@@ -2,77 +2,172 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import pyarrow as pa
+from pydantic import BaseModel
 
-from squealstudy.study.parallel import Progress, Workers
-from squealstudy.study.plan import Plan
-from squealstudy.study.tasks import PointTask, Solved
+from squealstudy.study.parallel import Workers
+from squealstudy.study.source import SourceText
+from squealstudy.study.tasks import Solved
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.study.measure.measurement import Measuring
 
-class Kind(Protocol):
-    """One kind of study; it warns of nothing and verifies nothing unless it says how."""
+Warn = Callable[[str], None]
+
+
+class Identified(Protocol):
+    """A design point, or what stands for one: it has a row of its own."""
 
     @property
-    def schema(self) -> pa.Schema:
-        """Of its chunk files."""
+    def point_id(self) -> str:
+        """Hash of all that decides its row."""
+        ...
+
+
+class Planned(Protocol):
+    """A study resolved into what has to be solved."""
+
+    @property
+    def kind(self) -> Kind:
+        """What is computed."""
         ...
 
     @property
-    def tables(self) -> tuple[str, ...]:
-        """Files of a complete results directory."""
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model of the study: whose results directory it is."""
         ...
 
-    def check(self, plan: Plan) -> None:
-        """Raise StudyFileError for what only the prepared models show."""
+    @property
+    def tasks(self) -> Sequence[Identified]:
+        """Its design points."""
         ...
 
-    def warnings(self, plan: Plan) -> list[str]:
-        """What may go wrong in a run, from the prepared model of the first structure."""
-        return []
+    @property
+    def study_hash(self) -> str:
+        """Hash of all that decides the tables."""
+        ...
 
-    def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
-        """The plan whose reduced models are good enough for the study; by default as it is."""
+
+class Kind:
+    """A kind of study; what it does not say it does without.
+
+    Attributes
+    ----------
+    name : str
+        As study files and manifests spell it.
+    description : str
+    section : str
+        Its own table of the study file; empty where it has none.
+    definition : type
+        Pydantic model of the whole file.
+    tables : tuple of str
+        Files of a complete results directory; the first has a row a design point, with its status.
+    schema : pyarrow.Schema
+        Of its chunk files.
+    rows_word : str
+        What its rows are, for progress.
+    of_methods : bool
+        It measures methods, and has no design points of a model of its own.
+    """
+
+    name: str
+    description: str
+    section: str = ""
+    definition: type[BaseModel]
+    tables: tuple[str, ...]
+    schema: pa.Schema
+    rows_word: str = "design points"
+    of_methods: bool = False
+
+    # -- the study file --------------------------------------------------------------------------
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> Any:
+        """The study that the tables of a file describe; StudyFileError where they are wrong."""
+        raise NotImplementedError
+
+    def plan(self, study: Any) -> Planned:
+        """The study resolved into its design points; StudyFileError."""
+        raise NotImplementedError
+
+    def check_limit(self, plan: Any, yes: bool) -> None:
+        """Raise StudyFileError where there are more design points than the file allows."""
+
+    # -- a run -----------------------------------------------------------------------------------
+    def patience(self, plan: Any) -> float:
+        """Seconds for which work is done without workers, which take longer to start."""
+        return 0.0
+
+    def ready(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
+        """Make what all design points need.
+
+        Returns
+        -------
+        plan
+            Perhaps with better models than before.
+        failures : dict of str -> str
+            Keys of models that could not be made, with the reasons.
+
+        Raises
+        ------
+        StudyFileError, SquealstudyError
+            For what only the models show of the file; where none can be made.
+        """
+        return plan, {}
+
+    def grown(self, plan: Any, directory: Path) -> Any:
+        """The plan with all design points that the finished ones ask for; else the plan itself."""
         return plan
 
-    def begin(self, plan: Plan) -> None:
-        """Begin, in other processes, what can be made beside the structures; `prepare` waits."""
-        return
+    def build(self, plan: Any, workers: Workers) -> dict[str, str]:
+        """Make the models that a plan which has grown needs besides; reasons of failure by key."""
+        return {}
 
-    def prepare(self, plan: Plan, report: Progress) -> None:
-        """What must be there before workers start, beside the structures."""
-        ...
+    def warnings(self, plan: Any) -> list[str]:
+        """What may go wrong in a run."""
+        return []
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[Any]:
-        """Work for one call of `solve` each."""
-        ...
+    def tasks(self, plan: Any, points: Sequence[Any], workers: Workers) -> list[Any]:
+        """Work for one call of `solve` each, and whatever that needs made first."""
+        raise NotImplementedError
 
     def solve(self, task: Any) -> Solved:
         """Rows of the design points of a task, in a worker."""
-        ...
+        raise NotImplementedError
+
+    def unsolvable(self, plan: Any, point: Any, failures: Mapping[str, str]) -> str:
+        """Why a design point cannot be solved; empty where it can."""
+        return ""
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
-        """Chunk row of a point that could not be solved."""
-        ...
+        """Row of a design point that could not be solved."""
+        raise NotImplementedError
 
     def verify(
-        self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
+        self, plan: Any, directory: Path, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Checks of finished points against a better model, for the manifest."""
         return []
 
     def build_tables(
-        self, plan: Plan, directory: Path, workers: Workers
+        self, plan: Any, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write the tables from the chunk files; the points' table, and facts for the manifest."""
-        ...
+        """Write the tables from the chunk files; the first of them, and facts for the manifest."""
+        raise NotImplementedError
 
-    def time_point(self, plan: Plan, task: PointTask) -> float | None:
-        """Seconds of one design point on one core; None where it has no working point."""
-        ...
+    def measuring(self) -> Measuring | None:
+        """How methods are timed on studies of this kind; None where they cannot be."""
+        return None
+
+    # -- what is said of it ----------------------------------------------------------------------
+    def manifest(self, plan: Any) -> dict[str, Any]:
+        """Facts of the study for the manifest, beside those of every study."""
+        return {}
+
+    def timings(self, plan: Any, failures: Mapping[str, str]) -> dict[str, float]:
+        """Seconds of the stages before the design points."""
+        return {}

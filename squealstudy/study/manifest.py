@@ -13,9 +13,9 @@ from typing import Any
 import squealstudy
 from squealstudy.errors import ResultsError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.study.kind import Planned
 from squealstudy.study.plan import Plan
 from squealstudy.study.results_manifest import read_manifest, version_of
-from squealstudy.study.rounds import map_facts
 
 LOCK = ".lock"
 PACKAGES = (
@@ -30,26 +30,19 @@ PACKAGES = (
 )
 
 
-def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
+def new_manifest(plan: Planned, jobs: int) -> dict[str, Any]:
     """Manifest of a run that begins."""
-    study = plan.study
+    name, kind, model = plan.owner
     return {
         "status": "running",
-        "name": study.definition.study.name,
-        "kind": study.definition.study.kind,
-        "model": study.model.name,
-        "options": dict(study.options),
-        **point_facts(plan),
-        "band_hz": list(plan.band_hz),
-        "parameters": list(study.shown_parameters),
-        "sweeps": [s.parameter.name for s in study.sweeps],
-        "units": {p: parameter_unit(plan, p) for p in study.shown_parameters} | torque_unit(plan),
-        "nominal": {p: plan.nominal_values[p] for p in study.shown_parameters},
-        "grid_shape": plan.grid_shape,
-        "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
-        "transient": plan.in_time[0] if plan.in_time else None,
-        "regularisation": plan.regularisation,
-        "study": study.text,
+        "name": name,
+        "kind": kind,
+        "model": model,
+        **identity_facts(plan),
+        "parameters": [],
+        "sweeps": [],
+        "units": {},
+        **plan.kind.manifest(plan),
         "versions": versions(),
         "python": platform.python_version(),
         "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
@@ -58,40 +51,33 @@ def new_manifest(plan: Plan, jobs: int) -> dict[str, Any]:
     }
 
 
+def identity_facts(plan: Planned) -> dict[str, Any]:
+    """Hash and number of the design points; they change where a design grows."""
+    return {"study_hash": plan.study_hash, "n_points": len(plan.tasks)}
+
+
 def versions() -> dict[str, str]:
     """Versions of squealstudy and of what its numbers rest on."""
     return {"squealstudy": squealstudy.__version__} | {name: version(name) for name in PACKAGES}
 
 
-def point_facts(plan: Plan) -> dict[str, Any]:
-    """What a manifest says of the design points; it changes where a design grows."""
-    facts = {
-        "study_hash": plan.study_hash,
+def model_facts(plan: Plan) -> dict[str, Any]:
+    """What a manifest says of a study of a model: its parameters, design and structures."""
+    study, parameters = plan.study, plan.study.shown_parameters
+    units = {p.name: p.unit for p in study.model.parameters}
+    return {
+        "options": dict(study.options),
         "structures": [s.key for s in plan.structures],
         "basis_enriched": plan.enriched,
-        "n_points": len(plan.tasks),
+        "band_hz": list(plan.band_hz),
+        "parameters": list(parameters),
+        "sweeps": [s.parameter.name for s in study.sweeps],
+        "units": {p: units.get(p, "") for p in parameters},  # empty for a pure number
+        "nominal": {p: plan.nominal_values[p] for p in parameters},
+        "grid_shape": plan.grid_shape,
+        "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
+        "study": study.text,
     }
-    found = map_facts(plan)
-    return facts if found is None else {**facts, "boundary": found}
-
-
-def parameter_unit(plan: Plan, name: str) -> str:
-    """Unit of a shown parameter; empty for a pure number."""
-    plain = {p.name: p.unit for p in plan.study.model.parameters}
-    return plain.get(name, "")
-
-
-def torque_unit(plan: Plan) -> dict[str, str]:
-    """Unit of the columns ``torque_*`` of a transient study; nothing of others."""
-    if plan.study.definition.study.kind != "transient":
-        return {}
-    return {"torque": plan.study.model.torque_unit}
-
-
-def check_ownership(directory: Path, plan: Plan) -> dict[str, Any] | None:
-    """The manifest that is there, if this study may write here; raises as `check_owner`."""
-    study = plan.study.definition.study
-    return check_owner(directory, (study.name, study.kind, plan.study.model.name))
 
 
 def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] | None:

@@ -79,10 +79,10 @@ def choose_method(
         name, reason = _cheapest(study, scope, exact)
         return Method(name, section.tolerance, reason, exact)
     source = SourceText(study.path, study.text)
-    if study.definition.study.kind != "complex_modes":
+    if not study.kind.chooses_rung:
         raise source.error(
             ("modes", "method"),
-            f"a {study.definition.study.kind} study has no choice of method: leave the key out",
+            f"a {study.kind.name} study has no choice of method: leave the key out",
         )
     if refusal := rung_named(section.method).refusal(scope):
         others = ", ".join(rung.name for rung in all_rungs() if not rung.refusal(scope))
@@ -113,7 +113,7 @@ def _scope(
 
 def _cheapest(study: Study, scope: Scope, exact: str) -> tuple[str, str]:
     """The rung of an ``auto`` study, and the reason."""
-    if study.definition.study.kind != "complex_modes":
+    if not study.kind.chooses_rung:
         return exact, "the only one of this kind of study"
     if scope.single:
         return exact, f"{scope.single} needs the real modes of each point"

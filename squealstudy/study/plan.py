@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,32 +19,20 @@ from squealstudy.study.design import Design, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.keys import content_hash, point_id, source_hash
 from squealstudy.study.method import Method, choose_method
-from squealstudy.study.regularisation import (
-    is_automatic,
-    regularisation_facts,
-    slowest_speed,
-    with_speed,
-)
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
-from squealstudy.study.sensitivity.parameters import asked_parameters
 from squealstudy.study.source import SourceText
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.toml_lines import KeyPath
-from squealstudy.study.transient.start import StartState, find_start
 from squealstudy.system.design_state import ModeKey
 
+if TYPE_CHECKING:
+    from squealstudy.study.model_kind import ModelKind
+
 LAW_OPTION = "contact_law"
-TRANSIENT = "transient"
-# of [transient], what changes no run
-NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}
-MOST_TRAINING = 4  # design points of a training run
-SLOPE_SOURCES = ("study/sensitivity",)
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 # beside them, they decide its finer model
 FINER_SOURCES = ("system", "analysis/full_order", "analysis/quadratic.py")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
-# they decide what is sampled, trained and run
-TRANSIENT_SOURCES = ("study/transient", "study/transient_section.py")
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
 
@@ -75,30 +63,27 @@ class Plan:
         self, study: Study, swept: list[dict[str, float]] | None = None, enriched: bool = False
     ) -> None:
         self.study, self.enriched = study, enriched
+        self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
             Design(study.model, self.law_kind, self._resolved({**study.values, **point}))
             for point in self.swept
         )
 
-    @cached_property
-    def slowest(self) -> float | None:
-        """Slowest sliding speed of all design points of the study, m/s; None without motion."""
-        if self.study.definition.study.kind != TRANSIENT:
-            return None
-        return slowest_speed(self.study, design_points(self.study))
+    @property
+    def kind(self) -> ModelKind:
+        """What the study computes."""
+        return self.study.kind
 
-    def _resolved(self, values: dict[str, float]) -> dict[str, float]:
-        """Values of a design point, those that follow from the whole study filled in."""
-        return values if self.slowest is None else with_speed(values, self.slowest)
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model: whose results directory it is."""
+        return self.study.name, self.kind.name, self.study.model.name
 
     @cached_property
-    def regularisation(self) -> dict[str, Any] | None:
-        """What the slopes of friction follow from; None where they are given, or without motion."""
-        if self.slowest is None:
-            return None
-        automatic = sum(is_automatic({**self.study.values, **point}) for point in self.swept)
-        return regularisation_facts(self.designs, self.slowest, automatic)
+    def identity(self) -> list[Any]:
+        """What a design point's row depends on, by its kind, beside its parameters."""
+        return self.kind.identity(self)
 
     @property
     def law_kind(self) -> str:
@@ -159,8 +144,7 @@ class Plan:
 
         Complete bases have none, and runs in time tell theirs by other means.
         """
-        in_time = self.study.definition.study.kind == TRANSIENT
-        asked = not in_time or self.study.definition.reduction.residual_responses
+        asked = self.kind.tells_reduction or self.study.definition.reduction.residual_responses
         return self.band_hz[1] if asked and has_mesh(self.study) else None
 
     @cached_property
@@ -217,51 +201,6 @@ class Plan:
         )
 
     @cached_property
-    def start(self) -> StartState | None:
-        """The earlier state that a transient study continues; StudyFileError where it is not."""
-        source = SourceText(self.study.path, self.study.text)
-        return find_start(self.study.definition.transient, source)
-
-    @cached_property
-    def in_time(self) -> list[Any]:
-        """What a design point's motion depends on beside its parameters; empty without motion."""
-        if self.study.definition.study.kind != TRANSIENT:
-            return []
-        section = self.study.definition.transient
-        settings = section.model_dump(mode="json", exclude=NO_MOTION)
-        continued = self.start is not None
-        kicked = not continued or "perturbation" in section.model_fields_set
-        start = self.start.point_id if self.start is not None else ""
-        trained = self.training_designs if section.pod_vectors else ()
-        return [
-            settings,
-            kicked,
-            start,
-            self.study.definition.modes.stability_tolerance,
-            [sorted(d.values.items()) for d in trained],
-            source_hash(TRANSIENT_SOURCES),
-        ]
-
-    @cached_property
-    def in_sensitivity(self) -> list[Any]:
-        """What sensitivities depend on beside parameters; StudyFileError for a name unknown."""
-        definition = self.study.definition
-        if definition.study.kind != "sensitivity":
-            return []
-        asked = asked_parameters(self.study, self.law_kind)
-        section = definition.sensitivity.model_dump(mode="json", exclude={"parameters"})
-        tolerance = definition.modes.stability_tolerance
-        return [section, [item.name for item in asked], tolerance, source_hash(SLOPE_SOURCES)]
-
-    @cached_property
-    def training_designs(self) -> tuple[Design, ...]:
-        """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
-        chosen = {int(f(column)) for column in self.coordinates.T for f in (np.argmin, np.argmax)}
-        nominal = Design(self.study.model, self.law_kind, self.nominal_values)
-        ends = (self.designs[i] for i in sorted(chosen))
-        return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
-
-    @cached_property
     def method(self) -> Method:
         """How design points are solved; StudyFileError for one that cannot serve this study."""
         reduced = not isinstance(self.study.model, FamilyDefinition)
@@ -299,8 +238,7 @@ class Plan:
                 source_hash(),
                 list(self.band_hz),
                 self.law_kind,
-                *self.in_time,
-                *self.in_sensitivity,
+                *self.identity,
                 *self.method.identity,
                 *([] if self.method.rung.exact else [source_hash(REANALYSIS_SOURCES)]),
             ]
@@ -323,9 +261,8 @@ class Plan:
                 [t.point_id for t in self.tasks],
                 list(self.study.shown_parameters),
                 modes.model_dump(mode="json"),
-                *self.in_time,
-                *([self.study.definition.transient.slope_pilot] if self.in_time else []),
-                *self.in_sensitivity,
+                *self.identity,
+                *self.kind.table_identity(self),
             ]
         )
 

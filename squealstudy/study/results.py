@@ -15,7 +15,7 @@ from squealstudy.analysis.tables.mode_ranking import point_codes, rank_modes, se
 from squealstudy.analysis.tables.stability import uncertain_points
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS
-from squealstudy.study.kinds import EXPERIMENTS
+from squealstudy.study.kinds import is_of_methods
 from squealstudy.study.names import (
     CELLS,
     ERRORS,
@@ -59,8 +59,8 @@ class Results:
         """Directory, kind, model, what varies and how many points there are, on one line."""
         facts = self.manifest
         text = f"{self.kind} of {facts.get('model', 'methods')}"
-        rows = "run" if self.kind in EXPERIMENTS else "point"
-        if self.kind not in EXPERIMENTS and self.swept:
+        rows = "run" if is_of_methods(self.kind) else "point"
+        if not is_of_methods(self.kind) and self.swept:
             text += f" over {', '.join(self.swept)}"
         count, failed = facts["n_points"], facts.get("n_failed", 0)
         text += f": {plural(count, rows)}"
@@ -87,7 +87,7 @@ class Results:
         if manifest is None:
             raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
         tables = TABLES.get(str(manifest.get("kind")), ())
-        stale = manifest.get("kind") in EXPERIMENTS and manifest.get("status") != "complete"
+        stale = is_of_methods(manifest.get("kind")) and manifest.get("status") != "complete"
         if not tables or stale or not all((directory / name).is_file() for name in tables):
             raise ResultsError(
                 f"{directory}: the run is not finished; run the study again to go on"
@@ -97,14 +97,14 @@ class Results:
     @cached_property
     def points(self) -> pd.DataFrame:
         """One row a design point; ResultsError where the study has none."""
-        if self.kind in EXPERIMENTS:
+        if is_of_methods(self.kind):
             raise ResultsError(f"{self.directory}: a {self.kind} study has no design points")
         return self._read(POINTS)
 
     @cached_property
     def modes(self) -> pd.DataFrame:
         """One row a complex mode of a design point; ResultsError where the study has none."""
-        if self.kind in EXPERIMENTS:
+        if is_of_methods(self.kind):
             raise ResultsError(f"{self.directory}: a {self.kind} study has no table of modes")
         if self.kind == "sensitivity":
             raise ResultsError(
@@ -220,7 +220,7 @@ class Results:
         the energy of a transient study (analysis.tables.energy_ranking.rank_energy), which has no
         choice of `by`.
         """
-        if self.kind in EXPERIMENTS:
+        if is_of_methods(self.kind):
             raise ResultsError(f"{self.directory}: a {self.kind} study has no ranking of modes")
         if self.kind == "transient":
             if by != "share":

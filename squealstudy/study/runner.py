@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow.parquet as pq
 
-from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.errors import ResultsError
 from squealstudy.study import chunks
-from squealstudy.study.cache import is_prepared, load_prepared, read_scalars
 from squealstudy.study.files import remove_leftovers
-from squealstudy.study.kind import Kind
-from squealstudy.study.kinds import kind_named
+from squealstudy.study.kind import Planned, Warn
 from squealstudy.study.manifest import (
-    check_ownership,
+    check_owner,
+    identity_facts,
     locked,
     new_manifest,
     outdated,
-    point_facts,
 )
-from squealstudy.study.names import INACCURATE, POINTS
+from squealstudy.study.names import INACCURATE
 from squealstudy.study.parallel import Progress, Workers, silent
-from squealstudy.study.plan import Plan
 from squealstudy.study.process import peak_memory_mb
 from squealstudy.study.results_manifest import write_manifest
-from squealstudy.study.rounds import grown
-from squealstudy.study.sampling import check_limit
-from squealstudy.study.structures import build_structure, build_task, mode_counts, patience
 from squealstudy.study.tasks import Work
 
 if TYPE_CHECKING:
@@ -60,54 +52,20 @@ class RunReport:
     n_reused: int
 
 
-def kind_of(plan: Plan) -> Kind:
-    """What the plan's study computes."""
-    return kind_named(plan.study.definition.study.kind)
-
-
-def check_component_modes(plan: Plan) -> None:
-    """Raise StudyFileError where the study names a component mode that the basis does not hold.
-
-    Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
-    """
-    if plan.designs[0].mode_parameters():
-        first = plan.structures[0].key
-        ready = is_prepared(first)
-        plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
-
-
-def check_shapes(plan: Plan) -> str:
-    """What of the geometry vanishes in some structures of a plan, to warn of; nothing is built.
-
-    Raises StudyFileError where it does in all of them.
-    """
-    model = plan.study.model
-    values = [s.design.plain_values() for s in plan.structures]
-    found = [(pair, v) for v in values if (pair := model.vanishing(v))]
-    if not found:
-        return ""
-    (smaller, larger), first = found[0]
-    text = f"expected {smaller} ({first[smaller]:g}) below {larger} ({first[larger]:g})"
-    if len(found) < len(values):
-        return f"{len(found)} of {len(values)} geometries cannot be built; the first: {text}"
-    given = {*plan.study.definition.parameters, *(s.name for s in plan.study.sweeps)}
-    raise plan.error(larger if larger in given else smaller, f"{text}: a part would vanish")
-
-
-def default_directory(plan: Plan) -> Path:
+def default_directory(plan: Planned) -> Path:
     """results/<study name>, in the current directory."""
-    return Path("results") / plan.study.definition.study.name
+    return Path("results") / plan.owner[0]
 
 
 def run_study(
-    plan: Plan,
+    plan: Planned,
     directory: Path,
     jobs: int,
     yes: bool = False,
     progress: Progress = silent,
-    warn: Callable[[str], None] = lambda text: None,
+    warn: Warn = lambda text: None,
 ) -> RunReport:
-    """Run a study, or what is left of it.
+    """Run a study of any kind, or what is left of it.
 
     Nothing is written before the study is known to be valid. Whole chunk files are kept over
     kills and changes; only missing design points are solved. A design that grows is solved in
@@ -115,7 +73,7 @@ def run_study(
 
     Parameters
     ----------
-    plan : Plan
+    plan : Planned
     directory : Path
         Results directory; made where absent.
     jobs : int
@@ -130,57 +88,50 @@ def run_study(
     Raises
     ------
     StudyFileError, ResultsError
-        Invalid study; directory of another study, or in use.
+        Invalid study; directory of another study, or in use; no design point is ok.
     """
-    check_limit(plan.study, yes)
-    check_ownership(directory, plan)
+    kind = plan.kind
+    kind.check_limit(plan, yes)
+    check_owner(directory, plan.owner)
     started = time.perf_counter()
-    if text := check_shapes(plan):
-        warn(text)
-    check_component_modes(plan)
-    workers = Workers(jobs, progress, partial(patience, plan))
-    failures = build_structures(plan, workers)
-    kind = kind_of(plan)
-    kind.check(plan)
-    if (better := kind.accurate(plan, failures, workers)) is not plan:
-        plan = better
-        failures |= build_structures(plan, workers)
+    workers = Workers(jobs, progress, partial(kind.patience, plan))
+    plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory):
-        if (further := grown(plan, directory)) is not plan:
+        if (further := kind.grown(plan, directory)) is not plan:
             plan = further
-            failures |= build_structures(plan, workers)
-        found = check_ownership(directory, plan)
-        if found and _is_complete(found, plan, kind, directory):
-            _expect_solved(directory)
+            failures |= kind.build(plan, workers)
+        found = check_owner(directory, plan.owner)
+        if found and _is_complete(found, plan, directory):
+            _expect_solved(directory, pq.read_table(directory / kind.tables[0]).to_pandas())
             return RunReport(directory, found, 0, len(plan.tasks))
         if text := outdated(directory, found):
-            warn(f"{text}; all design points are solved again")
+            warn(f"{text}; all {kind.rows_word} are solved again")
         remove_leftovers(directory)
         manifest = new_manifest(plan, jobs)
-        manifest["timings"] = {"structures_s": prepared_s, **_structure_timings(plan, failures)}
+        manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
         write_manifest(directory, manifest)
         for text in kind.warnings(plan):
             warn(text)
-        n_solved = _solve_points(plan, kind, directory, failures, workers, manifest)
-        while len((further := grown(plan, directory)).tasks) > len(plan.tasks):
+        n_solved = _solve_points(plan, directory, failures, workers, manifest)
+        while len((further := kind.grown(plan, directory)).tasks) > len(plan.tasks):
             plan = further
-            check_limit(plan.study, yes, len(plan.tasks))
-            failures |= build_structures(plan, workers)
-            manifest |= point_facts(plan)
-            n_solved += _solve_points(plan, kind, directory, failures, workers, manifest)
+            kind.check_limit(plan, yes)
+            failures |= kind.build(plan, workers)
+            manifest |= kind.manifest(plan) | identity_facts(plan)
+            n_solved += _solve_points(plan, directory, failures, workers, manifest)
         verified = time.perf_counter()
         manifest["reference"] = kind.verify(plan, directory, failures, workers)
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
-        _finish(plan, kind, directory, manifest, workers, started)
+        _finish(plan, directory, manifest, workers, started)
     return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
 
 
-def _is_complete(found: dict[str, Any], plan: Plan, kind: Kind, directory: Path) -> bool:
+def _is_complete(found: dict[str, Any], plan: Planned, directory: Path) -> bool:
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and all(_readable(directory / name) for name in kind.tables)
+        and all(_readable(directory / name) for name in plan.kind.tables)
     )
 
 
@@ -193,71 +144,25 @@ def _readable(path: Path) -> bool:
     return True
 
 
-def build_structures(
-    plan: Plan, workers: Workers, wanted: Collection[str] | None = None
-) -> dict[str, str]:
-    """Make the prepared models that the cache does not hold; reasons of failure by key.
-
-    `wanted` are the keys of those to be made, of a study that is tried at some points alone.
-
-    Raises
-    ------
-    SquealstudyError
-        Where no structure of the study can be made.
-    """
-    asked = [s for s in plan.structures if wanted is None or s.key in wanted]
-    missing = [s for s in asked if not is_prepared(s.key)]
-    if not missing:
-        return {}
-    if workers.jobs > 1:
-        kind_of(plan).begin(plan)
-    threads = workers.jobs if len(missing) == 1 else 1
-    tasks = [build_task(plan, s, threads) for s in missing]
-    made = workers.each(build_structure, tasks, "reduction")
-    failures = {key: reason for key, reason in made if reason}
-    if len(failures) == len(plan.structures):
-        raise SquealstudyError(f"{plan.study.path}: {next(iter(failures.values()))}")
-    return failures
-
-
-def build_first(plan: Plan, jobs: int) -> str:
-    """Make the first structure of a plan; the reason of its failure, or an empty string."""
-    return build_structure(build_task(plan, plan.structures[0], jobs))[1]
-
-
-def _structure_timings(plan: Plan, failures: dict[str, str]) -> dict[str, float]:
-    """Seconds of each preparing stage when it was done, the mean over structures."""
-    kept = [s.key for s in plan.structures if s.key not in failures]
-    found = [read_scalars(key)["timings"] for key in kept]
-    return {
-        f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
-        for name in {name: None for timings in found for name in timings}
-    }
-
-
 def _solve_points(
-    plan: Plan,
-    kind: Kind,
+    plan: Planned,
     directory: Path,
     failures: dict[str, str],
     workers: Workers,
     manifest: dict[str, Any],
 ) -> int:
     """Solve the design points that no chunk file holds; their number."""
-    started = time.perf_counter()
+    started, kind = time.perf_counter(), plan.kind
     done_before = chunks.finished_points(directory, kind.schema)
     pending = [t for t in plan.tasks if t.point_id not in done_before]
-    unbuilt = [t for t in pending if t.prepared_key in failures]
-    solvable = [t for t in pending if t.prepared_key not in failures]
-    if unbuilt:
-        rows = [kind.failed_row(t.point_id, "structure", failures[t.prepared_key]) for t in unbuilt]
+    why = {t.point_id: kind.unsolvable(plan, t, failures) for t in pending}
+    rows = [kind.failed_row(name, "structure", text) for name, text in why.items() if text]
+    if rows:
         chunks.write_rows(directory, rows, kind.schema)
-    if solvable:
-        kind.prepare(plan, workers.report)
-    work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers.jobs)]
+    solvable = [t for t in pending if not why[t.point_id]]
+    work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers)] if solvable else []
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
-    workers.report("design points", done, total)
-    timings = manifest["timings"]
+    workers.report(kind.rows_word, done, total)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
     for chunk in workers.each(Work.done, work):
         chunks.write_chunk(directory, chunk)
@@ -265,7 +170,7 @@ def _solve_points(
         known += chunk.known
         busy += chunk.wall_s
         peak = max(peak, chunk.peak_mb)
-        workers.report("design points", done, total)
+        workers.report(kind.rows_word, done, total)
     manifest["peak_memory_mb"] = {"largest_worker": peak}
     spent = {
         "points_s": time.perf_counter() - started,
@@ -273,23 +178,19 @@ def _solve_points(
         "points_solved": len(solvable),
         "working_points_reused": known,
     }
+    timings = manifest["timings"]
     for name, value in spent.items():  # of all rounds together
         timings[name] = timings.get(name, 0) + value
     return len(pending)
 
 
 def _finish(
-    plan: Plan,
-    kind: Kind,
-    directory: Path,
-    manifest: dict[str, Any],
-    workers: Workers,
-    started: float,
+    plan: Planned, directory: Path, manifest: dict[str, Any], workers: Workers, started: float
 ) -> None:
     """Build the tables and close the manifest."""
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
-    points, facts = kind.build_tables(plan, directory, workers)
+    points, facts = plan.kind.build_tables(plan, directory, workers)
     manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
@@ -300,12 +201,11 @@ def _finish(
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     workers.report("tables", 1, 1)
-    _expect_solved(directory)
+    _expect_solved(directory, points)
 
 
-def _expect_solved(directory: Path) -> None:
-    """Raise ResultsError, with the reasons, where no design point of a finished run is ok."""
-    points = pq.read_table(directory / POINTS, columns=["status", "message"]).to_pandas()
+def _expect_solved(directory: Path, points: pd.DataFrame) -> None:
+    """Raise ResultsError, with the reasons, where no row of a finished run is ok."""
     if (points["status"] == "ok").any():
         return
     what = "is inaccurate" if (points["status"] == INACCURATE).any() else "failed"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from squealstudy.study.sections import StudyDefinition
+from pydantic import create_model
+
+from squealstudy.study.kinds import kind_named, kind_names
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -13,7 +15,13 @@ def study_schema() -> dict[str, Any]:
     """JSON Schema of a study file, with the names and options of the models of the catalogue."""
     from squealstudy.models.catalogue import MODEL_NAMES, MODELS
 
-    schema: dict[str, Any] = _without_null(StudyDefinition.model_json_schema())
+    kinds = [kind for kind in map(kind_named, kind_names()) if not kind.of_methods]
+    whole = create_model(
+        "StudyDefinition",
+        __base__=tuple(dict.fromkeys(kind.definition for kind in reversed(kinds))),
+    )
+    schema: dict[str, Any] = _without_null(whole.model_json_schema())
+    schema["$defs"]["StudySection"]["properties"]["kind"]["enum"] = [kind.name for kind in kinds]
     model = schema["$defs"]["ModelSection"]
     model["properties"]["name"]["enum"] = list(MODEL_NAMES)
     choices: dict[str, list[str | int]] = {}
@@ -26,16 +34,10 @@ def study_schema() -> dict[str, Any]:
     return head | {k: v for k, v in schema.items() if k not in head}
 
 
-def experiment_schema(kind: str) -> dict[str, Any]:
-    """JSON Schema of the files of an experiment, ``work_precision`` or ``method_stability``."""
-    from squealstudy.study.experiments.sections import (
-        MethodStabilityDefinition,
-        WorkPrecisionDefinition,
-    )
-
-    definition = WorkPrecisionDefinition if kind == "work_precision" else MethodStabilityDefinition
-    schema: dict[str, Any] = _without_null(definition.model_json_schema())
-    head = {"$schema": DIALECT, "title": f"squealstudy {kind} file"}
+def methods_schema(name: str) -> dict[str, Any]:
+    """JSON Schema of the files of a kind that measures methods."""
+    schema: dict[str, Any] = _without_null(kind_named(name).definition.model_json_schema())
+    head = {"$schema": DIALECT, "title": f"squealstudy {name} file"}
     return head | {k: v for k, v in schema.items() if k not in head}
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
@@ -11,9 +12,7 @@ from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
-from squealstudy.study.sensitivity_section import SensitivitySection
 from squealstudy.study.source import shown
-from squealstudy.study.transient_section import TransientSection
 
 AUTO = "auto"  # [modes] method: the rung of least cost
 
@@ -23,13 +22,6 @@ DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
 MOST_LEVELS = 1_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
-# enrichment shapes of small singular values are local contact shapes: in time they are modes far
-# above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
-TRANSIENT_BASIS = {
-    "tolerance": 1e-3,
-    "assembly_cutoff_factor": 1.5,
-    "residual_responses": False,
-}
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
 
 
@@ -41,7 +33,7 @@ class StudySection(Section):
         max_length=100,
         description="name of the study and of its results directory: letters, digits, _ and -",
     )
-    kind: Literal["complex_modes", "transient", "sensitivity"] = Field(
+    kind: str = Field(
         description="what is computed at each design point: complex modes, motion in time, or "
         "sensitivities of complex modes"
     )
@@ -264,7 +256,12 @@ class ReductionSection(Section):
 
 
 class StudyDefinition(Section):
-    """A whole study file."""
+    """A whole study file, but for the table that is its kind's own.
+
+    `other_defaults` has keys of tables that are otherwise by default in a kind of study.
+    """
+
+    other_defaults: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
 
     study: StudySection = Field(description="name and kind of the study")
     model: ModelSection = Field(description="name of the model, and its options")
@@ -281,29 +278,11 @@ class StudyDefinition(Section):
     reduction: ReductionSection = Field(
         default=ReductionSection(), description="basis of the reduction"
     )
-    transient: TransientSection = Field(
-        default=TransientSection(), description="time integration (kind = 'transient' only)"
-    )
-    sensitivity: SensitivitySection = Field(
-        default=SensitivitySection(),
-        description="which derivatives are computed (kind = 'sensitivity' only)",
-    )
     fidelity: FidelitySection | None = Field(
         default=None,
         description="how accurate results must be: settings that are left out are then chosen "
         "(complex_modes and transient)",
     )
-
-    @model_validator(mode="after")
-    def _sections_of_the_kind(self) -> Self:
-        for kind in ("transient", "sensitivity"):
-            if kind in self.model_fields_set and self.study.kind != kind:
-                raise ValueError(
-                    f'a [{kind}] section needs kind = "{kind}", this is {self.study.kind}'
-                )
-        if self.fidelity is not None and self.study.kind == "sensitivity":
-            raise ValueError("a sensitivity study has no [fidelity] section")
-        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -311,12 +290,10 @@ class StudyDefinition(Section):
         """The band of the model and the basis of the kind, where the file gives none."""
         if not isinstance(data, dict):
             return data
-        name, kind = _inside(data, "model", "name"), _inside(data, "study", "kind")
-        given: dict[str, Any] = {}
+        name = _inside(data, "model", "name")
+        given: dict[str, Any] = {k: dict(v) for k, v in cls.other_defaults.items()}
         if isinstance(name, str) and name in BANDS:
             given["modes"] = {"band": BANDS[name]}
-        if kind == "transient":
-            given["reduction"] = dict(TRANSIENT_BASIS)
         usable = {k: v for k, v in given.items() if isinstance(data.get(k, {}), dict)}
         return {**data, **{k: {**v, **data.get(k, {})} for k, v in usable.items()}}
 

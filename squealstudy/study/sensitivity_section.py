@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
 from squealstudy.study.section import Section
+from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import shown
 
 UNSTABLE = "unstable"
@@ -60,4 +61,13 @@ class SensitivitySection(Section):
         le=0.5,
         description="finite change that each derivative is held against, relative to the value; of "
         "damping ratios absolute",
+    )
+
+
+class SensitivityDefinition(StudyDefinition):
+    """A whole file of a study of sensitivities."""
+
+    sensitivity: SensitivitySection = Field(
+        default=SensitivitySection(),
+        description="which derivatives are computed (kind = 'sensitivity' only)",
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -14,7 +15,15 @@ from pydantic import (
 
 from squealstudy.analysis.transient.defaults import SLOW_TOLERANCE, TOLERANCE
 from squealstudy.study.section import Section
+from squealstudy.study.sections import StudyDefinition
 
+# enrichment shapes of small singular values are local contact shapes: in time they are modes far
+# above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
+TRANSIENT_BASIS = {
+    "tolerance": 1e-3,
+    "assembly_cutoff_factor": 1.5,
+    "residual_responses": False,
+}
 MOST_STEPS = 1e9
 PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
 WORKING_POINT = "working_point"  # where a run starts by default
@@ -234,3 +243,13 @@ class TransientSection(Section):
     def continued(self) -> bool:
         """Whether a run begins with the final state of another."""
         return self.start != WORKING_POINT
+
+
+class TransientDefinition(StudyDefinition):
+    """A whole file of a study in time."""
+
+    other_defaults: ClassVar[Mapping[str, Mapping[str, Any]]] = {"reduction": TRANSIENT_BASIS}
+
+    transient: TransientSection = Field(
+        default=TransientSection(), description="time integration (kind = 'transient' only)"
+    )

@@ -42,9 +42,9 @@ from squealstudy.models.operating import (  # noqa: E402
     REGULARISATION_SPEED,
 )
 from squealstudy.study.definition import parse_study  # noqa: E402
+from squealstudy.study.model_kind import build_structures, kind_of  # noqa: E402
 from squealstudy.study.parallel import Workers, silent  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.runner import build_structures, kind_of  # noqa: E402
 from squealstudy.study.tasks import PointTask  # noqa: E402
 from squealstudy.study.transient.basis import full_choice  # noqa: E402
 from squealstudy.study.transient.batch import batch_task, reference_of  # noqa: E402

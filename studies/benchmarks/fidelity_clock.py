@@ -12,8 +12,8 @@ from squealstudy.study.complex_modes.problems import swept_structures
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.kinds import kind_named
 from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.plan import Plan
-from squealstudy.study.runner import build_structures
 from squealstudy.study.transient.basis import training_path
 
 
@@ -46,7 +46,7 @@ class Clock:
 def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
     """Files of sweep bases or training runs of a study: plans with the same share them."""
     if plan.study.definition.study.kind == "transient":
-        wanted = plan.study.definition.transient.pod_vectors
+        wanted = plan.study.section.pod_vectors
         return tuple(training_path(plan, s.key) for s in plan.structures if wanted)
     if not plan.method.rung.over_a_basis:
         return ()

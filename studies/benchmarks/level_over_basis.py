@@ -110,7 +110,7 @@ def solved(variant: Variant, mesh: str) -> list[dict[str, object]]:
     directory = Path("results/level_over_basis") / mesh / plan.study.name
     run_study(plan, directory, os.cpu_count() or 1)
     points = Results.open(directory).points
-    steps = plan.study.definition.transient.duration / plan.study.definition.transient.step
+    steps = plan.study.section.duration / plan.study.section.step
     return [
         {
             "basis": variant.label,

@@ -145,7 +145,7 @@ def measure(row: str, quick: bool) -> dict[str, float]:
 
 
 def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
-    from squealstudy.study.experiments.definition import load_any
+    from squealstudy.study.definition import load_any
     from squealstudy.study.plan import Plan
 
     path = folder / "study.toml"

@@ -26,7 +26,7 @@ from squealstudy.study.complex_modes.problems import (
 from squealstudy.study.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
 from squealstudy.study.complex_modes.worker import solve_points
 from squealstudy.study.family_cache import load_any
-from squealstudy.study.kind import Kind
+from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan, checked_points
@@ -37,12 +37,19 @@ from squealstudy.study.tasks import PointTask, Solved
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.study.measure.measurement import Measuring
 
-class ComplexModes(Kind):
+
+class ComplexModes(ModelKind):
     """Working point and complex modes of every design point; full-order checks of some."""
 
-    schema: pa.Schema = rows.SCHEMA
+    name = "complex_modes"
+    description = "complex modes"
     tables: tuple[str, ...] = (POINTS, MODES, ONSETS)
+    schema: pa.Schema = rows.SCHEMA
+    chooses_rung = True
+    has_fidelity = True
+    needs_contact = False
 
     def check(self, plan: Plan) -> None:
         """Modes of the assembly must be held by every basis; component modes are, in any kind."""
@@ -100,13 +107,27 @@ class ComplexModes(Kind):
                 f'method = "{plan.method.exact}" solves point by point',
             ) from error
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SolveTask]:
+    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[SolveTask]:
         """Boxes of neighbouring points, or chunks of consecutive ones."""
-        return solve_tasks(plan, points, jobs)
+        self.prepare(plan, workers.report)
+        return solve_tasks(plan, points, workers.jobs)
 
     def solve(self, task: SolveTask) -> Solved:
         """Solve the points of a task in a worker."""
         return solve_points(task)
+
+    def grown(self, plan: Plan, directory: Path) -> Plan:
+        """With the nodes that a boundary design asks for."""
+        from squealstudy.study.rounds import grown
+
+        return grown(plan, directory)
+
+    def manifest(self, plan: Plan) -> dict[str, Any]:
+        """The grid of a boundary design, and how much of it is solved."""
+        from squealstudy.study.rounds import map_facts
+
+        found = map_facts(plan)
+        return super().manifest(plan) | ({} if found is None else {"boundary": found})
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
@@ -163,6 +184,12 @@ class ComplexModes(Kind):
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
+
+    def measuring(self) -> Measuring:
+        """How methods are timed."""
+        from squealstudy.study.measure.frequency_domain import MEASURING
+
+        return MEASURING
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point by the exact method."""

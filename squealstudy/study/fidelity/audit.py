@@ -15,9 +15,6 @@ from squealstudy.study.fidelity.frequency_search import exact_method
 from squealstudy.study.fidelity.ladders import BASIS, free_ladders
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.fidelity.time_search import ALL_MODES, QUIET
-from squealstudy.study.kinds import kind_named
-from squealstudy.study.measure.frequency_domain import modes_finding
-from squealstudy.study.measure.time_domain import run_finding
 from squealstudy.study.plan import Plan
 
 SEED = 5
@@ -77,9 +74,9 @@ def _own_findings(
 ) -> dict[int, dict[str, Any]]:
     """What the finished study says of some of its points."""
     ids = {i: plan.tasks[i].point_id for i in points}
-    schema = kind_named(scene.study.definition.study.kind).schema
+    schema = plan.kind.schema
     rows = read_chunks(directory, set(ids.values()), schema)
-    read = run_finding if scene.in_time else modes_finding
+    read = scene.measuring.finding
     return {i: read(rows[name]) for i, name in ids.items()}
 
 
@@ -103,7 +100,7 @@ def _better(scene: Scene, changes: Mapping[str, Any]) -> tuple[dict[str, Any], s
             better |= ladder.rungs[at + 1].changes
             words_of.append(ladder.rungs[at + 1].label)
     if "transient.step" not in better:  # explicit, or the last rung
-        step = 0.5 * float(changes.get("transient.step", scene.study.definition.transient.step))
+        step = 0.5 * float(changes.get("transient.step", scene.study.section.step))
         better["transient.step"] = step
         words_of.append(f"step {step:.3g} s")
     return better, ", ".join(words_of)

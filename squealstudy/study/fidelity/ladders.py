@@ -50,7 +50,7 @@ class Ladder:
 
 def free_ladders(study: Study) -> dict[str, Ladder]:
     """The ladders of a study whose keys the file leaves out; explicit settings always win."""
-    if study.definition.study.kind == "transient":
+    if not study.kind.chooses_rung:
         wanted = _time_ladders(study)
     else:
         wanted = (_reductions(),) if has_mesh(study) else ()
@@ -82,7 +82,7 @@ def _reductions() -> Ladder:
 
 def _time_ladders(study: Study) -> tuple[Ladder, ...]:
     """Of a minimal model step and slope; a continued run keeps the contact points it has."""
-    section = study.definition.transient
+    section = study.section
     steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
     if not set(IN_TIME_ONLY) & set(study.shown_parameters):
@@ -97,7 +97,7 @@ def _time_ladders(study: Study) -> tuple[Ladder, ...]:
 def _usable_steps(study: Study) -> list[float]:
     """Those that the duration has enough of, s."""
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
-    duration = study.definition.transient.duration
+    duration = study.section.duration
     return [n * unit for n in STEPS if LEAST_STEPS * n * unit <= duration]
 
 
@@ -110,7 +110,7 @@ def training_step(study: Study) -> dict[str, float]:
     if "transient.pod_step" in given:
         return {}
     if "transient.step" in given or len(usable) < 2:
-        return {"transient.pod_step": study.definition.transient.step}
+        return {"transient.pod_step": study.section.step}
     return {"transient.pod_step": usable[min(TRIAL_STEP, len(usable) - 1)]}
 
 

@@ -10,21 +10,17 @@ from typing import Any
 from squealstudy.analysis.tables.finding_errors import (
     FoundError,
     Miscount,
-    root_errors,
-    run_errors,
 )
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study
-from squealstudy.study.experiments.base import BaseStudy
 from squealstudy.study.fidelity_section import FidelitySection
 from squealstudy.study.keys import content_hash
-from squealstudy.study.measure.frequency_domain import measure_modes
-from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.measure.time_domain import measure_runs
+from squealstudy.study.measure.measurement import Asked, Measurement, Measuring
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan
-from squealstudy.study.runner import build_structures
 from squealstudy.study.source import SourceText, parse_toml
+from squealstudy.study.variants import BaseStudy
 
 IN_FREQUENCY = ("frequency", "damping_ratio")
 IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
@@ -84,7 +80,14 @@ class Scene:
     @property
     def in_time(self) -> bool:
         """Whether runs are measured, not modes."""
-        return self.study.definition.study.kind == "transient"
+        return not self.study.kind.chooses_rung
+
+    @property
+    def measuring(self) -> Measuring:
+        """How settings are timed and compared."""
+        found = self.study.kind.measuring()
+        assert found is not None
+        return found
 
     def variant(self, changes: Mapping[str, Any], swept: list[dict[str, float]] | None) -> Plan:
         """The study with other settings; `swept` replaces its design points."""
@@ -113,7 +116,7 @@ class Scene:
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
             raise SquealstudyError(f"{self.study.path}: {reasons[0]}")
-        made = measure_runs(plan, built) if self.in_time else measure_modes(plan, built)
+        made = self.measuring.measure(plan, built, Asked())
         own = iter(made.findings.values())
         findings = {
             str(n): {"status": "structure", "message": reason} if reason else next(own)
@@ -160,8 +163,8 @@ class Scene:
         """The same of one design point; MISSED too where either of them failed."""
         if finding["status"] != "ok" or truth["status"] != "ok":
             return MISSED
-        compare, judged = (run_errors, IN_TIME) if self.in_time else (root_errors, IN_FREQUENCY)
-        errors, count = compare(finding, truth)
+        judged = IN_TIME if self.in_time else IN_FREQUENCY
+        errors, count = self.measuring.comparisons[0](finding, truth)
         return largest(errors, count, judged)
 
 

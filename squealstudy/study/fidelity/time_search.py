@@ -68,7 +68,7 @@ class RunSearch:
         self.tried: dict[str, list[Tried]] = {}
         self.kept: dict[str, Tried] = {}
         self.always = _settled(scene)
-        if scene.study.definition.transient.pod_vectors:
+        if scene.study.section.pod_vectors:
             self.always |= training_step(scene.study)
         self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
         if STEP in self.ladders:
@@ -161,7 +161,7 @@ class RunSearch:
 
         Contact points and mesh that the file gives are the model, not an approximation of one.
         """
-        section, error = self.scene.study.definition.transient, 0.0
+        section, error = self.scene.study.section, 0.0
         if STEP not in self.ladders:
             half = self.measure({"transient.step": 0.5 * section.step})
             error += RICHARDSON * self.scene.error(self.measure({}), half)
@@ -198,7 +198,7 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
 
 def _settled(scene: Scene) -> dict[str, Any]:
     """Runs end once their outcome is known, where the file does not say when they end."""
-    modal = scene.study.definition.transient.representation == "modal"
+    modal = scene.study.section.representation == "modal"
     if not modal or "transient.stop" in given_keys(scene.study):
         return {}
     certain = (

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.full_order.finer_model import finer_modes
+from squealstudy.analysis.tables.finding_errors import onset_errors, root_errors
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.cache import is_prepared, read_scalars
 from squealstudy.study.chunks import read_chunks, write_rows
@@ -22,9 +23,9 @@ from squealstudy.study.complex_modes.problems import problem_of
 from squealstudy.study.complex_modes.rows import SCHEMA
 from squealstudy.study.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.family_cache import load_any
-from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.measurement import Measurement, Measuring
 from squealstudy.study.measure.onset_lines import LinePlan, find_onset
-from squealstudy.study.parallel import silent
+from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
@@ -49,15 +50,13 @@ def measure_modes(
         sought.
     """
     kind = ComplexModes()
-    with threadpool_limits(1):
-        kind.prepare(plan, silent)
     chosen = [plan.tasks[i] for i in measured]
     lines = {} if lines is None else lines
     on_lines = [i for line in lines.values() for i in line]
     wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
     solved = plan.tasks if plan.method.rung.shares_work else wanted
     with tempfile.TemporaryDirectory() as scratch:
-        tasks = kind.tasks(plan, solved, 1)
+        tasks = kind.tasks(plan, solved, Workers())
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
             seconds, found_rows = _solved(kind, tasks)
@@ -174,3 +173,19 @@ def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
         "roots": roots.tolist(),
         "estimates": [None if np.isnan(e) else float(e) for e in estimates],
     }
+
+
+MEASURING = Measuring(
+    quantities=(
+        "frequency",
+        "damping_ratio",
+        "unstable_frequency",
+        "unstable_damping_ratio",
+        "growth_rate",
+        "onset",
+    ),
+    judged=("frequency", "damping_ratio"),
+    measure=lambda plan, measured, asked: measure_modes(plan, measured, asked.lines),
+    comparisons=(root_errors, onset_errors),
+    finding=modes_finding,
+)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -49,3 +49,48 @@ class Measurement:
     def n_failed(self) -> int:
         """Measured points without a result."""
         return sum(found["status"] != "ok" for found in self.findings.values())
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is measured beside the design points themselves.
+
+    Attributes
+    ----------
+    lines : mapping of int -> sequence of int
+        By number of a measured point, positions of the points of the line on which its onset is
+        sought.
+    integrate : callable or None
+        An integrator in place of the study's own.
+    starts : int
+        Runs in time of each point, from perturbations of other sizes.
+    """
+
+    lines: Mapping[int, Sequence[int]] = field(default_factory=dict)
+    integrate: Callable[..., Any] | None = None
+    starts: int = 1
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """How the methods of a kind of study are timed, and what their errors are.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        What errors can be judged by.
+    judged : tuple of str
+        By which they are where nobody says.
+    measure : callable
+        (plan, positions of the measured points, Asked) -> Measurement.
+    comparisons : tuple of callable
+        (finding, true finding) -> errors, and modes missed and spurious.
+    finding : callable
+        What `measure` would have found, of a row of a finished study.
+    """
+
+    quantities: tuple[str, ...]
+    judged: tuple[str, ...]
+    measure: Callable[..., Measurement]
+    comparisons: tuple[Callable[..., Any], ...]
+    finding: Callable[[dict[str, Any]], dict[str, Any]]

@@ -81,13 +81,13 @@ def slope_pilot(
 
 
 def _wanted(plan: Plan) -> bool:
-    choice = plan.study.definition.transient.slope_pilot
+    choice = plan.study.section.slope_pilot
     few = has_mesh(plan.study) and len(plan.tasks) < PILOT_POINTS
     return choice == "always" or (choice == "auto" and not few)
 
 
 def _why_skipped(plan: Plan) -> str:
-    if plan.study.definition.transient.slope_pilot == "never":
+    if plan.study.section.slope_pilot == "never":
         return 'slope_pilot = "never"'
     return f'fewer than {PILOT_POINTS} design points; slope_pilot = "always" would tell'
 

@@ -13,12 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.runs.pooled import pooled_interval
 from squealstudy.analysis.runs.summary import summarise
+from squealstudy.analysis.tables.finding_errors import run_errors
 from squealstudy.analysis.tables.run_classes import IRREGULAR, LASTING, UNDECIDED
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.measure.frequency_domain import reduction_seconds
-from squealstudy.study.measure.measurement import Measurement
+from squealstudy.study.measure.measurement import Measurement, Measuring
 from squealstudy.study.parallel import silent
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
@@ -68,7 +69,7 @@ def measure_tasks(
     plan: Plan, chosen: Sequence[PointTask], integrate: Integrate = simulate, starts: int = 1
 ) -> Measurement:
     """The same of design points that need not be among the plan's."""
-    section = plan.study.definition.transient
+    section = plan.study.section
     forecast.warm(section)
     with threadpool_limits(1):
         make_training_runs(plan, silent, {task.prepared_key for task in chosen})
@@ -200,3 +201,14 @@ def _finding(point: Mapping[str, Any], modes: Sequence[Mapping[str, Any]]) -> di
 def _numbers(point: Any, *names: str) -> list[float | None]:
     numbers = [float(point.get(name, np.nan)) for name in names]
     return [None if np.isnan(x) else x for x in numbers]
+
+
+MEASURING = Measuring(
+    quantities=("growth_rate", "torque_mean", "torque_rms", "dominant_frequency", "energy_share"),
+    judged=("growth_rate", "torque_rms", "torque_mean", "dominant_frequency"),
+    measure=lambda plan, measured, asked: measure_runs(
+        plan, measured, asked.integrate or simulate, asked.starts
+    ),
+    comparisons=(run_errors,),
+    finding=run_finding,
+)

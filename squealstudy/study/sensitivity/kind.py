@@ -12,9 +12,10 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.sensitivity.structural import check_structural
 from squealstudy.errors import ParameterError
 from squealstudy.study.cache import is_prepared, load_prepared
-from squealstudy.study.kind import Kind
+from squealstudy.study.keys import source_hash
+from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.names import POINTS, SENSITIVITIES
-from squealstudy.study.parallel import Progress, Workers, split_chunks
+from squealstudy.study.parallel import Workers, split_chunks
 from squealstudy.study.plan import Plan, Structure
 from squealstudy.study.rows import FAILURES
 from squealstudy.study.sensitivity import rows
@@ -34,21 +35,35 @@ from squealstudy.study.sensitivity.worker import (
     design_structure,
     solve_sensitivities,
 )
+from squealstudy.study.sensitivity_section import SensitivityDefinition
 from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.system.linearise import component_frequencies
 
 if TYPE_CHECKING:
     import pandas as pd
 
+SOURCES = ("study/sensitivity",)  # the code that decides them, beside that of all numbers
 
-class Sensitivities(Kind):
+
+class Sensitivities(ModelKind):
     """Derivatives of complex modes by parameters, each beside a finite change.
 
     The finite change is the check: nothing is solved again at full order.
     """
 
-    schema: pa.Schema = rows.SCHEMA
+    name = "sensitivity"
+    description = "sensitivities of complex modes"
+    section = "sensitivity"
+    definition = SensitivityDefinition
     tables: tuple[str, ...] = (POINTS, SENSITIVITIES)
+    schema: pa.Schema = rows.SCHEMA
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """What is asked; StudyFileError for a name unknown."""
+        asked = asked_parameters(plan.study, plan.law_kind)
+        section = plan.study.section.model_dump(mode="json", exclude={"parameters"})
+        tolerance = plan.study.definition.modes.stability_tolerance
+        return [section, [item.name for item in asked], tolerance, source_hash(SOURCES)]
 
     def check(self, plan: Plan) -> None:
         """Parameters must be held by every basis, modes of one name equal, geometry left out."""
@@ -65,13 +80,12 @@ class Sensitivities(Kind):
         except ParameterError as error:
             raise error_at_name(plan.study, error) from None
 
-    def prepare(self, plan: Plan, report: Progress) -> None:
-        """Structures are all that sensitivities need."""
-
-    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SensitivityTask]:
+    def tasks(
+        self, plan: Plan, points: Sequence[PointTask], workers: Workers
+    ) -> list[SensitivityTask]:
         """Chunks of consecutive points."""
         asked = request(plan)
-        return [SensitivityTask(asked, tuple(part)) for part in split_chunks(points, jobs)]
+        return [SensitivityTask(asked, tuple(part)) for part in split_chunks(points, workers.jobs)]
 
     def solve(self, task: SensitivityTask) -> Solved:
         """Solve one chunk in a worker."""
@@ -85,7 +99,7 @@ class Sensitivities(Kind):
         self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points and sensitivities."""
-        section = plan.study.definition.sensitivity
+        section = plan.study.section
         return build_tables(plan, directory), {"sensitivity": section.model_dump(mode="json")}
 
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
@@ -111,8 +125,8 @@ def request(plan: Plan) -> Request:
     definition = plan.study.definition
     return Request(
         asked_parameters(plan.study, plan.law_kind),
-        mode_choice(definition.sensitivity, definition.modes.stability_tolerance),
-        definition.sensitivity.change,
+        mode_choice(plan.study.section, definition.modes.stability_tolerance),
+        plan.study.section.change,
         plan.band_hz,
         plan.study.options,
         plan.settings,

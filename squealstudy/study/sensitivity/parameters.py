@@ -56,7 +56,7 @@ def asked_parameters(study: Study, law_kind: str) -> tuple[Asked, ...]:
             f"model '{study.model.name}' has no components and no contact: there are no "
             "sensitivities of it",
         )
-    section = study.definition.sensitivity
+    section = study.section
     if not section.parameters:
         return tuple(_asked(name, study, law_kind) for name in _default_names(study, law_kind))
     found = []
@@ -160,7 +160,7 @@ def structural_names(asked: Sequence[Asked]) -> list[str]:
 def error_at_name(study: Study, error: ParameterError) -> StudyFileError:
     """The error of a parameter as one of the study file, where its name stands in it."""
     source = SourceText(study.path, study.text)
-    names = study.definition.sensitivity.parameters
+    names = study.section.parameters
     if error.key in names:
         return source.error(("sensitivity", "parameters", names.index(error.key)), error.message)
     return source.error(("sensitivity",), f"{error.key}: {error.message}")

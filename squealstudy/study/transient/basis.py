@@ -7,7 +7,8 @@ from pathlib import Path
 
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.plan import TRANSIENT_SOURCES, Plan
+from squealstudy.study.plan import Plan
+from squealstudy.study.transient.plan_facts import TRANSIENT_SOURCES, training_designs
 from squealstudy.system.design_state import ModeKey
 
 TRAINING_KEYS = {"step", "duration", "friction"}
@@ -42,21 +43,21 @@ def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
 
 def full_choice(plan: Plan, prepared_key: str) -> BasisChoice:
     """The basis that the study asks for."""
-    section = plan.study.definition.transient
+    section = plan.study.section
     training = training_path(plan, prepared_key) if section.pod_vectors else None
     return BasisChoice(section.modes_below, section.pod_vectors, training)
 
 
 def truncated_choice(plan: Plan) -> BasisChoice:
     """The same without POD vectors, for which no run is needed."""
-    return BasisChoice(plan.study.definition.transient.modes_below)
+    return BasisChoice(plan.study.section.modes_below)
 
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
     """Where what the study's training run gave is kept, there or not."""
-    section = plan.study.definition.transient.training
+    section = plan.study.section.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
-    values = [sorted(d.values.items()) for d in plan.training_designs]
+    values = [sorted(d.values.items()) for d in training_designs(plan)]
     code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
     name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
     return prepared_path(prepared_key) / "training" / f"{name}.npz"

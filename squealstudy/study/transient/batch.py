@@ -15,6 +15,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.basis import ALL_MODES, BasisChoice, full_choice, mode_keys
+from squealstudy.study.transient.plan_facts import start_of
 from squealstudy.study.transient.start import StartState
 from squealstudy.study.transient_section import TransientSection
 from squealstudy.study.working_points import prepared_model
@@ -57,13 +58,13 @@ def batch_task(
     """What a worker needs to know of a batch; `basis` other than the study's where given."""
     return BatchTask(
         points,
-        plan.study.definition.transient,
+        plan.study.section,
         plan.nominal,
         mode_keys(plan),
         basis or full_choice(plan, points[0].prepared_key),
         plan.band_hz,
         plan.study.definition.modes.stability_tolerance,
-        plan.start,
+        start_of(plan),
         tuple(sorted(plan.study.options.items())),
         plan.settings.assembly_cutoff,
     )

@@ -88,7 +88,7 @@ def _above(plan: Plan, above: dict[str, float]) -> list[str]:
 
 
 def _still(plan: Plan) -> list[str]:
-    section = plan.study.definition.transient
+    section = plan.study.section
     if section.perturbation or section.continued:
         return []
     return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
@@ -99,7 +99,7 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
     number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
     if number <= STICK_LIMIT:
         return []
-    step = plan.study.definition.transient.step * STICK_LIMIT / number
+    step = plan.study.section.step * STICK_LIMIT / number
     softer = f"contact.kt of {slope * STICK_LIMIT / number:.2g}"
     if speed > 0:
         softer = f"{REGULARISATION_SPEED.name} of {speed * number / STICK_LIMIT:.2g}"
@@ -114,7 +114,7 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
     number = max(closing, default=0.0)
     if number <= CLOSING_LIMIT:
         return []
-    step = plan.study.definition.transient.step * CLOSING_LIMIT / number
+    step = plan.study.section.step * CLOSING_LIMIT / number
     return [
         f"contact is too stiff for the step: closing at the sliding speed v it stiffens by e to "
         f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}; a "

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,13 @@ from squealstudy.analysis.transient.warmup import begin_warming
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.study.cache import is_prepared
-from squealstudy.study.kind import Kind
+from squealstudy.study.definition import Study
+from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.names import GROWTH, MODES, POINTS
 from squealstudy.study.parallel import Progress, Workers
 from squealstudy.study.plan import Plan
+from squealstudy.study.regularisation import slowest_speed, with_speed
+from squealstudy.study.sampling import design_points
 from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.transient import forecast, rows
 from squealstudy.study.transient.basis import mode_keys, truncated_choice
@@ -29,29 +33,62 @@ from squealstudy.study.transient.batch import (
     sensed_modes,
     shared_reference,
 )
+from squealstudy.study.transient.plan_facts import (
+    motion_identity,
+    regularisation_of,
+    start_of,
+)
 from squealstudy.study.transient.start import KEY as START
 from squealstudy.study.transient.start import check_model
 from squealstudy.study.transient.tables import build_tables, simulated_time
 from squealstudy.study.transient.training import make_training_runs
 from squealstudy.study.transient.worker import solve_batch
+from squealstudy.study.transient_section import TransientDefinition
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.study.measure.measurement import Measuring
 
-class Transient(Kind):
+
+class Transient(ModelKind):
     """Motion of every design point from its steady sliding state.
 
     Nothing is checked at full order in time.
     """
 
-    schema: pa.Schema = rows.SCHEMA
+    name = "transient"
+    description = "motion in time"
+    section = "transient"
+    definition = TransientDefinition
     tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
+    schema: pa.Schema = rows.SCHEMA
+    tells_reduction = False
+    has_fidelity = True
+
+    def resolver(self, study: Study) -> Callable[[dict[str, float]], dict[str, float]]:
+        """Fills in the speed at which friction saturates, of the slowest design point."""
+        return partial(with_speed, slowest=slowest_speed(study, design_points(study)))
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """The settings of the runs."""
+        return motion_identity(plan)
+
+    def table_identity(self, plan: Plan) -> list[Any]:
+        """Whether the slope of friction is looked into."""
+        return [plan.study.section.slope_pilot]
+
+    def manifest(self, plan: Plan) -> dict[str, Any]:
+        """How design points are integrated; the unit of torques."""
+        facts = super().manifest(plan)
+        facts["units"] |= {"torque": plan.study.model.torque_unit}
+        settings = motion_identity(plan)[0]
+        return facts | {"transient": settings, "regularisation": regularisation_of(plan)}
 
     def check(self, plan: Plan) -> None:
         """Sensors, perturbed modes and the continued state must fit every structure."""
-        section = plan.study.definition.transient
-        if REGULARISATION_SPEED.name in plan.study.shown_parameters and not plan.regularisation:
+        section = plan.study.section
+        if REGULARISATION_SPEED.name in plan.study.shown_parameters and not regularisation_of(plan):
             raise plan.error(
                 REGULARISATION_SPEED.name,
                 f"every design point has a {SLOPE.name} of its own, which this would not change: "
@@ -61,9 +98,9 @@ class Transient(Kind):
             sampling(section, plan.band_hz)
         except ValueError as error:
             raise plan.error_at(("transient", "save_every"), str(error)) from None
-        if plan.start is not None:
+        if (start := start_of(plan)) is not None:
             keys = {s.key for s in plan.structures}
-            reason = check_model(plan.start, keys, section)
+            reason = check_model(start, keys, section)
             if reason:
                 raise plan.error_at(START, reason)
         for structure in plan.structures:
@@ -92,19 +129,20 @@ class Transient(Kind):
 
     def begin(self, plan: Plan) -> None:
         """Compile the kernels."""
-        section = plan.study.definition.transient
+        section = plan.study.section
         if section.representation == "modal":
             begin_warming(section.storage == "single")
 
     def prepare(self, plan: Plan, report: Progress) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
-        forecast.warm(plan.study.definition.transient)
+        forecast.warm(plan.study.section)
         make_training_runs(plan, report)
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], jobs: int) -> list[BatchTask]:
+    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
-        section = plan.study.definition.transient
-        size = max(1, min(section.batch, math.ceil(len(points) / jobs)))
+        self.prepare(plan, workers.report)
+        section = plan.study.section
+        size = max(1, min(section.batch, math.ceil(len(points) / workers.jobs)))
         grouped: dict[str, list[PointTask]] = {}
         for point in points:
             grouped.setdefault(point.prepared_key, []).append(point)
@@ -127,21 +165,31 @@ class Transient(Kind):
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and growth; what ending early has saved."""
         points = build_tables(plan, directory)
-        section = plan.study.definition.transient
+        section = plan.study.section
         facts: dict[str, Any] = {}
-        if plan.regularisation is not None:
+        if (regularisation := regularisation_of(plan)) is not None:
             from squealstudy.study.measure.slope_pilot import slope_pilot  # of all kinds of study
 
-            facts["regularisation"] = plan.regularisation | {
+            facts["regularisation"] = regularisation | {
                 "pilot": slope_pilot(plan, directory, points, workers.report)
             }
         if section.stop != "end":
             facts["simulated_time"] = simulated_time(points, section.duration)
         return points, facts
 
+    def may_end_early(self, plan: Plan) -> bool:
+        """Runs end once their outcome is known, where the study asks for that."""
+        return bool(plan.study.section.stop != "end")
+
+    def measuring(self) -> Measuring:
+        """How methods are timed."""
+        from squealstudy.study.measure.time_domain import MEASURING
+
+        return MEASURING
+
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""
-        forecast.warm(plan.study.definition.transient)
+        forecast.warm(plan.study.section)
         started = time.perf_counter()
         with threadpool_limits(1):
             found = forecast.time_steps(batch_task(plan, (task,), truncated_choice(plan)))

@@ -22,6 +22,7 @@ from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.basis import ALL_MODES, training_path
 from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
+from squealstudy.study.transient.plan_facts import training_designs
 from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.working_points import NewGaps
 
@@ -40,7 +41,7 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     SquealstudyError
         Where no training run reaches its end.
     """
-    if not plan.study.definition.transient.pod_vectors:
+    if not plan.study.section.pod_vectors:
         return
     asked = [s.key for s in plan.structures if wanted is None or s.key in wanted]
     missing = [key for key in asked if not training_path(plan, key).is_file()]
@@ -58,7 +59,7 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
 
 def training_seconds(plan: Plan) -> float:
     """What training took on the structures that are trained on, for all of them; 0 without."""
-    if not plan.study.definition.transient.pod_vectors:
+    if not plan.study.section.pod_vectors:
         return 0.0
     files = [training_path(plan, s.key).with_suffix(TIMED) for s in plan.structures]
     made = [json.loads(f.read_text())["seconds"] for f in files if f.is_file()]
@@ -72,7 +73,7 @@ def _save(training: Training, path: Path) -> None:
 
 def training_run(plan: Plan, prepared_key: str) -> Training:
     """Displacements and growing modes of the training designs, all modes kept."""
-    points = tuple(PointTask("training", d, prepared_key) for d in plan.training_designs)
+    points = tuple(PointTask("training", d, prepared_key) for d in training_designs(plan))
     task = batch_task(plan, points, ALL_MODES)
     reference = reference_of(task)
     ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]

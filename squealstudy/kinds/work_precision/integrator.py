@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from squealstudy.analysis.integrators.catalogue import INTEGRATORS
 from squealstudy.analysis.integrators.integrate import integrate
-from squealstudy.analysis.integrators.warmup import warm_integrators
 from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
 from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
 from squealstudy.analysis.transient.watch import Watch
@@ -22,11 +21,6 @@ def check_integrator(name: str, options: Mapping[str, Any]) -> None:
     if name not in INTEGRATORS:
         raise ParameterError("integrator", f"'{name}' is none of {', '.join(INTEGRATORS)}")
     INTEGRATORS[name].values(options)
-
-
-def warm_chosen(names: Iterable[str]) -> None:
-    """Compile these integrators before anything is timed."""
-    warm_integrators(sorted(names))
 
 
 def chosen_integrator(name: str, options: Mapping[str, Any]) -> Integrate:

@@ -9,14 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.finding_errors import (
-    Miscount,
-    onset_errors,
-    root_errors,
-    run_errors,
-)
+from squealstudy.analysis.tables.finding_errors import Miscount
 from squealstudy.errors import ResultsError
-from squealstudy.study.experiments.work_precision.variants import Variant
+from squealstudy.kinds.work_precision.variants import Variant
+from squealstudy.study.measure.measurement import Measuring
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -26,7 +22,7 @@ def measurement_tables(
     rows: Mapping[str, Rows],
     quantities: Sequence[str],
     over: int,
-    in_time: bool,
+    measuring: Measuring,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Measurements and errors.
 
@@ -39,7 +35,8 @@ def measurement_tables(
         Those that measurements have an error column of.
     over : int
         Design points that share a set-up.
-    in_time : bool
+    measuring : Measuring
+        How findings are compared.
 
     Raises
     ------
@@ -57,7 +54,7 @@ def measurement_tables(
     reduced = len(structures) > 1  # else the reduction is the same for all
     for variant in variants:
         found = _findings(rows[variant.identity])
-        own, count = _errors(found, truth, in_time)
+        own, count = _errors(found, truth, measuring)
         errors += [{"label": variant.label, **row} for row in own]
         measured.append(
             _measurement(variant, rows[variant.identity], own, count, quantities, over, reduced)
@@ -71,14 +68,15 @@ def _findings(rows: Rows) -> dict[str, dict[str, Any]]:
 
 
 def _errors(
-    found: Mapping[str, Mapping[str, Any]], truth: Mapping[str, Mapping[str, Any]], in_time: bool
+    found: Mapping[str, Mapping[str, Any]],
+    truth: Mapping[str, Mapping[str, Any]],
+    measuring: Measuring,
 ) -> tuple[list[dict[str, Any]], Miscount]:
-    compared = (run_errors,) if in_time else (root_errors, onset_errors)
     rows, missed, spurious = [], 0, 0
     for point, finding in found.items():
         if finding["status"] != "ok":
             continue
-        for compare in compared:
+        for compare in measuring.comparisons:
             errors, count = compare(finding, truth[point])
             missed, spurious = missed + count.missed, spurious + count.spurious
             rows += [{"point": int(point), **e._asdict()} for e in errors]

@@ -2,30 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from squealstudy.errors import StudyFileError
-from squealstudy.study.definition import Study
-from squealstudy.study.experiments.definition import PrecisionFile
-from squealstudy.study.experiments.sections import (
+from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.kinds.methods import MethodsFile
+from squealstudy.kinds.work_precision.integrator import check_integrator
+from squealstudy.kinds.work_precision.section import (
     ONSET,
     OPTION,
     MethodSection,
     ReferenceSection,
     Scalar,
+    WorkPrecisionDefinition,
 )
+from squealstudy.study.definition import Study
 from squealstudy.study.keys import content_hash, source_hash
+from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.study.names import onset_parameter
 from squealstudy.study.plan import Plan
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.variants import BaseStudy
 
 REFERENCE = "reference"
+
+
+@dataclass(frozen=True)
+class PrecisionFile(MethodsFile[WorkPrecisionDefinition]):
+    """A work-precision study's file, with the study it is made on."""
+
+    base: BaseStudy
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,7 @@ class Variant:
         wanted = [*self.measured, *(i for line in self.lines.values() for i in line)]
         ids = [self.plan.tasks[i].point_id for i in wanted]
         own = [self.reference, self.method, repr(self.value)]
-        code = source_hash(("study/measure", "study/experiments/work_precision"))
+        code = source_hash(("study/measure", "kinds/work_precision"))
         return content_hash([ids, self.integrator, sorted(self.options.items()), own, code])
 
     @property
@@ -84,30 +95,30 @@ class Variant:
         return f"{self.method}, {short} {self.value}" if self.knob else self.method
 
 
-def make_variants(experiment: PrecisionFile) -> list[Variant]:
+def make_variants(study_file: PrecisionFile) -> list[Variant]:
     """The reference, then all methods in the order of the file; StudyFileError."""
-    points = measured_points(experiment)
-    lines = onset_lines(experiment, points)
-    reference = experiment.definition.reference
+    points = measured_points(study_file)
+    lines = onset_lines(study_file, points)
+    reference = study_file.definition.reference
     return [
-        _variant(experiment, reference, None, points, lines, (REFERENCE,)),
+        _variant(study_file, reference, None, points, lines, (REFERENCE,)),
         *(
-            _variant(experiment, method, value, points, lines, ("method", i))
-            for i, method in enumerate(experiment.definition.method)
+            _variant(study_file, method, value, points, lines, ("method", i))
+            for i, method in enumerate(study_file.definition.method)
             for value in method.values or (None,)
         ),
     ]
 
 
 def _variant(
-    experiment: PrecisionFile,
+    study_file: PrecisionFile,
     line: MethodSection | ReferenceSection,
     value: Scalar | None,
     points: list[dict[str, float]],
     lines: Mapping[int, list[dict[str, float]]],
     keys: KeyPath,
 ) -> Variant:
-    common = experiment.definition.work_precision.set
+    common = study_file.definition.work_precision.set
     knob = line.knob if isinstance(line, MethodSection) else ""
     changes: dict[str, Any] = {**common, **line.set}
     options: dict[str, Any] = dict(line.options)
@@ -116,25 +127,25 @@ def _variant(
     elif knob:
         changes[knob] = value
     try:
-        study = experiment.base.variant(changes)
+        study = study_file.base.variant(changes)
     except StudyFileError as error:
         place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
-        raise experiment.error(place, f"{error.key or 'base'}: {error.message}") from None
+        raise study_file.error(place, f"{error.key or 'base'}: {error.message}") from None
     swept = design_points(study)
     measured = _placed(swept, points)
     placed = {n: _placed(swept, line) for n, line in lines.items()}
     return Variant(
-        line.name,
-        knob,
-        value,
-        isinstance(line, MethodSection) and line.default,
-        isinstance(line, ReferenceSection),
-        Plan(study, swept),
-        measured,
-        placed,
-        line.integrator or "",
-        options,
-        keys,
+        method=line.name,
+        knob=knob,
+        value=value,
+        default=isinstance(line, MethodSection) and line.default,
+        reference=isinstance(line, ReferenceSection),
+        plan=Plan(study, swept),
+        measured=measured,
+        lines=placed,
+        integrator=line.integrator or "",
+        options=options,
+        keys=keys,
     )
 
 
@@ -150,7 +161,7 @@ def _placed(swept: list[dict[str, float]], wanted: list[dict[str, float]]) -> tu
 
 
 def onset_lines(
-    experiment: PrecisionFile, points: list[dict[str, float]]
+    study_file: PrecisionFile, points: list[dict[str, float]]
 ) -> dict[int, list[dict[str, float]]]:
     """Lines through the measured points along the onset's parameter, at its values in the study.
 
@@ -165,13 +176,13 @@ def onset_lines(
     StudyFileError
         Where the base study has no lines.
     """
-    section, study = experiment.definition.work_precision, common_study(experiment)
-    if ONSET not in section.quantities or study.definition.study.kind != "complex_modes":
+    section, study = study_file.definition.work_precision, common_study(study_file)
+    if ONSET not in section.quantities or study.kind.name != "complex_modes":
         return {}
     along = onset_parameter([sweep.name for sweep in study.sweeps])
     values = next((s.values for s in study.sweeps if s.name == along), ())
     if study.definition.design.type != "grid" or len(values) < 2:
-        raise experiment.error(
+        raise study_file.error(
             ("work_precision", "quantities"),
             f"{ONSET} is found on lines of a grid: expected a base study of design grid that "
             "sweeps friction, or another parameter first, over two values or more",
@@ -182,18 +193,18 @@ def onset_lines(
     return {n: [{**points[n], str(along): v} for v in values] for n in first.values()}
 
 
-def common_study(experiment: PrecisionFile) -> Study:
+def common_study(study_file: PrecisionFile) -> Study:
     """The base study with what is changed for all methods; StudyFileError."""
     try:
-        return experiment.base.variant(experiment.definition.work_precision.set)
+        return study_file.base.variant(study_file.definition.work_precision.set)
     except StudyFileError as error:
         keys = ("work_precision", "set")
-        raise experiment.error(keys, f"{error.key or 'base'}: {error.message}") from None
+        raise study_file.error(keys, f"{error.key or 'base'}: {error.message}") from None
 
 
-def measured_points(experiment: PrecisionFile) -> list[dict[str, float]]:
+def measured_points(study_file: PrecisionFile) -> list[dict[str, float]]:
     """Swept values of the design points at which errors are measured."""
-    section, study = experiment.definition.work_precision, common_study(experiment)
+    section, study = study_file.definition.work_precision, common_study(study_file)
     own = design_points(study)
     if not section.points or not study.sweeps:
         return own
@@ -234,3 +245,56 @@ def _between(
 
 def _mixed(low: float, high: float, u: float, log: bool) -> float:
     return float(low * (high / low) ** u) if log and low > 0 else float(low + u * (high - low))
+
+
+def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
+    """Raise StudyFileError for what the sections alone do not show."""
+    definition, base_kind = study_file.definition, study_file.base.study.kind
+    measuring = base_kind.measuring()
+    if measuring is None:
+        kinds = [k.name for k in map(kind_named, kind_names()) if k.measuring() is not None]
+        raise study_file.error(
+            ("work_precision", "base"),
+            f"expected a study of kind {' or '.join(kinds)}, got {base_kind.name}",
+        )
+    if not definition.method:
+        raise study_file.error(("method",), "expected at least one [[method]]")
+    names = [method.name for method in definition.method]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise study_file.error(("method", i, "name"), f"two methods are called '{name}'")
+    for name in definition.work_precision.quantities or measuring.judged:
+        if name not in measuring.quantities:
+            raise study_file.error(
+                ("work_precision", "quantities"),
+                f"'{name}' is no quantity of a {base_kind.name} study, expected some of "
+                + ", ".join(measuring.quantities),
+            )
+    for variant in variants:
+        if variant.plan.kind is not base_kind:
+            raise study_file.error((*variant.keys, "set"), "the kind must stay")
+        _ = variant.plan.method  # of complex modes: one that cannot serve the study says so
+        if variant.integrator:
+            _check_integrator(study_file, variant)
+
+
+def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
+    kind, section = study_file.base.study.kind, variant.plan.study.section
+    if kind.name != "transient":
+        raise study_file.error(
+            (*variant.keys, "integrator"), f"a {kind.name} study integrates nothing"
+        )
+    if section.stop != "end" or section.representation != "modal":
+        raise study_file.error(
+            (*variant.keys, "integrator"),
+            'integrators run to the end, in modal coordinates: set transient.stop = "end" and '
+            'transient.representation = "modal" for all methods',
+        )
+    try:
+        check_integrator(variant.integrator, variant.options)
+    except ParameterError as error:
+        own = error.key != "integrator"
+        place = "options" if own else "integrator"
+        raise study_file.error(
+            (*variant.keys, place), f"{error.key}: {error.message}" if own else error.message
+        ) from None

@@ -1,0 +1,184 @@
+"""A method-stability study: one method over two knobs, a row a cell."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.analysis.method_stability.cases import CASES
+from squealstudy.analysis.method_stability.contract import Case, checked
+from squealstudy.analysis.tables.agreement import agreement
+from squealstudy.errors import ParameterError
+from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
+from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run
+from squealstudy.study.chunks import read_chunks
+from squealstudy.study.files import write_parquet
+from squealstudy.study.keys import content_hash, source_hash
+from squealstudy.study.kind import Kind, Warn
+from squealstudy.study.names import CELLS
+from squealstudy.study.parallel import Workers
+from squealstudy.study.parameters import did_you_mean
+from squealstudy.study.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
+from squealstudy.study.source import SourceText, validate
+from squealstudy.study.tasks import Solved
+
+Values = Mapping[str, float]
+FIELDS = (
+    ("x", REAL),
+    ("y", REAL),
+    ("outcome", TEXT),
+    ("by", TEXT),
+    ("flagged", FLAG),
+    ("predicted", REAL),
+    ("measured", REAL),
+    ("error", REAL),
+    ("cost", REAL),
+)
+NOTHING = {"outcome": "failed", "by": "", "flagged": True} | dict.fromkeys(
+    ("predicted", "measured", "error", "cost"), np.nan
+)
+StabilityFile = MethodsFile[MethodStabilityDefinition]
+
+
+@dataclass(frozen=True)
+class LineTask:
+    """Cells of one line of the map, along its first knob."""
+
+    case: str
+    knobs: tuple[str, str]
+    cells: tuple[Run, ...]
+
+
+class MethodStability(Kind):
+    """Where a method works, is slow, is recovered, or goes wrong, on its minimal model."""
+
+    name = "method_stability"
+    description = "where a method fails"
+    definition = MethodStabilityDefinition
+    tables: tuple[str, ...] = (CELLS,)
+    schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
+    rows_word = "cells"
+    of_methods = True
+
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> StabilityFile:
+        """The file, checked but for its case and knobs."""
+        return MethodsFile(self, source, validate(MethodStabilityDefinition, source, tables))
+
+    def plan(self, study: StabilityFile) -> MethodsPlan:
+        """All cells, the first knob varying fastest; StudyFileError for knobs or values unknown."""
+        case, knobs, axes = _checked(study)
+        section = study.definition.method_stability
+        cells = []
+        for y, x in itertools.product(axes[1], axes[0]):
+            values = {**section.set, knobs[0]: float(x), knobs[1]: float(y)}
+            exact = sorted((k, v.hex()) for k, v in values.items())
+            cells.append(Run(content_hash([case.name, exact, source_hash()]), values))
+        sizes = " x ".join(str(len(axis)) for axis in axes)
+        return MethodsPlan(
+            kind=self,
+            name=study.definition.study.name,
+            model=section.case,
+            source=study.source,
+            tasks=tuple(cells),
+            facts=(
+                ("case", case.title),
+                ("boundary", case.boundary),
+                ("cells", f"{sizes} over {' and '.join(knobs)}"),
+            ),
+            content=(case, knobs, dict(section.set)),
+        )
+
+    def ready(
+        self, plan: MethodsPlan, workers: Workers, warn: Warn
+    ) -> tuple[MethodsPlan, dict[str, str]]:
+        """The first cell: kernels are compiled here, before workers start."""
+        workers.report("first cell", 0, 1)
+        plan.content[0].evaluate(plan.tasks[0].content)
+        workers.report("first cell", 1, 1)
+        return plan, {}
+
+    def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[LineTask]:
+        """Lines of the map."""
+        case, knobs, _ = plan.content
+        lines = itertools.groupby(points, key=lambda cell: cell.content[knobs[1]])
+        return [LineTask(case.name, knobs, tuple(cells)) for _, cells in lines]
+
+    def solve(self, task: LineTask) -> Solved:
+        """Rows of one line of cells; no cell stops the others."""
+        return Solved([_row(task, cell) for cell in task.cells])
+
+    def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
+        """The file, the case and its knobs."""
+        case, knobs, fixed = plan.content
+        known = [case.knobs[name] for name in knobs]
+        return {
+            "study": plan.source.text,
+            "case": case.name,
+            "title": case.title,
+            "boundary": case.boundary,
+            "knobs": list(knobs),
+            "units": {k.name: k.unit for k in known},
+            "words": {k.name: k.description for k in known},
+            "values": fixed,
+        }
+
+    def build_tables(
+        self, plan: MethodsPlan, directory: Path, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write the cells; how often the prediction held."""
+        ids = [cell.point_id for cell in plan.tasks]
+        rows = read_chunks(directory, set(ids), self.schema)
+        table = pa.Table.from_pylist([rows[i] for i in ids], schema=self.schema).to_pandas()
+        table = table.rename(columns=dict(zip("xy", plan.content[1], strict=True)))
+        write_parquet(directory / CELLS, pa.Table.from_pandas(table, preserve_index=False))
+        return table, agreement(table)
+
+
+def _checked(study: StabilityFile) -> tuple[Case, tuple[str, str], tuple[np.ndarray, ...]]:
+    """Case, names and values of both knobs; StudyFileError for what they cannot be."""
+    section, given = study.definition.method_stability, study.definition.knob
+    if section.case not in CASES:
+        hint = did_you_mean(section.case, CASES)
+        text = f"expected one of {', '.join(CASES)}, got '{section.case}'{hint}"
+        raise study.error(("method_stability", "case"), text)
+    if len(given) != 2:
+        raise study.error(("knob",), f"expected two [[knob]] tables, got {len(given)}")
+    case, (first, second) = CASES[section.case], (k.name for k in given)
+    if first == second:
+        raise study.error(("knob", 1, "name"), f"'{second}' is both axes")
+    axes = tuple(k.axis() for k in given)
+    for i, (name, axis) in enumerate(zip((first, second), axes, strict=True)):
+        for value in (axis.min(), axis.max()):
+            _allow(study, case, {name: float(value)}, ("knob", i))
+        if name in section.set:
+            raise study.error(("method_stability", "set", name), f"'{name}' is an axis of the map")
+    for name, value in section.set.items():
+        _allow(study, case, {name: value}, ("method_stability", "set", name))
+    return case, (first, second), axes
+
+
+def _allow(study: StabilityFile, case: Case, values: Values, keys: tuple[str | int, ...]) -> None:
+    try:
+        checked(case.knobs, values)
+    except ParameterError as error:
+        hint = did_you_mean(error.key, case.knobs)
+        raise study.error(keys, f"{error.key}: {error.message}{hint}") from None
+
+
+def _row(task: LineTask, cell: Run) -> dict[str, Any]:
+    started = time.perf_counter()
+    place = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
+    try:
+        found, status, message = asdict(CASES[task.case].evaluate(cell.content)), "ok", ""
+    except FAILURES as error:
+        found, (status, message) = NOTHING, reason(error)
+    wall = time.perf_counter() - started
+    return head(cell.point_id, wall, status, message) | place | found

@@ -1,0 +1,87 @@
+"""What kinds of study that measure methods have in common: their file and whose results it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel, Field
+
+from squealstudy.errors import StudyFileError
+from squealstudy.study.keys import content_hash
+from squealstudy.study.kind import Kind
+from squealstudy.study.section import Section
+from squealstudy.study.source import SourceText
+from squealstudy.study.toml_lines import KeyPath
+
+Definition = TypeVar("Definition", bound=BaseModel)
+
+
+class MethodsStudySection(Section):
+    """What a study of methods is."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_-]+$",
+        max_length=100,
+        description="name of the study and of its results directory: letters, digits, _ and -",
+    )
+    kind: str = Field(description="error against time of methods, or where a method fails")
+    description: str = Field(default="", description="free text, copied to the results")
+
+
+@dataclass(frozen=True)
+class MethodsFile(Generic[Definition]):
+    """The file of a study of methods, as pydantic has checked it."""
+
+    kind: Kind
+    source: SourceText
+    definition: Definition
+
+    def error(self, keys: KeyPath, message: str) -> StudyFileError:
+        """The error to raise about a key of the file."""
+        return self.source.error(keys, message)
+
+
+@dataclass(frozen=True)
+class Run:
+    """What stands for a design point: a cell of a map, or a measurement."""
+
+    point_id: str
+    content: Any
+
+
+@dataclass(frozen=True)
+class MethodsPlan:
+    """A study of methods resolved into its runs.
+
+    Attributes
+    ----------
+    kind : Kind
+    name, model : str
+        Of the study, and of what its methods are tried on: with the kind, whose results it is.
+    source : SourceText
+    tasks : sequence of Run
+    facts : sequence of (str, str)
+        Name and value of what `check` says.
+    content : Any
+        What the kind made of the file.
+    """
+
+    kind: Kind
+    name: str
+    model: str
+    source: SourceText
+    tasks: Sequence[Run]
+    facts: Sequence[tuple[str, str]]
+    content: Any
+
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model: whose results directory it is."""
+        return self.name, self.kind.name, self.model
+
+    @property
+    def study_hash(self) -> str:
+        """Hash of all that decides the tables."""
+        return content_hash([[task.point_id for task in self.tasks], self.source.text])

@@ -1,0 +1,192 @@
+"""A work-precision study: error against time of methods on one study, a row a measurement."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.analysis.integrators.warmup import warm_integrators
+from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
+from squealstudy.kinds.methods import MethodsPlan, Run
+from squealstudy.kinds.work_precision import rows
+from squealstudy.kinds.work_precision.integrator import chosen_integrator
+from squealstudy.kinds.work_precision.section import WorkPrecisionDefinition
+from squealstudy.kinds.work_precision.tables import measurement_tables
+from squealstudy.kinds.work_precision.variants import (
+    PrecisionFile,
+    Variant,
+    check_file,
+    common_study,
+    make_variants,
+)
+from squealstudy.study.cache import is_prepared
+from squealstudy.study.chunks import read_chunks
+from squealstudy.study.files import write_parquet
+from squealstudy.study.keys import content_hash
+from squealstudy.study.kind import Kind, Warn
+from squealstudy.study.measure.measurement import Asked, Measurement, Measuring
+from squealstudy.study.model_kind import build_structures
+from squealstudy.study.names import ERRORS, MEASUREMENTS
+from squealstudy.study.parallel import Workers
+from squealstudy.study.rows import FAILURES, reason
+from squealstudy.study.sampling import count_points
+from squealstudy.study.source import SourceText, validate
+from squealstudy.study.tasks import Solved
+from squealstudy.study.variants import read_base
+
+
+class WorkPrecision(Kind):
+    """Runs of all methods in alternation, on one core, each alone on the machine."""
+
+    name = "work_precision"
+    description = "error against time of methods"
+    definition = WorkPrecisionDefinition
+    tables: tuple[str, ...] = (MEASUREMENTS, ERRORS)
+    schema = rows.SCHEMA
+    rows_word = "runs"
+    of_methods = True
+
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> PrecisionFile:
+        """The file, checked, with the study it is made on."""
+        definition = validate(WorkPrecisionDefinition, source, tables)
+        path = source.path.parent / definition.work_precision.base
+        if not path.is_file():
+            raise source.error(("work_precision", "base"), f"there is no study file {path}")
+        return PrecisionFile(self, source, definition, read_base(path))
+
+    def plan(self, study: PrecisionFile) -> MethodsPlan:
+        """The reference once, then rounds over all methods."""
+        variants = make_variants(study)
+        check_file(study, variants)
+        section, base = study.definition.work_precision, study.base.study
+        methods = [v for v in variants if not v.reference]
+        order = [(v, 0) for v in variants if v.reference]
+        order += [(v, n) for n in range(section.repeats) for v in methods]
+        runs = {content_hash([v.identity, n, section.starts]): (v, n) for v, n in order}
+        structures = {s.key for v in variants for s in v.plan.structures}
+        missing = sum(not is_prepared(key) for key in structures)
+        return MethodsPlan(
+            kind=self,
+            name=study.definition.study.name,
+            model=base.model.name,
+            source=study.source,
+            tasks=tuple(Run(name, run) for name, run in runs.items()),
+            facts=(
+                ("base", f"{base.path}: {base.name}, {base.kind.name}"),
+                ("measured at", f"{len(variants[0].measured)} design points"),
+                (
+                    "runs",
+                    f"{len(runs)}: {len(methods)} settings of {len(study.definition.method)} "
+                    f"methods, {section.repeats} rounds, and the reference",
+                ),
+                ("reductions", f"{len(structures)} needed, {missing} not in the cache"),
+                ("judged by", ", ".join(quantities(study))),
+            ),
+            content=(study, variants),
+        )
+
+    def ready(
+        self, plan: MethodsPlan, workers: Workers, warn: Warn
+    ) -> tuple[MethodsPlan, dict[str, str]]:
+        """Make the reductions of all variants; what the models show of the file is checked."""
+        _, variants = plan.content
+        for variant in variants:
+            try:
+                build_structures(variant.plan, workers)
+            except StudyFileError:
+                raise
+            except SquealstudyError:  # no structure of it can be made: its rows say so
+                continue
+        first = variants[0].plan
+        first.kind.check(first)
+        warm_integrators(sorted({v.integrator for v in variants if v.integrator}))
+        return plan, {}
+
+    def patience(self, plan: MethodsPlan) -> float:
+        """For ever: what is timed is run alone, in this process."""
+        return float("inf")
+
+    def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[Any]:
+        """One a measurement."""
+        study, _ = plan.content
+        return [(study, run) for run in points]
+
+    def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:
+        """Run one measurement; ResultsError where the reference fails."""
+        study, run = task
+        variant, number = run.content
+        started = time.perf_counter()
+        try:
+            made = _measured(study, variant)
+        except FAILURES as error:
+            wall = time.perf_counter() - started
+            row = rows.failed_row(run.point_id, variant.identity, number, wall, *reason(error))
+        else:
+            wall = time.perf_counter() - started
+            row = rows.row(run.point_id, variant.identity, number, wall, made)
+        if variant.reference and row["status"] != "ok":
+            raise ResultsError(f"the reference '{variant.method}' failed: {row['message']}")
+        return Solved([row])
+
+    def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
+        """The files, and what is judged."""
+        study, variants = plan.content
+        section, first = study.definition.work_precision, variants[0]
+        return {
+            "study": plan.source.text,
+            "base": study.base.source.text,
+            "base_kind": study.base.study.kind.name,
+            "quantities": list(quantities(study)),
+            "tolerance": section.tolerance,
+            "over": _over(study),
+            "reference": study.definition.reference.name,
+            "measured_at": [first.plan.swept[i] for i in first.measured],
+        }
+
+    def build_tables(
+        self, plan: MethodsPlan, directory: Path, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write measurements and errors."""
+        study, variants = plan.content
+        found = read_chunks(directory, {run.point_id for run in plan.tasks}, self.schema)
+        by_variant: dict[str, list[Mapping[str, Any]]] = {v.identity: [] for v in variants}
+        for run in plan.tasks:
+            by_variant[run.content[0].identity].append(found[run.point_id])
+        measured, errors = measurement_tables(
+            variants, by_variant, quantities(study), _over(study), _measuring(study)
+        )
+        for name, table in ((MEASUREMENTS, measured), (ERRORS, errors)):
+            write_parquet(directory / name, pa.Table.from_pandas(table, preserve_index=False))
+        return measured, {"reference": study.definition.reference.name}
+
+
+def _measuring(study: PrecisionFile) -> Measuring:
+    found = study.base.study.kind.measuring()
+    assert found is not None
+    return found
+
+
+def quantities(study: PrecisionFile) -> tuple[str, ...]:
+    """What errors are judged by."""
+    return study.definition.work_precision.quantities or _measuring(study).judged
+
+
+def _over(study: PrecisionFile) -> int:
+    """Design points that share a set-up."""
+    return study.definition.work_precision.over or count_points(common_study(study))
+
+
+def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
+    if not all(is_prepared(s.key) for s in variant.plan.structures):
+        raise ConvergenceError("structure", "no reduction of its model can be made")
+    integrate = None
+    if variant.integrator:
+        integrate = chosen_integrator(variant.integrator, variant.options)
+    starts = study.definition.work_precision.starts
+    asked = Asked(variant.lines, integrate, starts)
+    return _measuring(study).measure(variant.plan, variant.measured, asked)

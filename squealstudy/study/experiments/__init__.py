@@ -1,1 +1,0 @@
-"""Studies of the methods themselves, over a base study: accuracy against time, stability."""
