@@ -183,7 +183,7 @@ def test_pilots_lie_inside_the_sweep(tmp_path):
         ("audit = 1", 'budget = "soon"', "fidelity.budget", "'90 s', '5 min' or '2 h'"),
         ("audit = 1", "budget = -1.0", "fidelity.budget", "more than 0"),
         ("audit = 1", "budgte = 3.0", "fidelity.budgte", "did you mean 'budget'"),
-        ('"transient"', '"sensitivity"', "", "needs kind"),
+        ('"transient"', '"sensitivity"', "transient", "needs kind"),
     ],
 )
 def test_bad_sections(tmp_path, old, new, key, message):

@@ -21,9 +21,10 @@ from squealstudy.plots.stability_boundary import stability_boundary
 from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.definition import parse_study
 from squealstudy.study.measure.onset_lines import first_onset
-from squealstudy.study.model_kind import build_structures, run_study
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
 
 HZ = 2 * np.pi
 W1, W2 = 100 * HZ, 75 * HZ

@@ -21,9 +21,10 @@ from squealstudy.study.complex_modes.solve_tasks import solve_tasks, split_boxes
 from squealstudy.study.complex_modes.worker import solve_points
 from squealstudy.study.definition import parse_study
 from squealstudy.study.estimate import Estimate, _timed, run_seconds
-from squealstudy.study.model_kind import build_structures, run_study
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
+from squealstudy.study.runner import run_study
 
 HULTEN = """
 [study]

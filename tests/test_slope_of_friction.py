@@ -22,11 +22,13 @@ from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.scene import Scene
 from squealstudy.study.fidelity.time_search import RunSearch
 from squealstudy.study.measure import slope_pilot as pilot_module
-from squealstudy.study.model_kind import build_structures, run_study
+from squealstudy.study.model_kind import build_structures
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
+from squealstudy.study.runner import run_study
 from squealstudy.study.transient import forecast
+from squealstudy.study.transient.plan_facts import training_designs
 
 NAME = REGULARISATION_SPEED.name
 PRESSURE = 200 * np.pi / (1e8 / 5e11)  # of the belt's contact, Pa; its static friction is 1
@@ -96,7 +98,7 @@ def test_the_whole_study_decides_at_whatever_points_it_is_tried():
     whole = plan_of([0.25, 0.5, 1.0])
     part = Plan(whole.study, whole.swept[1:])
     assert part.tasks[0].point_id == whole.tasks[1].point_id
-    trained = {d.values[NAME] for d in whole.training_designs}
+    trained = {d.values[NAME] for d in training_designs(whole)}
     assert trained == {REGULARISATION_SHARE * 0.25}
 
 

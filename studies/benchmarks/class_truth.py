@@ -42,7 +42,7 @@ from squealstudy.models.operating import (  # noqa: E402
     REGULARISATION_SPEED,
 )
 from squealstudy.study.definition import parse_study  # noqa: E402
-from squealstudy.study.model_kind import build_structures, kind_of  # noqa: E402
+from squealstudy.study.model_kind import build_structures  # noqa: E402
 from squealstudy.study.parallel import Workers, silent  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.tasks import PointTask  # noqa: E402
@@ -172,7 +172,7 @@ def _plan(family: Family, kick: float, designs: dict[str, np.ndarray]) -> Plan:
 def long_runs(plan: Plan) -> Iterator[tuple[PointTask, ModalRun]]:
     """Task and motion of each point that has a steady sliding state."""
     build_structures(plan, Workers())
-    kind_of(plan).prepare(plan, silent)
+    plan.kind.prepare(plan, silent)
     tasks = plan.tasks
     for first in range(0, len(tasks), BATCH):
         part = tuple(tasks[first : first + BATCH])
