@@ -23,11 +23,14 @@ from typing import Any
 
 import code_paths
 import hypothesis
+import numpy as np
 import pytest
 import threadpoolctl
 
+from squealstudy.analysis.full_order.modes import full_order_roots, full_order_system
 from squealstudy.analysis.transient.warmup import alone, warm_kernels
 from squealstudy.kernels.jit import compiled_directory
+from squealstudy.linalg.band_roots import BandRoots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
@@ -191,6 +194,13 @@ def reduce_brake(brake, top=TOP) -> tuple[ReducedModel, Basis]:
     ends = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in PRESSURES]
     settings = BasisSettings(1.5 * top, 1.5 * top, LOAD_FACTOR * top)
     return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)
+
+
+def full_order(assembly, modes, point, state, band_hz, cutoff, expected=None) -> BandRoots:
+    """Roots of the unreduced equations about a working point, in a band in Hz."""
+    system = full_order_system(assembly, modes, point, state, cutoff)
+    low, high = band_hz
+    return full_order_roots(system, (2 * np.pi * low, 2 * np.pi * high), expected)
 
 
 @pytest.fixture(scope="session")

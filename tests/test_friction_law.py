@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from blocks import OPERATING as BLOCKS_OPERATING
 from blocks import blocks
-from conftest import CUTOFF, NOMINAL, TOP, build_model
+from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
 
-from squealstudy.analysis.full_order import modes as full_order
+from squealstudy.analysis.full_order import modes as full_order_module
 from squealstudy.analysis.full_order.modes import (
-    full_order_modes,
+    expected_roots,
+    full_order_roots,
     full_order_system,
-    reference_error,
+    stiffness_residuals,
 )
-from squealstudy.analysis.full_order.solution import expected_roots
+from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.friction_laws import friction_at
@@ -124,22 +125,21 @@ def against_full_order(brake, model, state):
     point = working_point(space, state.operating)
     system = linearise(model, point, state)
     lam, _ = dense_roots(system.C, system.K, (2 * np.pi * 450.0, 2.2 * np.pi * TOP))
+    full = full_order_system(brake.assembly, brake.modes, point, state, CUTOFF)
     expected = expected_roots(model, point, TOP)
-    full = full_order_modes(
-        brake.assembly, brake.modes, point, state, (500.0, TOP), CUTOFF, expected
-    )
-    assert full.residual.max() < 1e-8
-    return lam, full.lam
+    found = full_order_roots(full, (2 * np.pi * 500.0, 2 * np.pi * TOP), expected)
+    assert stiffness_residuals(full, found.lam, found.psi).max() < 1e-8
+    return lam, found.lam
 
 
 def test_falling_friction_reduced_and_full(brake, reduced):
     lam, full = against_full_order(brake, reduced[0], DesignState(FALLING))
     expected = expected_roots(reduced[0], working_point(brake.space, FALLING), TOP)
     assert 2 * len(full) <= expected <= 3 * len(full) + 20
-    error = reference_error(lam, full)
+    error = paired_with_full_order(lam, full)
     assert error.missed == 0
-    assert error.frequency < 2e-5
-    assert error.damping < 2e-5
+    assert error.frequency_error < 2e-5
+    assert error.damping_error < 2e-5
     constant = replace(FALLING, friction=FALLING.mu_steady, static_ratio=1.0)
     point = working_point(brake.space, constant)
     system = linearise(reduced[0], point, DesignState(constant))
@@ -154,7 +154,7 @@ def test_full_order_finds_all_roots_whatever_number_is_expected(expected):
     operating = replace(BLOCKS_OPERATING, static_ratio=1.5, decay_speed=0.3)
     point = working_point(contact_space(assembly, 1e11, np.zeros((assembly.n_dof, 0))), operating)
     state = DesignState(operating)
-    found = full_order_modes(assembly, {}, point, state, (low, high), CUTOFF, expected).lam
+    found = full_order(assembly, {}, point, state, (low, high), CUTOFF, expected).lam
     system = full_order_system(assembly, {}, point, state, CUTOFF)
     M, C, K = (A.toarray() for A in (assembly.M, system.C.sparse, system.K.sparse))
     n = len(M)
@@ -173,10 +173,10 @@ def test_assembly_damping_reduced_and_full(brake, reduced):
     state = DesignState(
         FALLING, shifted, damping_ratio=0.005, assembly_damping={12: 0.03, 20: 0.05, 21: 0.0}
     )
-    error = reference_error(*against_full_order(brake, reduced[0], state))
+    error = paired_with_full_order(*against_full_order(brake, reduced[0], state))
     assert error.missed == 0
-    assert error.frequency < 1e-4
-    assert error.damping < 1e-4
+    assert error.frequency_error < 1e-4
+    assert error.damping_error < 1e-4
 
 
 # -- damping of assembly modes -------------------------------------------------------------------
@@ -197,16 +197,16 @@ def test_full_order_solves_are_refined_where_the_roots_without_are_not_accurate(
     """Solves that are off by 1e-6 spoil the roots: it is seen in their residuals, and mended."""
     frictionless = OperatingPoint(0.0, 1.0, 0.5, ContactLaw("bilateral"))
     assembly, modes, _, point, operating = small_model("hoffmann", frictionless)
-    exact = full_order_modes(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
-    asked, found = [], full_order._roots_to
+    exact = full_order(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
+    asked, found = [], full_order_module._roots_to
 
     def spoiled(*arguments):
         asked.append(arguments[-1])
         lam, psi = found(*arguments)
         return (lam if asked[-1] else lam * (1 + 1e-6)), psi
 
-    monkeypatch.setattr(full_order, "_roots_to", spoiled)
-    mended = full_order_modes(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
+    monkeypatch.setattr(full_order_module, "_roots_to", spoiled)
+    mended = full_order(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
     assert asked == [False, True]
     np.testing.assert_array_equal(mended.lam, exact.lam)
 
@@ -218,7 +218,7 @@ def damping_of(name, **fields):
     state = DesignState(operating, **fields)
     system = linearise(model, point, state)
     lam, _ = dense_roots(system.C, system.K, EVERYTHING)
-    full = full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9)
+    full = full_order(assembly, modes, point, state, (0.0, 1e6), 1e9)
     return [-x.real / np.abs(x) for x in (lam[np.argsort(np.abs(lam))], full.lam)]
 
 
@@ -245,7 +245,7 @@ def test_a_mode_beyond_the_basis_is_named():
         linearise(model, point, state)
     assert caught.value.key == "modes[3].damping_ratio"
     with pytest.raises(ParameterError, match="modes 1 to 2"):
-        full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9)
+        full_order(assembly, modes, point, state, (0.0, 1e6), 1e9)
 
 
 def test_design_collects_assembly_damping():
@@ -271,7 +271,7 @@ def belt_root(**values):
     state = DesignState(operating, damping_ratio=zeta)
     system = linearise(model, point, state)
     lam, _ = dense_roots(system.C, system.K, EVERYTHING)
-    full = full_order_modes(assembly, modes, point, state, (0.0, 1e6), 1e9).lam
+    full = full_order(assembly, modes, point, state, (0.0, 1e6), 1e9).lam
     first = lam[np.abs(lam).argmin()]
     assert first == pytest.approx(full[0], rel=1e-9)
     return first

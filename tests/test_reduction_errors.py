@@ -9,17 +9,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy.sparse as sp
+from conftest import full_order
 from test_tables import drifting, modes_of, plan_of, write
 
 from squealstudy.analysis import point as point_module
 from squealstudy.analysis.full_order import finer_model
 from squealstudy.analysis.full_order.finer_model import (
     Reduction,
-    partner_distances,
     reduction_errors,
     with_finer_model,
 )
-from squealstudy.analysis.full_order.modes import full_order_modes, full_order_system
+from squealstudy.analysis.full_order.modes import full_order_system
 from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
@@ -29,6 +29,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.working_point import working_point_result
+from squealstudy.root_pairs import partner_distances
 from squealstudy.study.cache import load_prepared, save_prepared
 from squealstudy.study.complex_modes import reduction
 from squealstudy.study.complex_modes.columns import read_columns
@@ -143,7 +144,7 @@ def true_errors(assembly, modes, prepared, state):
     """Roots of the reduced model and their distances to full-order ones; the latter's errors."""
     found = solve_point(prepared, state, BAND)
     wide = (0.98 * BAND[0], 1.02 * BAND[1])
-    full = full_order_modes(assembly, modes, found.working_point, state, wide, CUTOFF)
+    full = full_order(assembly, modes, found.working_point, state, wide, CUTOFF)
     return found.lam, partner_distances(found.lam, full.lam), full.error.max()
 
 
@@ -212,7 +213,7 @@ def test_modes_beyond_the_cutoff_are_damped_alike_in_reduced_and_full_order_mode
     for cutoff in (0.5 * TOP, 1.5 * TOP, np.inf):
         damped = replace(prepared, model=replace(prepared.model, damped_to=2 * np.pi * cutoff))
         found = solve_point(damped, state, BAND)
-        full = full_order_modes(assembly, modes, found.working_point, state, BAND, cutoff)
+        full = full_order(assembly, modes, found.working_point, state, BAND, cutoff)
         assert (partner_distances(found.lam, full.lam) < 1e-8 * np.abs(found.lam)).all()
         roots[cutoff] = full.lam
     far = partner_distances(roots[0.5 * TOP], roots[np.inf]) / np.abs(roots[0.5 * TOP])
@@ -230,7 +231,7 @@ def test_changed_component_modes_have_the_modal_damping_of_a_complete_basis():
     scales = {("pad", 9): 0.7, ("disc", 8): 1.4}
     state = DesignState(replace(NOMINAL, friction=0.6), scales, damping_ratio=0.05)
     found = solve_point(damped, state, BAND)
-    full = full_order_modes(assembly, modes, found.working_point, state, BAND, cutoff)
+    full = full_order(assembly, modes, found.working_point, state, BAND, cutoff)
     assert (partner_distances(found.lam, full.lam) / np.abs(found.lam)).max() < 1e-5
 
 

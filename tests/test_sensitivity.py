@@ -16,10 +16,6 @@ from reference import hulten_flutter
 from squealstudy.analysis.sensitivity.assembly_change import check_same_mesh
 from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
 from squealstudy.analysis.sensitivity.finite_change import followed_root, reduced_pencil
-from squealstudy.analysis.sensitivity.full_order_point import (
-    FullOrderPoint,
-    solved_full_order_point,
-)
 from squealstudy.analysis.sensitivity.law_change import (
     FRICTION_PARAMETERS,
     LAW_PARAMETERS,
@@ -31,7 +27,7 @@ from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_root
 from squealstudy.analysis.sensitivity.mode_family import biorthogonality, mode_family
 from squealstudy.analysis.sensitivity.mode_sensitivities import CONDITION_LIMIT
 from squealstudy.analysis.sensitivity.reduced import (
-    DesignPoint,
+    ChosenModes,
     point_sensitivities,
     solve_families,
 )
@@ -159,16 +155,16 @@ def test_structural_derivatives_of_minimal_models(model, name):
     state = replace(state, operating=replace(state.operating, static_ratio=1.4))
     design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=2))
     found = structural_sensitivities(design, structure, [name], 0.01)
-    full = FullOrderPoint.at(structure.build(structure.values), state, design.point, LARGE, LARGE)
+    full = structure.system(structure.assembly(), state, design.point)
     h = 1e-5 * structure.values[name]
     for family, (own,) in zip(design.families, found, strict=True):
         base = mode_family(full.pencil, complex(family.lam[0]))
         ends = []
         for sign in (1, -1):
-            values = {**structure.values, name: structure.values[name] + sign * h}
-            moved = solved_full_order_point(
-                structure.build(values), state, prepared.space.k_c, design.point.gap, LARGE, LARGE
-            )
+            assembly = structure.assembly({name: structure.values[name] + sign * h})
+            k_c, start = prepared.space.k_c, design.point.gap
+            point = structure.working_point(assembly, state, k_c, start)
+            moved = structure.system(assembly, state, point)
             ends.append(followed_root(full.pencil, base, moved.pencil).change)
         slope = (ends[0] - ends[1]) / (2 * h)
         assert own.derivative == pytest.approx(slope, rel=1e-5, abs=1e-8 / structure.values[name])
@@ -198,7 +194,7 @@ FAMILIES = [
 
 
 @pytest.fixture(scope="module")
-def brake_design(brake, reduced) -> DesignPoint:
+def brake_design(brake, reduced) -> ChosenModes:
     model = reduced[0]
     shapes, sensors = np.eye(model.n, 1), np.zeros((1, 1))
     prepared = PreparedModel(brake.space, model, shapes, sensors, brake.point.gap)

@@ -68,6 +68,7 @@ def modes_of(rng: np.random.Generator, m: int, k: int = 6, real: int = 0, **more
         rng.dirichlet(np.ones(2), m).T,
         shapes.astype(np.complex64),
         None,
+        np.full(m, np.nan),
     )
     for name, value in more.items():
         object.__setattr__(modes, name, value)
@@ -102,6 +103,7 @@ def drifting(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, PointM
             np.full((2, m + real), 0.5),
             np.vstack([(shapes.shapes + noise)[order], overdamped.shapes]),
             None,
+            np.full(m + real, np.nan),
         )
     return found
 

@@ -40,8 +40,9 @@ class PointModes:
     shapes : ndarray (m, k) complex64
         Coordinates on PreparedModel.shape_basis, unit norm.
     working_point : WorkingPoint
-    error_rung : ndarray (m,) or None
-        |lam - lam of the component-mode model|, 1/s; of a family, of the full model.
+    error_rung : ndarray (m,)
+        |lam - lam of the component-mode model|, 1/s; of a family, of the full model. NaN where it
+        is not known.
     method : str
         The rung of reanalysis that found them.
     """
@@ -52,7 +53,7 @@ class PointModes:
     energies: np.ndarray
     shapes: np.ndarray
     working_point: WorkingPoint
-    error_rung: np.ndarray | None = None
+    error_rung: np.ndarray
     method: str = DENSE
 
 
@@ -131,12 +132,13 @@ def solve_point(
     overdamped = lam.imag == 0
     shapes = (prepared.shape_basis.T @ psi).T
     shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
+    error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
     return PointModes(
-        lam,
-        overdamped,
-        backward_error(system.C, system.K, lam, psi),
-        reduced_energy_shares(prepared.model, system.weights, psi),
-        shapes.astype(np.complex64),
-        point,
-        np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam),
+        lam=lam,
+        overdamped=overdamped,
+        residual=backward_error(system.C, system.K, lam, psi),
+        energies=reduced_energy_shares(prepared.model, system.weights, psi),
+        shapes=shapes.astype(np.complex64),
+        working_point=point,
+        error_rung=error,
     )

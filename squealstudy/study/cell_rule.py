@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from squealstudy.root_pairs import partners
 from squealstudy.study.complex_modes.counts import damping_ratios, unstable_roots
 
 Node = tuple[int, ...]
@@ -116,14 +117,6 @@ def _edges(corner: Node, stride: int) -> list[tuple[Node, Node]]:
 
 def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """One-to-one pairing of roots (ma,), (mb,) within FREQUENCY_WINDOW."""
-    from scipy.optimize import linear_sum_assignment
-
-    partner = np.full(len(a), -1)
-    if not len(a) or not len(b):
-        return partner
     df = np.abs(np.log(np.abs(b)[None, :] / np.abs(a)[:, None])) / FREQUENCY_WINDOW
     dz = np.abs(damping_ratios(b)[None, :] - damping_ratios(a)[:, None]) / DAMPING_WINDOW
-    rows, columns = linear_sum_assignment(np.minimum(df + dz, 1.0))
-    near = df[rows, columns] + dz[rows, columns] < 1.0
-    partner[rows[near]] = columns[near]
-    return partner
+    return partners(df + dz, 1.0)

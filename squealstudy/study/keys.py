@@ -12,7 +12,16 @@ from typing import Any
 import squealstudy
 
 # the code whose change changes a reduction or a result
-NUMERIC_PACKAGES = ("kernels", "linalg", "models", "reduction", "system", "analysis", "modes")
+NUMERIC_PACKAGES = (
+    "kernels",
+    "linalg",
+    "models",
+    "reduction",
+    "system",
+    "analysis",
+    "modes",
+    "root_pairs.py",
+)
 LENGTH = 16
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.full_order.modes import LIGHT
+from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.analysis.point import PointModes, solve_point
 from squealstudy.analysis.tracking.pairing import pair_modes
 from squealstudy.errors import SquealstudyError

@@ -17,7 +17,8 @@ import time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order.modes import full_order_modes, reference_error
+from squealstudy.analysis.full_order.modes import full_order_modes
+from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw
@@ -77,12 +78,12 @@ def main() -> None:
         for name, state in STATES.items():
             reduced = solve_point(prepared, state, BAND)
             started = time.perf_counter()
-            full = full_order_modes(assembly, modes, reduced.working_point, state, BAND, CUTOFF)
+            full = full_order_modes(prepared, assembly, modes, state, BAND, CUTOFF)
             seconds = time.perf_counter() - started
-            error = reference_error(reduced.lam, full.lam)
+            pairs = paired_with_full_order(reduced.lam, full.lam)
             print(
-                f"{name:30s}{len(full.lam):6d}{error.frequency:10.1e}{error.damping:10.1e}"
-                f"{error.missed:8d}{seconds:8.1f}"
+                f"{name:30s}{len(full.lam):6d}{pairs.frequency_error:10.1e}{pairs.damping_error:10.1e}"
+                f"{pairs.missed:8d}{seconds:8.1f}"
             )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"\npeak memory {peak:.2f} GB")

@@ -30,8 +30,11 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.stats import spearmanr  # noqa: E402
 
-from squealstudy.study.complex_modes.errors import paired_with_full_order  # noqa: E402
-from squealstudy.study.complex_modes.reference import read_references  # noqa: E402
+from squealstudy.analysis.full_order.pairs import paired_with_full_order  # noqa: E402
+from squealstudy.study.complex_modes.reference import (  # noqa: E402
+    read_references,
+    reference_roots,
+)
 from squealstudy.study.definition import load_study  # noqa: E402
 from squealstudy.study.names import MODES  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
@@ -128,13 +131,12 @@ def judge(modes: pd.DataFrame, checks: dict[str, dict], widened: float) -> Judge
         own = modes[modes["point_id"] == point_id]
         size, growth = 2 * np.pi * own["frequency_hz"].to_numpy(), own["growth_rate"].to_numpy()
         lam = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
-        pairs = paired_with_full_order(lam, check)
+        pairs = paired_with_full_order(lam, *reference_roots(check))
         error = (own["error_rung"] + own["error_reduction"] / widened).to_numpy()[pairs.row]
-        true.append((pairs.error / pairs.size)[pairs.told])
-        estimate.append((error / pairs.size)[pairs.told])
-        full = np.array([complex(*x) for x in check["roots"]])
-        partner = full[np.abs(full[:, None] - lam[pairs.row][None]).argmin(axis=0)]
-        grows = partner.real > NEUTRAL * np.abs(partner)
+        size = np.abs(pairs.full)
+        true.append((pairs.error / size)[pairs.told])
+        estimate.append((error / size)[pairs.told])
+        grows = pairs.full.real > NEUTRAL * size
         label = own["stability"].to_numpy()[pairs.row]
         counts += [
             int((grows & (label == "stable")).sum()) + pairs.missed,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.full_order.modes import FullOrderModes
+from squealstudy.analysis.full_order.modes import FULL
 from squealstudy.analysis.point import PointModes, angular_band
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
@@ -19,7 +19,6 @@ from squealstudy.system.parametric import ParametricSystem, Term
 
 CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
-FULL = "full"
 _NOTHING = np.zeros(0)
 NO_WORKING_POINT = WorkingPoint(_NOTHING, _NOTHING, _NOTHING, 0, np.nan, np.nan)
 
@@ -32,12 +31,17 @@ def family_system(family: MatrixFamily) -> ParametricSystem:
 
 
 def solve_family_point(
-    prepared: PreparedFamily, values: Mapping[str, float], band_hz: tuple[float, float]
+    prepared: PreparedFamily,
+    values: Mapping[str, float],
+    band_hz: tuple[float, float],
+    check: bool = False,
 ) -> PointModes:
     """Complex modes with |lambda|/2 pi in `band_hz` at parameter values.
 
     They have no energies (the array has no rows) and no working point (its figures are NaN);
-    the residual of a pair is its normwise backward error.
+    the residual of a pair is its normwise backward error. With `check` the same modes are found by
+    another factorisation, about a positive real shift: what Arnoldi's method missed or spoiled in
+    one space differs in the other.
 
     Raises
     ------
@@ -45,34 +49,21 @@ def solve_family_point(
         ``undefined`` where a coefficient has no value; where no roots are found.
     """
     M, C, K = _matrices(prepared.model, values)
-    roots = roots_in_band(M, C, K, angular_band(band_hz), prepared.n_roots)
+    band = angular_band(band_hz)
+    shift = CHECK_SHIFT * band[1] if check else 0.0
+    roots = roots_in_band(M, C, K, band, prepared.n_roots, shift)
     order = np.argsort(roots.lam.imag == 0, kind="stable")
     lam, psi = roots.lam[order], roots.psi[:, order]
     return PointModes(
-        lam,
-        lam.imag == 0,
-        pair_residuals(M, C, K, lam, psi),
-        np.zeros((0, len(lam))),
-        prepared.shapes(psi),
-        NO_WORKING_POINT,
-        roots.error[order],
-        FULL,
+        lam=lam,
+        overdamped=lam.imag == 0,
+        residual=pair_residuals(M, C, K, lam, psi),
+        energies=np.zeros((0, len(lam))),
+        shapes=prepared.shapes(psi),
+        working_point=NO_WORKING_POINT,
+        error_rung=roots.error[order],
+        method=FULL,
     )
-
-
-def check_family_point(
-    prepared: PreparedFamily, values: Mapping[str, float], band_hz: tuple[float, float]
-) -> FullOrderModes:
-    """The same modes by another factorisation, about a positive real shift.
-
-    What Arnoldi's method missed or spoiled in one space differs in the other. Raises as
-    `solve_family_point`.
-    """
-    M, C, K = _matrices(prepared.model, values)
-    band = angular_band(band_hz)
-    roots = roots_in_band(M, C, K, band, prepared.n_roots, CHECK_SHIFT * band[1])
-    residual = pair_residuals(M, C, K, roots.lam, roots.psi)
-    return FullOrderModes(roots.lam, roots.psi, residual, roots.error)
 
 
 def _matrices(

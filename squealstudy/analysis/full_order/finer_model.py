@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.full_order.modes import component_terms
 from squealstudy.analysis.point import PointModes, solve_point, state_working_point
 from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
@@ -25,9 +24,10 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
 from squealstudy.reduction.extended_basis import extended_basis
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
+from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.design_state import DesignState, ModeKey
-from squealstudy.system.linearise import component_frequencies, linearise
+from squealstudy.system.linearise import component_frequencies, linearise, unreduced_structure
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
@@ -202,8 +202,9 @@ class _ResidualSums:
         total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
         total += c.N.T @ self._normal + c.T.T @ self._sliding + c.T_perp.T @ self._across
         if self._changed:
-            U, _ = component_terms(assembly, made.modes, dict.fromkeys(self._changed, 1.0))
-            total += U @ np.vstack(list(self._changed.values()))
+            changed = DesignState(made.points[0], dict.fromkeys(self._changed, 1.0))
+            U = np.asarray(unreduced_structure(assembly, made.modes, changed).shapes)
+            total += U.T @ np.vstack(list(self._changed.values()))
         loads: np.ndarray = total
         return loads
 
@@ -246,17 +247,3 @@ def finer_modes(
     n = prepared.finer.n
     larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
     return solve_point(larger, state, band_hz, gap)
-
-
-def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Distance (m,) of each root to its partner among others, no two with the same partner.
-
-    Infinite where there is none.
-    """
-    from scipy.optimize import linear_sum_assignment  # slow to import, and workers alone need it
-
-    distance = np.abs(lam[:, None] - others[None, :])
-    found = np.full(len(lam), np.inf)
-    rows, columns = linear_sum_assignment(distance)
-    found[rows] = distance[rows, columns]
-    return found

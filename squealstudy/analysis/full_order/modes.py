@@ -9,7 +9,10 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from squealstudy.analysis.point import PointModes, angular_band, state_working_point
+from squealstudy.linalg.band_roots import BandRoots
 from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import (
@@ -19,107 +22,58 @@ from squealstudy.linalg.sparse_qep import (
     smallest_roots,
 )
 from squealstudy.models.assembly import Assembly
-from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.orthonormal import new_directions
+from squealstudy.reduction.prepared import PreparedModel, contact_stiffness
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.design_state import DesignState, ModeKey
-from squealstudy.system.linearise import SYMMETRIC, unreduced_structure
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.energy import energy_shares, squared
+from squealstudy.system.linearise import (
+    SYMMETRIC,
+    ContactStructure,
+    StructureWeights,
+    unreduced_structure,
+)
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
+FULL = "full"
 FIRST_ROOTS = 120  # asked for where their number is not known
 MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
 DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
-LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
-
-
-@dataclass(frozen=True)
-class FullOrderModes:
-    """Roots [rad/s] in a band, full-order vectors, residuals, and estimated errors [rad/s].
-
-    A residual is |Q psi| / |K psi|, of a family of matrices the normwise backward error.
-    """
-
-    lam: np.ndarray
-    psi: np.ndarray
-    residual: np.ndarray
-    error: np.ndarray
-
-
-@dataclass(frozen=True)
-class ReducedError:
-    """Largest errors over the lightly damped modes of a band (|zeta| < 5 %).
-
-    Attributes
-    ----------
-    frequency : float
-        Relative error of |lambda|.
-    damping : float
-        Absolute error of the damping ratio.
-    missed : int
-        Full-order modes without a reduced mode within 5 % in the complex plane.
-    """
-
-    frequency: float
-    damping: float
-    missed: int
-
-
-def full_order_modes(
-    assembly: Assembly,
-    modes: Mapping[str, ComponentModes],
-    point: WorkingPoint,
-    state: DesignState,
-    band_hz: tuple[float, float],
-    damped_to_hz: float,
-    expected: int | None = None,
-) -> FullOrderModes:
-    """Complex modes of the unreduced assembly at a working point (THEORY.md eq. (17), (19)).
-
-    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (THEORY.md eq. (18)) is put on the real modes up to `damped_to_hz`, those beyond have the
-    coefficient 2 zeta omega of a mode there. `expected` is how many roots the band's top may have
-    below it, conjugates included: all are found whatever it says, soonest where it is close.
-
-    Raises
-    ------
-    ConvergenceError
-        Where ARPACK does not converge.
-    ParameterError
-        Damping of an assembly mode beyond `damped_to_hz`.
-    """
-    system = full_order_system(assembly, modes, point, state, damped_to_hz)
-    C_sum, K_sum = system.C, system.K
-    low, high = (2 * np.pi * f for f in band_hz)
-    for refined in (False, True):  # the solves, where the roots without are not accurate
-        lam, psi = _roots_to(assembly, C_sum, K_sum, high, expected, refined)
-        kept = np.abs(lam) >= low
-        lam, psi = lam[kept], psi[:, kept]
-        errors = root_errors(assembly.M, C_sum, K_sum, lam, psi)
-        if errors.doubt(lam) <= 1.0:
-            break
-    told = errors.resolved(lam, high)
-    lam, psi, error = lam[told], psi[:, told], errors.error[told]
-    R = assembly.M @ (psi * lam**2) + C_sum @ (psi * lam) + K_sum @ psi
-    size = np.linalg.norm(K_sum @ psi, axis=0)
-    return FullOrderModes(lam, psi, np.linalg.norm(R, axis=0) / size, error)
 
 
 @dataclass(frozen=True)
 class FullOrderSystem:
-    """Matrices of the unreduced assembly at a working point.
+    """The unreduced assembly of a design point, linearised about its working point.
 
     Attributes
     ----------
+    assembly : Assembly
+    state : DesignState
+    point : WorkingPoint
+    structure : ContactStructure
+        With the component modes that the state changes or damps as shapes.
+    weights : StructureWeights
     C, K : LowRankSum (n_dof, n_dof)
-        Damping and non-symmetric stiffness.
+        Damping, modal damping among it, and non-symmetric stiffness.
     omega, phi : ndarray (m,), (n_dof, m)
         Real modes whose modal damping is their own, mass-normalised; none without it.
     """
 
+    assembly: Assembly
+    state: DesignState
+    point: WorkingPoint
+    structure: ContactStructure
+    weights: StructureWeights
     C: LowRankSum
     K: LowRankSum
     omega: np.ndarray
     phi: np.ndarray
+
+    @property
+    def pencil(self) -> QuadraticPencil:
+        """M, C and K."""
+        return QuadraticPencil(self.assembly.M, self.C, self.K)
 
 
 def full_order_system(
@@ -129,21 +83,37 @@ def full_order_system(
     state: DesignState,
     damped_to_hz: float,
 ) -> FullOrderSystem:
-    """The matrices that `full_order_modes` solves; parameters and errors are its own."""
+    """The unreduced assembly about a working point (THEORY.md eq. (17), (19)).
+
+    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
+    (THEORY.md eq. (18)) is put on the real modes up to `damped_to_hz`, those beyond have the
+    coefficient 2 zeta omega of a mode there.
+
+    Parameters
+    ----------
+    modes : mapping of component -> ComponentModes
+        Of the components whose modes the state changes or damps.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode beyond `damped_to_hz`.
+    """
     structure = unreduced_structure(assembly, modes, state)
-    weights: Weights = structure.weights(point, state)
+    named = structure.weights(point, state)
+    weights: Weights = named
     terms, M = structure.system.terms, assembly.M
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = _real_modes(M, structure.system.sparse_sum(weights, SYMMETRIC), damped_to_hz)
+        omega, phi = _real_modes(M, structure.system.sparse_sum(named, SYMMETRIC), damped_to_hz)
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient
             beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
         rows = (M @ phi[:, dampers != beyond]).T
         terms = (*terms, Term(DAMPING, None, M), Term(DAMPING, rows, rows))
-        weights = (*weights, beyond, (dampers - beyond)[dampers != beyond])
+        weights = (*named, beyond, (dampers - beyond)[dampers != beyond])
     _, C, K = ParametricSystem(assembly.n_dof, terms).sparse_matrices(weights)
-    return FullOrderSystem(C, K, omega, phi)
+    return FullOrderSystem(assembly, state, point, structure, named, C, K, omega, phi)
 
 
 def _real_modes(
@@ -165,37 +135,49 @@ def _real_modes(
     return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
 
 
-def mode_frequencies(modes: Mapping[str, ComponentModes]) -> dict[ModeKey, float]:
-    """Free-free frequency [rad/s] of every component mode."""
-    return {(name, j + 1): float(w) for name, m in modes.items() for j, w in enumerate(m.omega)}
+def full_order_roots(
+    system: FullOrderSystem, band: tuple[float, float], expected: int | None = None
+) -> BandRoots:
+    """All roots of the unreduced equations in a band.
 
+    Parameters
+    ----------
+    system : FullOrderSystem
+    band : (low, high)
+        rad/s.
+    expected : int or None
+        How many roots the band's top may have below it, conjugates included: all are found
+        whatever it says, soonest where it is close.
 
-def component_terms(
-    assembly: Assembly, modes: Mapping[str, ComponentModes], values: Mapping[ModeKey, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """U = M phi and the diagonal of the changed component modes."""
-    U = np.zeros((assembly.n_dof, len(values)))
-    masses = {c.name: c.M for c in assembly.components}
-    for column, (name, j) in enumerate(values):
-        U[assembly.slices[name], column] = masses[name] @ modes[name].phi[:, j - 1]
-    return U, np.array(list(values.values()), dtype=float)
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    M = system.assembly.M
+    for refined in (False, True):  # the solves, where the roots without are not accurate
+        lam, psi = _roots_to(system, band[1], expected, refined)
+        below = len(lam) + int((lam.imag > 0).sum())
+        kept = np.abs(lam) >= band[0]
+        lam, psi = lam[kept], psi[:, kept]
+        errors = root_errors(M, system.C, system.K, lam, psi)
+        if errors.doubt(lam) <= 1.0:
+            break
+    told = errors.resolved(lam, band[1])
+    return BandRoots(lam[told], psi[:, told], below, errors.error[told])
 
 
 def _roots_to(
-    assembly: Assembly,
-    C: LowRankSum,
-    K: LowRankSum,
-    limit: float,
-    expected: int | None,
-    refined: bool,
+    system: FullOrderSystem, limit: float, expected: int | None, refined: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
-    most = 2 * assembly.n_dof if assembly.n_dof <= DENSE_LIMIT else 2 * assembly.n_dof - 2
+    M, n = system.assembly.M, system.assembly.n_dof
+    most = 2 * n if n <= DENSE_LIMIT else 2 * n - 2
     first = FIRST_ROOTS if expected is None else int(1.05 * expected) + MORE_ROOTS
     n_roots = min(first, most)
-    factor = WoodburyFactor(K, refined) if assembly.n_dof > DENSE_LIMIT else None
+    factor = WoodburyFactor(system.K, refined) if n > DENSE_LIMIT else None
     while True:
-        lam, psi = smallest_roots(assembly.M, C, K, n_roots, limit / 2, factor)
+        lam, psi = smallest_roots(M, system.C, system.K, n_roots, limit / 2, factor)
         if np.abs(lam).max() > limit or n_roots >= most:
             kept = np.abs(lam) <= limit
             return lam[kept], psi[:, kept]
@@ -203,19 +185,72 @@ def _roots_to(
         n_roots = min(int(n_roots * growth) + 20, most)
 
 
-def reference_error(lam: np.ndarray, reference: np.ndarray) -> ReducedError:
-    """Errors of `lam` against full-order roots `reference` (both rad/s, imaginary part >= 0)."""
-    zeta = -reference.real / np.abs(reference)
-    light = reference[np.abs(zeta) < LIGHT]
-    if not len(light):
-        return ReducedError(0.0, 0.0, 0)
-    if not len(lam):
-        return ReducedError(np.inf, np.inf, len(light))
-    nearest = lam[np.abs(light[:, None] - lam[None, :]).argmin(axis=1)]
-    near = np.abs(nearest - light) < 0.05 * np.abs(light)
-    size, size_r = np.abs(light[near]), np.abs(nearest[near])
-    d_zeta = np.abs(nearest[near].real / size_r - light[near].real / size)
-    d_freq = np.abs(size_r - size) / size
-    return ReducedError(
-        float(d_freq.max(initial=0.0)), float(d_zeta.max(initial=0.0)), int((~near).sum())
+def full_order_modes(
+    prepared: PreparedModel,
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    state: DesignState,
+    band_hz: tuple[float, float],
+    damped_to_hz: float,
+) -> PointModes:
+    """Complex modes of the unreduced assembly in a band, read as those of the reduced rungs.
+
+    Shapes are the least-squares coordinates, at the prepared model's sensors, on its shape basis.
+    The error estimate is that of the eigenproblem (`root_errors`), the residual
+    |Q psi| / |K psi|.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point, or ARPACK does not converge.
+    ParameterError
+        Damping of an assembly mode beyond `damped_to_hz`.
+    """
+    point = state_working_point(prepared, state)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz)
+    expected = expected_roots(prepared.model, point, band_hz[1])
+    found = full_order_roots(system, angular_band(band_hz), expected)
+    order = np.argsort(found.lam.imag == 0, kind="stable")
+    lam, psi = found.lam[order], found.psi[:, order]
+    shapes = la.lstsq(prepared.sensor_shapes, assembly.correspondence @ psi)[0].T
+    shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
+    return PointModes(
+        lam=lam,
+        overdamped=lam.imag == 0,
+        residual=stiffness_residuals(system, lam, psi),
+        energies=_energies(system, psi),
+        shapes=shapes.astype(np.complex64),
+        working_point=point,
+        error_rung=found.error[order],
+        method=FULL,
     )
+
+
+def expected_roots(model: ReducedModel, point: WorkingPoint, top_hz: float) -> int:
+    """How many roots lie below a frequency: twice the real modes of the reduced model."""
+    K = contact_stiffness(model, point.tangent)
+    limit = (2 * np.pi * top_hz) ** 2
+    return 2 * len(la.eigvalsh(K, subset_by_value=(-np.inf, limit)))
+
+
+def stiffness_residuals(system: FullOrderSystem, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    """Residual |Q psi| / |K psi| (m,) of roots lam (m,) [rad/s] with vectors psi (n_dof, m)."""
+    restoring = system.K @ psi
+    R = system.assembly.M @ (psi * lam**2) + system.C @ (psi * lam) + restoring
+    residual: np.ndarray = la.norm(R, axis=0) / la.norm(restoring, axis=0)
+    return residual
+
+
+def _energies(system: FullOrderSystem, psi: np.ndarray) -> np.ndarray:
+    """Shares of the components, then of the interfaces, in the elastic energy (c + 1, m)."""
+    structure, assembly = system.structure, system.assembly
+    dk = np.broadcast_to(system.weights.shapes, len(structure.places))
+    changed = dk[:, None] * squared(np.asarray(structure.shapes @ psi))
+    components = []
+    for component in assembly.components:
+        own = psi[assembly.slices[component.name]]
+        energy = np.einsum("im,im->m", own.conj(), component.K @ own).real
+        rows = [row for (name, _), row in structure.places.items() if name == component.name]
+        components.append(energy + changed[rows].sum(axis=0))
+    springs, N = structure.springs, structure.N
+    return energy_shares(np.array(components), springs, N, system.weights, psi)

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.errors import ConvergenceError
+from squealstudy.root_pairs import partners
 
 APART = 1e-6  # relative distance of roots that two solves tell apart: the same root within it
 CLUSTER = 1e-7  # relative distance below which roots share their vectors
@@ -56,15 +57,13 @@ def biorthogonal(
 
 def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
     """Index of the left root of each right one, each used once."""
-    from scipy.optimize import linear_sum_assignment
-
     if len(lam_left) < len(lam):
         raise _unmatched(f"{len(lam)} right and {len(lam_left)} left roots")
     distance = np.abs(lam[:, None] - lam_left[None, :])
-    rows, columns = linear_sum_assignment(distance)
-    if (distance[rows, columns] > APART * np.abs(lam[rows])).any():
+    found = partners(distance)
+    if (distance[np.arange(len(lam)), found] > APART * np.abs(lam)).any():
         raise _unmatched("a right root has no left one")
-    return columns
+    return found
 
 
 def _clusters(lam: np.ndarray) -> list[np.ndarray]:

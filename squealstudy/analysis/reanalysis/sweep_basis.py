@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.full_order.modes import LIGHT
+from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.full_order.modes import component_terms, mode_frequencies
 from squealstudy.errors import ParameterError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ComponentModes
-from squealstudy.system.design_state import DesignState
+from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.linearise import unreduced_structure
 
 RELATIVE_STEP = 1e-4  # of the parameter
 SAME_MODE = 0.99  # least product of a component mode with itself across a step
@@ -32,26 +32,26 @@ class AssemblyChange:
 
     Attributes
     ----------
-    mass, stiffness, static_stiffness : csr_matrix (n_dof, n_dof)
-        Components and springs, without contact; `static_stiffness` as at rest.
+    mass : csr_matrix (n_dof, n_dof)
+    stiffness, static_stiffness : LowRankSum (n_dof, n_dof)
+        Components with their changed modes, and springs; `static_stiffness` as at rest.
+    dampers : LowRankSum (n_dof, n_dof)
+        Of component modes.
     load : ndarray (n_dof,)
         Nodal forces of a unit pressure, N/Pa, and
     constant_load : ndarray (n_dof,)
         those that are always there, N.
     area : ndarray (nc,)
         m2, of the contact points.
-    mode_stiffness, mode_damping : LowRankSum (n_dof, n_dof)
-        Of the changed component modes' terms M phi (.) phi^T M in K and C.
     """
 
     mass: sp.csr_matrix
-    stiffness: sp.csr_matrix
-    static_stiffness: sp.csr_matrix
+    stiffness: LowRankSum
+    static_stiffness: LowRankSum
+    dampers: LowRankSum
     load: np.ndarray
     constant_load: np.ndarray
     area: np.ndarray
-    mode_stiffness: LowRankSum
-    mode_damping: LowRankSum
 
 
 def assembly_change(
@@ -69,22 +69,32 @@ def assembly_change(
     check_same_mesh(name, *ends)
     modes = [changed_modes(end, state, cutoff_hz) for end in ends]
     _check_same_modes(name, ends[0], modes[0], modes[1], state)
-    low_rank = [
-        _low_rank_change(ends, modes, values_of, step)
-        for values_of in (state.stiffness_changes, state.modal_dampers)
-    ]
+    own = [unreduced_structure(e, m, state) for e, m in zip(ends, modes, strict=True)]
+    U = np.vstack([np.asarray(s.shapes) for s in own]).T
 
     def slope(of: Callable[[Assembly], sp.spmatrix | np.ndarray]) -> sp.spmatrix | np.ndarray:
         return (of(ends[0]) - of(ends[1])) / (2 * step)
 
+    def by_shapes(
+        values_of: Callable[[Mapping[ModeKey, float]], Mapping[ModeKey, float]],
+    ) -> np.ndarray:
+        parts = [
+            np.broadcast_to(s.by_mode(values_of(s.frequencies))[1], len(s.places)) for s in own
+        ]
+        quotient: np.ndarray = np.concatenate([parts[0], -parts[1]]) / (2 * step)
+        return quotient
+
+    changed = by_shapes(state.stiffness_changes)
+    elastic, empty = slope(lambda a: a.K_el), sp.csr_matrix((U.shape[0], U.shape[0]))
+    springs, static = slope(lambda a: a.K_springs()), slope(lambda a: a.K_springs(static=True))
     return AssemblyChange(
-        slope(lambda a: a.M),
-        slope(lambda a: a.K_el + a.K_springs()),
-        slope(lambda a: a.K_el + a.K_springs(static=True)),
-        slope(lambda a: a.load),
-        slope(lambda a: a.constant_load),
-        slope(lambda a: a.contact.area),
-        *low_rank,
+        mass=slope(lambda a: a.M),
+        stiffness=LowRankSum(elastic + springs, U, changed),
+        static_stiffness=LowRankSum(elastic + static, U, changed),
+        dampers=LowRankSum(empty, U, by_shapes(state.modal_dampers)),
+        load=slope(lambda a: a.load),
+        constant_load=slope(lambda a: a.constant_load),
+        area=slope(lambda a: a.contact.area),
     )
 
 
@@ -139,20 +149,3 @@ def _check_same_modes(
                 f"mode {mode} of {component}, whose frequency or damping this study changes, is "
                 "one of a pair that turns with this parameter: it has no derivative",
             )
-
-
-def _low_rank_change(
-    ends: list[Assembly],
-    modes: list[dict[str, ComponentModes]],
-    values_of: Callable[[Mapping[tuple[str, int], float]], Mapping[tuple[str, int], float]],
-    step: float,
-) -> LowRankSum:
-    """Difference quotient of M phi (.) phi^T M."""
-    parts = [
-        component_terms(end, own, values_of(mode_frequencies(own)))
-        for end, own in zip(ends, modes, strict=True)
-    ]
-    n = ends[0].n_dof
-    U = np.hstack([U for U, _ in parts])
-    d = np.concatenate([parts[0][1], -parts[1][1]]) / (2 * step)
-    return LowRankSum(sp.csr_matrix((n, n)), U, d)

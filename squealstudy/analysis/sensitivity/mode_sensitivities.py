@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.sensitivity.contact_gradient import Products
 from squealstudy.analysis.sensitivity.finite_change import FiniteChange
 from squealstudy.analysis.sensitivity.mode_family import ModeFamily
 
@@ -107,18 +106,19 @@ def with_more(mode: ModeSensitivities, more: Sequence[Sensitivity]) -> ModeSensi
 
 
 def slope_and_validity(
-    family: ModeFamily, products: Products, size: float
+    family: ModeFamily, products: np.ndarray, size: float
 ) -> tuple[complex, float]:
     """Derivative of the first root, and the range in which it says more than the curvature.
 
     Second order, lambda''/2 = sum of b_1j b_j1 / (lambda_1 - lambda_j) over the neighbours with
-    b_ij = -y_i^H Q_theta(lambda_j) x_j / (y_i^H Q'(lambda_i) x_i). A curvature that a change of
-    `size` does not show is none: the range is infinite.
+    b_ij = -y_i^H Q_theta(lambda_j) x_j / (y_i^H Q'(lambda_i) x_i), of which `products` (k, k) are
+    the first factors. A curvature that a change of `size` does not show is none: the range is
+    infinite.
     """
     norm, lam = family.norm, family.lam
-    slope = complex(-products.right[0] / norm[0]) if norm[0] else complex(np.nan, np.nan)
+    slope = complex(-products[0, 0] / norm[0]) if norm[0] else complex(np.nan, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        coupling = products.right[1:] * products.left[1:] / (norm[0] * norm[1:])
+        coupling = products[0, 1:] * products[1:, 0] / (norm[0] * norm[1:])
         half = complex((coupling / (lam[0] - lam[1:])).sum())
     if abs(half) * size**2 <= UNSEEN * abs(lam[0]):
         return slope, float("inf")

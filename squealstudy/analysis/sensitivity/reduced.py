@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.analysis.point import state_working_point
@@ -24,17 +25,14 @@ from squealstudy.analysis.sensitivity.finite_change import (
 )
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_roots
 from squealstudy.analysis.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
+from squealstudy.analysis.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.analysis.sensitivity.mode_sensitivities import (
     ModeSensitivities,
     Sensitivity,
     Step,
     slope_and_validity,
 )
-from squealstudy.analysis.sensitivity.reduced_gradient import (
-    RealModes,
-    ReducedGradient,
-    StateDerivatives,
-)
+from squealstudy.analysis.sensitivity.state_derivatives import StateDerivatives
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, StateParameter
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
@@ -46,8 +44,8 @@ from squealstudy.system.linearise import LinearisedModel, component_frequencies,
 
 
 @dataclass(frozen=True)
-class DesignPoint:
-    """A solved design point in the reduced model: what all sensitivities start from."""
+class ChosenModes:
+    """Chosen complex modes of a reduced design point: what all sensitivities start from."""
 
     prepared: PreparedModel
     state: DesignState
@@ -63,7 +61,7 @@ def solve_families(
     band_hz: tuple[float, float],
     choice: ModeChoice,
     gap: np.ndarray | None = None,
-) -> DesignPoint:
+) -> ChosenModes:
     """Working point, chosen complex modes, their left vectors and neighbours.
 
     Parameters
@@ -82,11 +80,11 @@ def solve_families(
     lam, _ = dense_roots(system.C, system.K, (low, high))
     pencil = QuadraticPencil(sp.identity(prepared.model.n, format="csr"), system.C, system.K)
     families = tuple(mode_family(pencil, root) for root in chosen_roots(lam, choice))
-    return DesignPoint(prepared, state, point, system, pencil, families)
+    return ChosenModes(prepared, state, point, system, pencil, families)
 
 
 def point_sensitivities(
-    design: DesignPoint, parameters: Sequence[StateParameter], change: float, top_hz: float
+    design: ChosenModes, parameters: Sequence[StateParameter], change: float, top_hz: float
 ) -> tuple[ModeSensitivities, ...]:
     """Sensitivities of the chosen modes of a design point to parameters of its state.
 
@@ -107,13 +105,13 @@ def point_sensitivities(
     ]
     found: list[list[Sensitivity]] = [[] for _ in design.families]
     derivatives = StateDerivatives(design.prepared, design.state, design.point)
-    gradients = _gradients(design, parameters)
+    gradients = _gradients(design, derivatives, parameters)
     for parameter, step in zip(parameters, steps, strict=True):
         moved = parameter.moved(design.state, step.value + step.size)
         finite, reason = _reanalysis(design, moved)
-        system_change = derivatives.by(parameter)
+        by = derivatives.by(parameter)
         for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
-            products = gradient.products(system_change)
+            products = gradient.products(*by)
             found[number].append(
                 Sensitivity(
                     step,
@@ -140,19 +138,18 @@ def parameter_step(
     )
 
 
-def _gradients(design: DesignPoint, parameters: Sequence[StateParameter]) -> list[ReducedGradient]:
+def _gradients(
+    design: ChosenModes, derivatives: StateDerivatives, parameters: Sequence[StateParameter]
+) -> list[ModeGradient]:
     asked = any(p.name == DAMPING or (p.modes and not p.component) for p in parameters)
-    damped = design.state.assembly_damping_ratios(design.prepared.model.n).any()
-    real = None
-    if design.families and (asked or damped):
-        real = RealModes.of(design.system, design.prepared.model.N)
-    return [
-        ReducedGradient(design.prepared, design.state, design.system, family, real)
-        for family in design.families
-    ]
+    zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
+    if design.families and (asked or zeta.any()):
+        w2, phi = la.eigh(design.system.K_sym)
+        real = RealModes(np.sqrt(np.maximum(w2, 0.0)), phi, momenta=phi, zeta=zeta)
+    return [ModeGradient(family, derivatives.structure, real) for family in design.families]
 
 
-def _reanalysis(design: DesignPoint, moved: DesignState) -> tuple[list[FiniteChange | None], str]:
+def _reanalysis(design: ChosenModes, moved: DesignState) -> tuple[list[FiniteChange | None], str]:
     """The chosen modes in a changed design, or why it has none."""
     if not design.families:
         return [], ""
@@ -163,7 +160,7 @@ def _reanalysis(design: DesignPoint, moved: DesignState) -> tuple[list[FiniteCha
         return [None] * len(design.families), str(error)
 
 
-def _facts(design: DesignPoint) -> list[tuple[float, np.ndarray]]:
+def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
     """Biorthogonality and energy shares of each chosen mode."""
     found = []
     for family in design.families:

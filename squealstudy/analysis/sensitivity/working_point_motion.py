@@ -12,7 +12,6 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.sensitivity.law_change import FrictionChange
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.working_point import WorkingPoint
@@ -56,12 +55,12 @@ class WorkingPointMotion:
         moved: np.ndarray = la.lu_solve(self._lu, -imbalance, check_finite=False)
         return moved
 
-    def by_friction(self, change: FrictionChange) -> np.ndarray:
-        """Motion by a change of mu."""
-        if not change.mu:
+    def by_friction(self, mu: float | np.ndarray) -> np.ndarray:
+        """Motion by a change of the friction coefficient, a number or (nc,)."""
+        if not np.any(mu):
             return np.zeros(len(self.point.gap))
         drag = self._space.area * self._space.frictional * self.point.pressure
-        return self.solve(self._now.H_NT @ (drag * change.mu))
+        return self.solve(self._now.H_NT @ (drag * mu))
 
     def by_pressure(self) -> np.ndarray:
         """Motion by the brake pressure, m/Pa."""

@@ -10,6 +10,7 @@ import pandas as pd
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, unstable_groups
 from squealstudy.analysis.tables.run_classes import LEVELLED
 from squealstudy.errors import ResultsError
+from squealstudy.root_pairs import partners
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
 SAME = 1e-6  # relative, between values of a parameter
@@ -211,14 +212,7 @@ def _in_time(row: pd.Series) -> dict[str, object]:
 def _partners(wanted: np.ndarray, available: np.ndarray) -> np.ndarray:
     """Index into `available` (m,) of the mode nearest to each of `wanted` (n,), -1 for none.
 
-    Closest pairs first, none used twice; none for NaN, as of a mode that does not oscillate.
+    None is used twice; none for NaN, as of a mode that does not oscillate.
     """
-    partner = np.full(len(wanted), -1)
     distance = np.abs(available[None, :] / wanted[:, None] - 1.0)
-    for place in np.argsort(distance, axis=None, kind="stable"):
-        i, j = np.unravel_index(place, distance.shape)
-        if not distance[i, j] <= FREQUENCY_TOLERANCE:  # NaN comes last
-            break
-        if partner[i] < 0 and j not in partner:
-            partner[i] = j
-    return partner
+    return partners(np.nan_to_num(distance, nan=np.inf), FREQUENCY_TOLERANCE)

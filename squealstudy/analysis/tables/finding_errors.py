@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from squealstudy.analysis.tables.run_classes import LEVELLED, UNDECIDED
+from squealstudy.root_pairs import partners
 
 LIGHT = 0.05  # damping ratio of the modes that are judged
 PAIRED = 0.05  # relative distance within which two roots are one mode
@@ -84,13 +84,7 @@ def _roots(finding: Mapping[str, Any]) -> np.ndarray:
 
 def _paired(light: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """For each light root the position of its partner, -1 without one."""
-    partner = np.full(len(light), -1)
-    if len(light) and len(lam):
-        distance = np.abs(light[:, None] - lam[None, :]) / np.abs(light)[:, None]
-        rows, columns = linear_sum_assignment(np.minimum(distance, 10 * PAIRED))
-        near = distance[rows, columns] < PAIRED
-        partner[rows[near]] = columns[near]
-    return partner
+    return partners(np.abs(light[:, None] - lam[None, :]) / np.abs(light)[:, None], PAIRED)
 
 
 def _lost(mode: int, root: complex) -> Iterator[FoundError]:

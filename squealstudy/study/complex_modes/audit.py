@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from squealstudy.study.complex_modes.errors import paired_with_full_order
+from squealstudy.analysis.full_order.pairs import paired_with_full_order
+from squealstudy.study.complex_modes.reference import reference_roots
 from squealstudy.study.names import MODES
 
 FACTORS = (2.0, 5.0)
@@ -37,9 +38,9 @@ def audited(
         own = modes[modes["point_id"] == point_id]
         size, growth = 2 * np.pi * own["frequency_hz"].to_numpy(), own["growth_rate"].to_numpy()
         lam = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
-        pairs = paired_with_full_order(lam, references[point_id])
-        true.append(pairs.error / pairs.size)
-        estimate.append(own["error_estimate"].to_numpy()[pairs.row] / pairs.size)
+        pairs = paired_with_full_order(lam, *reference_roots(references[point_id]))
+        true.append(pairs.error / np.abs(pairs.full))
+        estimate.append(own["error_estimate"].to_numpy()[pairs.row] / np.abs(pairs.full))
         missed += pairs.missed
     t, e = np.concatenate(true), np.concatenate(estimate)
     within = {f"within_{k:g}x": float(np.mean(t <= k * e)) if len(t) else None for k in FACTORS}

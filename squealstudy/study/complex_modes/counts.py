@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.analysis.full_order.modes import LIGHT
+from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.study.chunks import read_tables
 from squealstudy.study.complex_modes.rows import SCHEMA
 

@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.full_order.modes import LIGHT
+from squealstudy.analysis.full_order.pairs import LIGHT, paired_with_full_order
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.complex_modes.reduction import Sample, carried_errors, is_reduced
+from squealstudy.study.complex_modes.reference import reference_roots
 from squealstudy.study.plan import Plan
 
-PAIRED = 0.05  # relative distance within which a full-order root has a partner
 COVERED = 0.95  # share of the checked modes whose error an estimate is to reach
-TOLD = 100.0  # errors of the reference above which a true error says something
-UNTOLD = 1e-11  # relative error of a reference that does not say its own
 
 
 class ModeErrors(NamedTuple):
@@ -87,7 +85,7 @@ def widening(
         reference = references.get(task.point_id, {})
         if "roots" in reference and ends[point + 1] > ends[point]:
             own = slice(ends[point], ends[point + 1])
-            pairs = paired_with_full_order(columns.lam[own], reference)
+            pairs = paired_with_full_order(columns.lam[own], *reference_roots(reference))
             true = pairs.error - columns.error_rung[own][pairs.row]
             told = pairs.told & (true > 0)
             estimate = reduction[own][pairs.row]
@@ -95,44 +93,3 @@ def widening(
     found = np.concatenate(ratios)
     found = found[np.isfinite(found)]
     return max(1.0, float(np.quantile(found, COVERED))) if len(found) else 1.0
-
-
-class FullOrderPairs(NamedTuple):
-    """Light full-order roots with a partner among the roots of a point.
-
-    Attributes
-    ----------
-    row : ndarray (k,) of int
-        The partners.
-    error : ndarray (k,)
-        Distance of each, rad/s.
-    size : ndarray (k,)
-        Moduli of the full-order roots, rad/s.
-    told : ndarray (k,) of bool
-        Whether that is well above the error of the full-order root itself.
-    missed : int
-        Light full-order roots without a partner.
-    """
-
-    row: np.ndarray
-    error: np.ndarray
-    size: np.ndarray
-    told: np.ndarray
-    missed: int
-
-
-def paired_with_full_order(lam: np.ndarray, reference: Mapping[str, Any]) -> FullOrderPairs:
-    """Pair the roots lam (m,) [rad/s] of a point with those of its full-order check."""
-    full = np.array(reference["roots"], dtype=float).reshape(-1, 2) @ np.array([1.0, 1.0j])
-    own = np.array(reference.get("root_errors", UNTOLD * np.abs(full)), dtype=float)
-    light = np.abs(full.real) < LIGHT * np.abs(full)
-    full, own = full[light], own[light]
-    if not len(full) or not len(lam):
-        none = np.zeros(0)
-        return FullOrderPairs(none.astype(int), none, none, none.astype(bool), len(full))
-    distance = np.abs(full[:, None] - lam[None, :])
-    row = distance.argmin(axis=1)
-    error, size = distance.min(axis=1), np.abs(full)
-    near = error < PAIRED * size
-    told = error > TOLD * own
-    return FullOrderPairs(row[near], error[near], size[near], told[near], int((~near).sum()))

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.analysis.full_order.finer_model import reduction_errors
-from squealstudy.analysis.full_order.modes import LIGHT
+from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.files import write_json

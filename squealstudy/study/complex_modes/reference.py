@@ -11,19 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.full_order.family_point import check_family_point
-from squealstudy.analysis.full_order.modes import FullOrderModes, full_order_modes, reference_error
-from squealstudy.analysis.full_order.solution import expected_roots
-from squealstudy.analysis.point import state_working_point
+from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings
-from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.complex_modes.unreduced import Unreduced
-from squealstudy.study.family_cache import Prepared, load_any
+from squealstudy.study.family_cache import load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.tasks import PointTask
 
 REFERENCES = "references"
+UNTOLD = 1e-11  # relative error of a check that does not say its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +39,19 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
-        full = _full_order(task, load_any(task.point.prepared_key))
-        error = reference_error(task.lam, full.lam)
+        key, design = task.point.prepared_key, task.point.design
+        unreduced = Unreduced(key, task.options, task.settings)
+        full = unreduced.solve(load_any(key), design, task.band_hz, check=True)
+        pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
         result |= {
             "status": "ok",
-            "frequency_error": error.frequency,
-            "damping_error": error.damping,
-            "missed_modes": error.missed,
+            "frequency_error": pairs.frequency_error,
+            "damping_error": pairs.damping_error,
+            "missed_modes": pairs.missed,
             "full_order_modes": len(full.lam),
             "full_order_residual": float(full.residual.max(initial=0.0)),
             "roots": [[float(x.real), float(x.imag)] for x in full.lam],
-            "root_errors": full.error.tolist(),
+            "root_errors": full.error_rung.tolist(),
         }
     except SquealstudyError as error:
         result |= {"status": "failed", "message": str(error)}
@@ -65,22 +64,14 @@ def write_reference(directory: Path, found: dict[str, Any]) -> None:
     write_json(directory / REFERENCES / f"{found['point_id']}.json", found)
 
 
-def _full_order(task: ReferenceTask, prepared: Prepared) -> FullOrderModes:
-    """The unreduced model; of a family, which is never reduced, about another shift."""
-    design = task.point.design
-    if isinstance(prepared, PreparedFamily):
-        return check_family_point(prepared, design.plain_values(), task.band_hz)
-    state = design.state()
-    point = state_working_point(prepared, state)
-    unreduced = Unreduced(task.point.prepared_key, task.options, task.settings)
-    assembly, modes = unreduced.assembly(design)
-    cutoff = task.settings.damped_to
-    expected = expected_roots(prepared.model, point, task.band_hz[1])
-    return full_order_modes(assembly, modes, point, state, task.band_hz, cutoff, expected)
-
-
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:
     """Full-order checks by point id."""
     files = sorted((directory / REFERENCES).glob("*.json"))
     results = [json.loads(path.read_text(encoding="utf-8")) for path in files]
     return {r["point_id"]: r for r in results}
+
+
+def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (n,) of a full-order check and their errors, rad/s."""
+    full = np.array(reference["roots"], dtype=float).reshape(-1, 2) @ np.array([1.0, 1.0j])
+    return full, np.array(reference.get("root_errors", UNTOLD * np.abs(full)), dtype=float)

@@ -35,17 +35,15 @@ SCHEMA = pa.schema(
 def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any]:
     """Chunk row of a solved point; models without a working point have none of its figures."""
     point = modes.working_point
-    estimate = getattr(modes, "error_rung", None)
-    unknown = np.full(len(modes.lam), np.nan)
     return head(point_id, wall_s) | {
-        "method": getattr(modes, "method", DENSE),
+        "method": modes.method,
         "working_point_residual": np.nan if point is None else point.residual,
         "open_share": np.nan if point is None else point.open_share,
         "re": modes.lam.real,
         "im": modes.lam.imag,
         "overdamped": modes.overdamped,
         "residual": modes.residual,
-        "error_rung": unknown if estimate is None else np.asarray(estimate, dtype=float),
+        "error_rung": modes.error_rung,
         "energies": modes.energies.T.ravel(),
         SHAPES: np.ascontiguousarray(modes.shapes, dtype=np.complex64).tobytes(),
     }

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from squealstudy.analysis.full_order.solution import solve_full_order
+from squealstudy.analysis.full_order.family_point import solve_family_point
+from squealstudy.analysis.full_order.modes import full_order_modes
 from squealstudy.analysis.point import PointModes
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
-from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.design import Design
+from squealstudy.study.family_cache import Prepared
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
@@ -35,12 +37,22 @@ class Unreduced:
     settings: BasisSettings
 
     def solve(
-        self, prepared: PreparedModel, design: Design, band_hz: tuple[float, float]
+        self,
+        prepared: Prepared,
+        design: Design,
+        band_hz: tuple[float, float],
+        check: bool = False,
     ) -> PointModes:
-        """Complex modes of a design point at full order; ConvergenceError."""
+        """Complex modes of a design point at full order; ConvergenceError.
+
+        With `check` those that others are held against: a family's own modes are of full order, and
+        are checked by another factorisation.
+        """
+        if isinstance(prepared, PreparedFamily):
+            return solve_family_point(prepared, design.plain_values(), band_hz, check)
         assembly, modes = self.assembly(design)
         cutoff = self.settings.damped_to
-        return solve_full_order(prepared, assembly, modes, design.state(), band_hz, cutoff)
+        return full_order_modes(prepared, assembly, modes, design.state(), band_hz, cutoff)
 
     def assembly(self, design: Design) -> tuple[Assembly, Mapping[str, ComponentModes]]:
         """The unreduced model, and the component modes, by component, that its study may change."""
