@@ -6,10 +6,10 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
-from squealstudy.analysis.reanalysis.eigen import all_pairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, in_band, light
+from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
 

@@ -9,7 +9,6 @@ import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
 
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.reference_modes import (
     growth_sensors,
     projection,
@@ -18,6 +17,7 @@ from squealstudy.analysis.transient.reference_modes import (
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
 

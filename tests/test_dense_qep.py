@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
-from squealstudy.analysis.quadratic import backward_error, companion_roots, dense_roots
-from squealstudy.analysis.reanalysis.eigen import pairs_inside
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.linalg import dense_qep
 from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
+from squealstudy.linalg.dense_roots import (
+    backward_error,
+    companion_roots,
+    dense_roots,
+    pairs_inside,
+)
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)

@@ -19,9 +19,9 @@ from squealstudy.analysis.full_order.modes import (
     stiffness_residuals,
 )
 from squealstudy.analysis.full_order.pairs import paired_with_full_order
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.friction_laws import friction_at
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.law import ContactLaw

@@ -13,12 +13,12 @@ from conftest import CUTOFF, NOMINAL, TOP
 
 from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.law import ContactLaw

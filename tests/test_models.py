@@ -10,8 +10,8 @@ import reference
 import scipy.sparse as sp
 from conftest import benchmark, build_model
 
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.assembly import Assembly, expand_rows
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.component import Component

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from squealstudy.analysis.reanalysis.collocated import collocate
-from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
 from squealstudy.errors import ModelError
+from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.models.law import ContactLaw
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare

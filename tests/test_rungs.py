@@ -12,7 +12,7 @@ from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance,
 
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.eigen import all_pairs
+from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 from squealstudy.modes.rungs.two_step import (
     is_symmetric,

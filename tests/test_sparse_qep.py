@@ -10,9 +10,9 @@ from conftest import build_model
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.analysis.quadratic import backward_error, dense_roots
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.block_krylov import BlockKrylov
+from squealstudy.linalg.dense_roots import backward_error, dense_roots
 from squealstudy.linalg.factor import PLAIN_RESIDUAL, factorise, plain_residual
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import (

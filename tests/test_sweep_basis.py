@@ -10,7 +10,6 @@ from conftest import NOMINAL
 from synthetic import SyntheticProblem, constant, random_brake, whole_box
 
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
@@ -23,6 +22,7 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
     sample_box,
 )
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.law import ContactLaw
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.design_state import DesignState

@@ -12,12 +12,12 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 import squealstudy
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.labels import TrackTree, expected_roots, track
 from squealstudy.analysis.tracking.pairing import mac, pair_modes
 from squealstudy.analysis.tracking.refinement import Modes, Refinement
 from squealstudy.analysis.tracking.tree import levels, tracking_tree
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from conftest import CUTOFF, NOMINAL
 
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
 from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.point import (
@@ -21,6 +20,7 @@ from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import TransientSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.analysis.quadratic import QuadraticSolver, backward_error, dense_roots
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import backward_error, dense_roots
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (
@@ -100,7 +100,6 @@ def solve_point(
     state: DesignState,
     band_hz: tuple[float, float],
     gap: np.ndarray | None = None,
-    solver: QuadraticSolver = dense_roots,
 ) -> PointModes:
     """Complex modes with |lambda|/2 pi in `band_hz` at a design point.
 
@@ -113,7 +112,6 @@ def solve_point(
         has a random sign.
     gap : ndarray (nc,) or None
         Known working-point gaps; verified and polished by the same Newton.
-    solver : QuadraticSolver
 
     Raises
     ------
@@ -123,7 +121,7 @@ def solve_point(
     point = state_working_point(prepared, state, gap)
     system = linearise(prepared.model, point, state)
     band = angular_band(band_hz)
-    lam, psi = solver(system.C, system.K, band)
+    lam, psi = dense_roots(system.C, system.K, band)
     unit_mass = sp.identity(prepared.model.n, format="csr")
     errors = root_errors(unit_mass, system.C, system.K, lam, psi)
     told = np.flatnonzero(errors.resolved(lam, band[1]))

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
@@ -169,10 +170,7 @@ def _up_to(
     limit: float, mu: np.ndarray, psi: np.ndarray, sigma: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Roots sigma + mu up to the limit, one of each pair, ascending; vectors of unit norm."""
-    lam = sigma + mu
-    kept = np.flatnonzero((lam.imag >= 0) & (np.abs(lam) <= limit))
-    kept = kept[np.argsort(np.abs(lam[kept]))]
-    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)
+    return one_of_each_pair(sigma + mu, psi, (0.0, limit))
 
 
 def _dense_roots(
@@ -182,17 +180,12 @@ def _dense_roots(
 
     The inverse is also more accurate for small roots beside stiff springs.
     """
-    n, one, zero = M.shape[0], np.eye(M.shape[0]), np.zeros(M.shape)
-    dense = [A.toarray() for A in (M, C, K)]
-    scaled = (dense[0] * limit, dense[1], dense[2] / limit)  # time in units of 1/limit
-    if not inverse and np.linalg.matrix_rank(scaled[0]) == n:
-        lower = -np.linalg.solve(scaled[0], np.hstack([scaled[2], scaled[1]]))
-        mu, z = np.linalg.eig(np.vstack([np.hstack([zero, one]), lower]))
-        return mu * limit, z[:n]
-    try:
-        lower = -np.linalg.solve(scaled[2], np.hstack([scaled[0], scaled[1]]))
+    n, (M_d, C_d, K_d) = M.shape[0], (A.toarray() for A in (M, C, K))
+    if not inverse and np.linalg.matrix_rank(M_d) == n:
+        return right_pairs(C_d, K_d, M_d)
+    try:  # of 1/lambda, in units of the limit
+        theta, psi = right_pairs(C_d, M_d * limit, K_d / limit)
     except np.linalg.LinAlgError as error:
         raise ConvergenceError(SINGULAR, "a stiffness matrix is singular") from error
-    theta, z = np.linalg.eig(np.vstack([np.hstack([zero, one]), lower]))
     finite = np.abs(theta) > np.abs(theta).max() * np.finfo(float).eps * n
-    return limit / theta[finite], z[n:, finite]
+    return limit / theta[finite], psi[:, finite]

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import right_pairs
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, ShiftedFactor
 
 DENSE_LIMIT = 40  # coordinates of models too small for Arnoldi
@@ -112,12 +112,9 @@ def _nearest(
 
 
 def _dense(pencil: QuadraticPencil, sigma: complex, count: int) -> tuple[np.ndarray, np.ndarray]:
-    n, one = pencil.n, np.eye(pencil.n)
+    one = np.eye(pencil.n)
     M, C, K = (np.asarray(A @ one) for A in (pencil.M, pencil.C, pencil.K))
-    scale = abs(sigma)
-    lower = np.hstack([la.solve(M, -K) / scale**2, la.solve(M, -C) / scale])
-    lam, z = la.eig(np.vstack([np.hstack([np.zeros((n, n)), one]), lower]))
-    return _sorted(lam * scale, z[:n], sigma, count)
+    return _sorted(*right_pairs(C, K, M), sigma, count)
 
 
 def _sorted(

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.factor import Factor, factorise, lean_solve
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
@@ -115,21 +116,14 @@ def smallest_roots(
         )
     except spla.ArpackNoConvergence as error:
         raise ConvergenceError("not_converged", f"full-order complex modes: {error}") from error
-    return _one_of_each_pair(scale / theta, z[n:])
+    return one_of_each_pair(scale / theta, z[n:])
 
 
 def _dense_roots(
     M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same by LAPACK, for models too small for ARPACK."""
-    n, one = M.shape[0], np.eye(M.shape[0])
-    lower = np.linalg.solve(M.toarray(), np.hstack([-(K @ one), -(C @ one)]))
-    lam, z = np.linalg.eig(np.vstack([np.hstack([np.zeros((n, n)), one]), lower]))
+    one = np.eye(M.shape[0])
+    lam, psi = right_pairs(C @ one, K @ one, M.toarray())
     first = np.argsort(np.abs(lam))[:n_roots]
-    return _one_of_each_pair(lam[first], z[:n, first])
-
-
-def _one_of_each_pair(lam: np.ndarray, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    kept = np.flatnonzero(lam.imag >= 0)
-    kept = kept[np.argsort(np.abs(lam[kept]))]
-    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)
+    return one_of_each_pair(lam[first], psi[:, first])

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 LAW_OPTION = "contact_law"
 STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
 # beside them, they decide its finer model
-FINER_SOURCES = ("system", "analysis/full_order", "analysis/quadratic.py")
+FINER_SOURCES = ("system", "analysis/full_order")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete

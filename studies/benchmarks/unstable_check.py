@@ -23,7 +23,6 @@ import numpy as np  # noqa: E402
 from joblib import Parallel, delayed  # noqa: E402
 from reanalysis_rungs.brake import brake_problem  # noqa: E402
 
-from squealstudy.analysis.reanalysis.eigen import all_roots  # noqa: E402
 from squealstudy.analysis.reanalysis.patch import Box  # noqa: E402
 from squealstudy.analysis.reanalysis.point_roots import PointRoots  # noqa: E402
 from squealstudy.analysis.reanalysis.problem import Sample  # noqa: E402
@@ -32,6 +31,7 @@ from squealstudy.analysis.reanalysis.sweep_basis import (  # noqa: E402
     in_band,
     light,
 )
+from squealstudy.linalg.companion import all_roots  # noqa: E402
 from squealstudy.modes.rungs.windows import Windows  # noqa: E402
 
 MATCHED = 1e-2  # relative distance of roots that are the same mode

@@ -13,7 +13,7 @@ from squealstudy.analysis.method_stability.coalescence import (
     flutter_problem,
 )
 from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
-from squealstudy.analysis.reanalysis.eigen import all_pairs
+from squealstudy.linalg.companion import all_pairs
 
 CRITICAL = (100**2 - 75**2) / (2 * 100 * 75)
 

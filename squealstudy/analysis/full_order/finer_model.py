@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.analysis.point import PointModes, solve_point, state_working_point
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel

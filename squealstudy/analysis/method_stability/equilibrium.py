@@ -30,8 +30,8 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import ContactInterface, SpringInterface
 from squealstudy.models.law import ContactLaw

@@ -23,9 +23,9 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
-from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.estimate import bounded, residuals
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import dense_roots
 
 MODES = 8
 LOWEST = 1e3  # rad/s

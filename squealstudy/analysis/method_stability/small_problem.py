@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,

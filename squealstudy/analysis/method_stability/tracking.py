@@ -22,9 +22,9 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.pairing import Pairing, mac, pair_modes
 from squealstudy.analysis.tracking.refinement import Modes, Refinement
+from squealstudy.linalg.dense_roots import dense_roots
 
 OMEGA = 2 * np.pi * 1000.0
 KEPT = 0.95  # MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less

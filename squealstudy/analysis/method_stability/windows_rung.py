@@ -34,9 +34,9 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.rungs.windows import RUNG, Windows
 from squealstudy.system.parametric import (
     DAMPING,

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.root_pairs import partners
 
 APART = 1e-6  # relative distance of roots that two solves tell apart: the same root within it

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
+from squealstudy.linalg.companion import Eigenpairs
 
 WORST_CONDITION = 1e7  # of a block's gauge: half the digits, of which Ritz values keep all
 

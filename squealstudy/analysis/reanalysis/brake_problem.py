@@ -10,7 +10,6 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, pairs_inside
 from squealstudy.analysis.reanalysis.modal_damping_field import (
     ModalDampingField,
     modal_damping_field,
@@ -20,6 +19,8 @@ from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpola
 from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.sweep_basis import corners, in_band
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import pairs_inside
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.reduction.working_point_field import (

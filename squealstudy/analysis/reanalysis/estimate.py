@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.system.parametric import Columns, Weights
 
 LEAST = 1e-13  # relative: round-off of a dense eigenvalue

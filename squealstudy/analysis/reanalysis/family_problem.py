@@ -12,11 +12,11 @@ import scipy.sparse as sp
 from squealstudy.analysis.full_order.family_point import UNDEFINED, family_system
 from squealstudy.analysis.point import angular_band
 from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.problem import Sample
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.sparse_cholesky import SparseCholesky
 from squealstudy.models.expression import ExpressionError
 from squealstudy.models.matrix_family import MatrixFamily

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
 from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
 from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.system.parametric import Weights
 
 

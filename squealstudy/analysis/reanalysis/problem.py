@@ -6,8 +6,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.parametric import ParametricSystem, Weights
 

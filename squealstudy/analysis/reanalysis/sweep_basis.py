@@ -15,10 +15,10 @@ import scipy.linalg as la
 
 from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.system.parametric import Weights
 
 REACH = 1.15  # modes of the band widened by this join the basis

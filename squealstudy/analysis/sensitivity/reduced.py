@@ -17,7 +17,6 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.sensitivity.finite_change import (
     FiniteChange,
     followed_root,
@@ -35,6 +34,7 @@ from squealstudy.analysis.sensitivity.mode_sensitivities import (
 from squealstudy.analysis.sensitivity.state_derivatives import StateDerivatives
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, StateParameter
 from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint

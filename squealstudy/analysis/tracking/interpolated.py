@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.tracking.pairing import LOW_MAC, squares
 from squealstudy.analysis.tracking.refinement import Modes
+from squealstudy.linalg.dense_roots import dense_roots
 
 REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
 

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.point_pairs import alone
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Rung
 from squealstudy.system.parametric import (

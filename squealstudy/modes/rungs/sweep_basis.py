@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.quadratic import dense_roots
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs
 from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
@@ -19,6 +17,8 @@ from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Offer, Rung, Scope
 

@@ -12,11 +12,11 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.reanalysis.eigen import Eigenpairs, all_pairs
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.point_pairs import alone
 from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Rung

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.quadratic import dense_roots
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.eigen import all_pairs, all_roots
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
@@ -21,6 +19,8 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
     build_sweep_basis,
     in_band,
 )
+from squealstudy.linalg.companion import all_pairs, all_roots
+from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.modes.rungs.perturbation import MARGIN, make_anchor, perturbed_pairs
 from squealstudy.modes.rungs.two_step import two_step_pairs
 from squealstudy.modes.rungs.windows import DEGREE, FollowedPatch, Windows

@@ -1,4 +1,8 @@
-"""All roots of a dense quadratic problem with right and left vectors."""
+"""All roots of a dense quadratic eigenproblem, by its companion form and LAPACK.
+
+The only place where a companion matrix is written down whole: in scaled time, so that C and K are
+of one size, and for LAPACK's balanced `geev` (THEORY.md eq. (30)).
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
-
-from squealstudy.linalg.dense_qep import roots_inside
-
-WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
 
 
 class Eigenpairs(NamedTuple):
@@ -46,14 +46,38 @@ def companion(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def all_roots(C: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """All 2n roots [rad/s]; LAPACK's balanced `geev` without vectors."""
+    """All 2n roots [rad/s] of lambda^2 I + lambda C + K, without vectors."""
     A, scale = companion(C, K)
     lam: np.ndarray = la.eigvals(A, overwrite_a=True, check_finite=False) * scale
     return lam
 
 
+def right_pairs(
+    C: np.ndarray, K: np.ndarray, M: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """All roots (2n,) [rad/s] and right vectors (n, 2n) of lambda^2 M + lambda C + K.
+
+    Parameters
+    ----------
+    C, K : ndarray (n, n)
+    M : ndarray (n, n) or None
+        Nonsingular; None is the identity.
+
+    Raises
+    ------
+    LinAlgError
+        Where M is singular.
+    """
+    n = len(K)
+    if M is not None:
+        C, K = np.hsplit(np.linalg.solve(M, np.hstack([C, K])), 2)
+    A, scale = companion(C, K)
+    lam, z = la.eig(A, overwrite_a=True, check_finite=False)
+    return lam * scale, np.where(np.abs(lam) > 1.0, z[n:], z[:n])  # the half that is accurate
+
+
 def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:
-    """All 2n roots with both vectors."""
+    """All 2n roots of lambda^2 I + lambda C + K with both vectors."""
     n = len(K)
     A, scale = companion(C, K)
     lam, left, right = la.eig(A, left=True, right=True, overwrite_a=True, check_finite=False)
@@ -63,24 +87,18 @@ def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:
     return Eigenpairs(lam, X, Y / derivative_products(C, lam, X, Y).conj())
 
 
-def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
-    """All pairs with |lam| <= radius [rad/s], and perhaps others.
-
-    Left vectors are right ones of the transposed problem, told apart by their products with the
-    right ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots.
-    """
-    right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
-    if right is None or left is None or len(right[0]) != len(left[0]):
-        return all_pairs(C, K)
-    (lam, X), (mu, Z) = right, left
-    G = (Z.T @ X) * (mu[:, None] + lam) + Z.T @ (C @ X)
-    if len(lam) and not np.linalg.cond(G / np.abs(lam)) < WORST_PRODUCTS:
-        return all_pairs(C, K)
-    return Eigenpairs(lam, X, np.linalg.solve(G, Z.T).conj().T)
-
-
 def derivative_products(C: np.ndarray, lam: np.ndarray, X: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """y^H (2 lam + C) x of every pair (m,): zero at an exceptional point, where it is bounded."""
     d = np.einsum("ij,ij->j", Y.conj(), 2.0 * lam * X + C @ X)
     tiny = 1e-14 * np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
     return np.where(np.abs(d) > tiny, d, tiny + 1e-300)
+
+
+def one_of_each_pair(
+    lam: np.ndarray, psi: np.ndarray, band: tuple[float, float] = (0.0, np.inf)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots of imaginary part >= 0 in a band of moduli, ascending in modulus, and unit vectors."""
+    size = np.abs(lam)
+    kept = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
+    kept = kept[np.argsort(size[kept])]
+    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)
