@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 
 
 def mu_of(f, s):
@@ -45,7 +45,7 @@ def acceleration(system, design, q, v):
     return load - linear + forces(system, design, q, v)
 
 
-def newmark(system: ModalSystem, design: TransientDesign, h, n_steps, q, v):
+def newmark(system: ModalSystem, design: MotionPoint, h, n_steps, q, v):
     """Average acceleration; returns the states (n_steps + 1, 2, n)."""
     a = acceleration(system, design, q, v)
     states = [(q, v)]

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from squealstudy.analysis.runs.behaviour import classify
+from squealstudy.analysis.runs.energies import transfer
 from squealstudy.analysis.runs.envelope import windows
 from squealstudy.analysis.runs.settling import settled
-from squealstudy.analysis.runs.transfer import transfer
 
 TIME = np.arange(10000) * 1e-5
 LINE = 3000.0  # Hz

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
+from motions import run_one
 
-from squealstudy.analysis.transient.reference_modes import (
+from squealstudy.analysis.transient.growing_modes import (
     growth_sensors,
+    none_growing,
     projection,
-    reference_modes,
 )
-from squealstudy.analysis.transient.settings import TransientSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, TransientDesign
+from squealstudy.analysis.transient.reference_modes import reference_modes
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.system import FrictionLaw, MotionPoint
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
@@ -48,20 +49,20 @@ def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pres
     state = DesignState(operating, damping_ratio=ZETA, stiffness_damping=BETA)
     bare = reference_modes(reduced[0], point, state)
     lam, right, left = most_unstable(bare.C, bare.K)
-    rows = growth_sensors(bare.C, lam, left) @ bare.phi.T  # on component-mode coordinates
-    system = reference_modes(reduced[0], point, state, sensors=rows).system
+    system = bare.system
     speed = operating.sliding_speed
     law = FrictionLaw(friction, friction, friction * point.pressure.max() / (0.02 * speed))
-    design = TransientDesign(
+    design = MotionPoint(
         operating.law,
         law,
         speed,
-        2 * ZETA * np.sqrt(np.maximum(system.omega2, 0.0)) + BETA * system.omega2,
+        2 * ZETA * system.frequencies + BETA * system.omega2,
+        growing=replace(none_growing(), sensors=growth_sensors(bare.C, lam, left)),
     )
-    settings = TransientSettings(duration=4e-3, step=2e-6, save_every=5)
+    settings = MotionSettings(duration=4e-3, step=2e-6, save_every=5)
     scale = 1e-6 / np.abs(right * lam).max()  # m/s: far below what contact would notice
     q0, v0 = (scale * right).real, (scale * lam * right).real
-    (result,) = simulate(system, [design], settings, q0, v0)
+    result = run_one(system, design, settings, q0, v0)
     assert result.outcome == "ok"
     xi = projection(result.displacement, result.velocity)
     time = result.history["time"]

@@ -1,19 +1,22 @@
 """Shares of a vibration's energy in complex modes, and transfers within one of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motions import growing, made_up
 
-from squealstudy.analysis.runs.complex_shares import complex_shares
-from squealstudy.analysis.runs.modal_energies import mode_energies
-from squealstudy.analysis.runs.modal_run import ModalRun, level_shares
-from squealstudy.analysis.runs.summary import growth_rows, held_energies
-from squealstudy.analysis.runs.transfer import transfer
-from squealstudy.analysis.transient.growing_modes import GrowingModes
-from squealstudy.analysis.transient.mode_planes import coordinates, mode_planes
-from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.settings import EnergyBalance, TransientResult
+from squealstudy.analysis.runs.energies import (
+    complex_shares,
+    held_energies,
+    level_shares,
+    mode_energies,
+    transfer,
+)
+from squealstudy.analysis.runs.summary import growth_rows
+from squealstudy.analysis.transient.growing_modes import coordinates, mode_planes
 
 TIME = np.arange(0.0, 0.1, 2e-5)
 OMEGA = 2 * np.pi * np.array([1000.0, 1010.0, 1700.0])
@@ -97,30 +100,11 @@ def recorded(q, v, n_unstable=2, lam=LAM, right=RIGHT):
     names = ("normal_force", "stick", "slip", "open")
     history = {"time": TIME, "torque": v @ [1.0, 1.0, 1.0], "modal_energy": energy}
     history |= dict.fromkeys(names, 0 * TIME)
-    modes = GrowingModes(lam, right, right, n_unstable, 0, 0.0, 0.0)
     rows, overlap = mode_planes(OMEGA**2, lam, right)
-    growth = np.zeros_like(rows)
-    point = TransientPoint(None, modes, growth, np.ones(len(lam)), 1.0, rows, overlap)
-    result = TransientResult(
-        "ok",
-        "",
-        TIME[-1],
-        q[-1],
-        v[-1],
-        history,
-        q,
-        v,
-        q[:0],
-        1.0,
-        1,
-        0,
-        0,
-        0.0,
-        EnergyBalance(*6 * [0.0]),
-        1,
-    )
-    sensors = point.sensor_rows.T
-    return ModalRun(result, point, np.arange(3) + 1, OMEGA, q, v, q @ sensors, v @ sensors)
+    sensors = np.concatenate([np.zeros_like(rows), rows]).reshape(-1, 3)
+    known = {"sensors": sensors, "energy": np.ones(len(lam)), "overlap": overlap}
+    modes = growing(lam, right, n_unstable, **known)
+    return made_up(history, q, v, OMEGA, modes, (q @ sensors.T, v @ sensors.T))
 
 
 LAST = slice(3000, None)
@@ -179,7 +163,7 @@ def lead(first, last, when=0.05):
 
 def transfers(q, v, right):
     run = recorded(q, v, right=right, lam=LAM[: right.shape[1]])
-    return transfer(TIME, run.v**2, run.modes, held_energies(run))
+    return transfer(TIME, run.sensed_v**2, run.sensed, held_energies(run))
 
 
 def test_parts_of_one_complex_mode_do_not_take_over_from_each_other():
@@ -201,14 +185,11 @@ def test_a_mode_outside_the_first_complex_mode_takes_over():
 def test_a_complex_mode_that_sensors_hardly_see_holds_nothing():
     hidden = np.array([[0.02], [0.02j], [1.0]])
     run = recorded(*lead((1.0, 0.8, 0.0), (0.8, 1.0, 0.0)), right=hidden, lam=LAM[:1])
-    seen = ModalRun(
-        run.result,
-        run.point,
-        run.modes[:2],
-        OMEGA[:2],
-        run.q[:, :2],
-        run.v[:, :2],
-        run.growth_q,
-        run.growth_v,
+    seen = replace(
+        run,
+        sensed=run.sensed[:2],
+        omega=OMEGA[:2],
+        displacement=np.delete(run.displacement, 2, axis=1),
+        velocity=np.delete(run.velocity, 2, axis=1),
     )
     assert not held_energies(seen).any()

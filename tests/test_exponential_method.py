@@ -7,16 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg as la
+from motions import run_one, started
 from newmark_reference import acceleration
 from test_newmark import KICK, distance, random_system
 
-from squealstudy.analysis.transient.energy_drift import energy_drift
-from squealstudy.analysis.transient.propagators import propagator_levels, propagators, step_table
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.doubts import energy_drift
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
+from squealstudy.motion.integrator import integrator
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.propagators import propagator_levels, propagators
 
-SHORT = TransientSettings(1e-3, 2e-6, 1, "exponential", tolerance=1e-10, tolerance_t=1e-9)
+SHORT = MotionSettings(1e-3, 2e-6, 1, ExactFreeMotion(), tolerance=1e-10)
 REST = np.zeros(12)
 
 
@@ -28,7 +32,7 @@ def rough():
         replace(design, friction=replace(design.friction, mu_s=mu, mu_d=mu), c=(1 + mu) * design.c)
         for mu in (0.0, 0.1, 0.3, 0.45, 0.6)
     ]
-    return system, designs, simulate(system, designs, SHORT, REST, KICK)
+    return system, designs, simulate(system, started(designs, REST, KICK), SHORT)
 
 
 def trapezoidal(system, design, h, n_steps, q, v):
@@ -77,7 +81,7 @@ def test_batches_agree_with_single_runs(rough):
     assert max(r.history["open"].max() for r in results) > 0.1
     assert max(r.history["stick"].max() for r in results) > 0.05
     for design, together in zip(designs, results, strict=True):
-        alone = simulate(system, [design], SHORT, REST, KICK)[0]
+        alone = simulate(system, started([design], REST, KICK), SHORT)[0]
         assert alone.outcome == together.outcome == "ok"
         assert distance(alone, together) < 1e-6
 
@@ -85,7 +89,7 @@ def test_batches_agree_with_single_runs(rough):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"aitken": False, "max_iterations": 400},
+        {"aitken": False},
         {"mockup": "never"},
         {"mockup": "always"},
         {"contact_factor": 3.0},
@@ -94,15 +98,16 @@ def test_batches_agree_with_single_runs(rough):
 )
 def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
     system, designs, results = rough
-    r = simulate(system, [designs[3]], replace(SHORT, **changes), REST, KICK)[0]
+    settings = replace(SHORT, integrator=ExactFreeMotion(**changes), max_iterations=400)
+    r = run_one(system, designs[3], settings, REST, KICK)
     assert r.outcome == "ok"
     assert distance(r, results[3]) < 1e-6
 
 
 def test_a_fresh_jacobian_serves_where_the_fixed_one_fails(rough):
     system, designs, results = rough
-    helped = replace(SHORT, max_iterations=4, max_halvings=0)
-    r = simulate(system, [designs[3]], helped, REST, KICK)[0]
+    helped = replace(SHORT, max_iterations=4, integrator=ExactFreeMotion(max_halvings=0))
+    r = run_one(system, designs[3], helped, REST, KICK)
     assert r.outcome == "ok"
     assert r.newton_steps > 500
     assert distance(r, results[3]) < 1e-6
@@ -110,10 +115,10 @@ def test_a_fresh_jacobian_serves_where_the_fixed_one_fails(rough):
 
 def test_halved_steps_use_the_coefficients_of_their_size(rough):
     system, designs, _ = rough
-    fine = simulate(system, [designs[3]], replace(SHORT, step=2.5e-7), REST, KICK)[0]
+    fine = run_one(system, designs[3], replace(SHORT, step=2.5e-7), REST, KICK)
     halved = replace(SHORT, max_iterations=5, step=4e-6)
-    r = simulate(system, [designs[3]], halved, REST, KICK)[0]
-    coarse = simulate(system, [designs[3]], replace(SHORT, step=4e-6), REST, KICK)[0]
+    r = run_one(system, designs[3], halved, REST, KICK)
+    coarse = run_one(system, designs[3], replace(SHORT, step=4e-6), REST, KICK)
     assert r.halvings > 10
     assert distance(r, fine) < 1.2 * distance(coarse, fine) < 0.5
 
@@ -129,7 +134,7 @@ def test_levels_by_squaring_are_the_propagators():
 
 def test_modes_beyond_the_limit_move_as_newmarks():
     w2 = np.array([1.9, 2.1]) ** 2
-    exact, newmark = (step_table(w2, 0 * w2, 1.0, 1, limit) for limit in (2.0, None))
+    exact, newmark = (m.steps(w2, 0 * w2, 1.0) for m in (ExactFreeMotion(), Newmark()))
     np.testing.assert_array_equal(exact[0, :, 1], newmark[0, :, 1])
     assert np.abs(exact[0, :, 0] - newmark[0, :, 0]).max() > 0.1
     assert np.abs(exact[1, :, 1] - newmark[1, :, 1]).max() > 1e-3  # half the step resolves it
@@ -140,8 +145,8 @@ def test_energy_balance_has_no_bias_over_smooth_motion():
     gentle = replace(design, d=np.zeros(1))
     drifts = []
     for step in (2e-6, 4e-6):
-        settings = TransientSettings(4e-3, step, 1, "exponential")
-        r = simulate(system, [gentle], settings, REST, 0.01 * KICK)[0]
+        settings = MotionSettings(4e-3, step, 1, ExactFreeMotion())
+        r = simulate(system, started([gentle], REST, 0.01 * KICK), settings)[0]
         assert r.history["dissipated_damping"][-1] > 0.05 * r.history["modal_energy"].max()
         drifts.append(energy_drift(r))
     assert drifts[0] < 1e-3
@@ -149,5 +154,5 @@ def test_energy_balance_has_no_bias_over_smooth_motion():
 
 
 def test_prewarping_is_newmarks():
-    with pytest.raises(ParameterError, match="free modes of method 'exponential' are exact"):
-        replace(SHORT, prewarp=True)
+    with pytest.raises(ParameterError, match="no such option; it takes"):
+        integrator("exponential", {"prewarp": True})

@@ -10,18 +10,21 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from blocks import NX, NZ, OPERATING, blocks
 from conftest import CUTOFF, NOMINAL, TOP
+from motions import run_one
 
+from squealstudy.analysis.hybrid.arrays import uniform_damping
 from squealstudy.analysis.hybrid.run import simulate_hybrid
-from squealstudy.analysis.hybrid.system import HybridDesign, uniform_damping
+from squealstudy.analysis.transient.growing_modes import none_growing
 from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import TransientSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
@@ -64,28 +67,32 @@ def friction_law(case, share=0.02):
 
 
 def design_of(model, case, zeta=ZETA, **changes):
-    damping = uniform_damping(model, zeta)
-    design = HybridDesign(OPERATING.law, friction_law(case), OPERATING.sliding_speed, *damping)
-    return replace(design, **changes)
+    c, beta = uniform_damping(model, zeta)
+    speed = OPERATING.sliding_speed
+    return replace(MotionPoint(OPERATING.law, friction_law(case), speed, c, beta=beta), **changes)
 
 
 def as_modal(model, design):
     """The same model and damping in all its modes, for the modal kernel."""
     w2, phi = la.eigh(model.K.toarray(), model.M.toarray())
     c = design.beta * w2
-    c[: len(design.zeta)] = 2 * design.zeta * np.sqrt(w2[: len(design.zeta)])
+    c[: len(design.c)] = design.c
     rows = (model.N @ phi, model.T @ phi, model.T_perp @ phi)
     points = (model.area, model.frictional, model.radius, model.gap, model.k_ref, model.force)
     system = ModalSystem(w2, *rows, *points, shapes=model.shapes @ phi)
     d = np.zeros(model.shapes.shape[0]) if design.d is None else design.d
-    modal = TransientDesign(design.contact, design.friction, design.speed, c, d=d)
+    modal = MotionPoint(design.contact, design.friction, design.speed, c, d=d)
     return system, modal, phi
+
+
+def run_hybrid(model, design, settings, q0, v0, *sensed):
+    return simulate_hybrid(model, replace(design, q0=q0, v0=v0), settings, *sensed)
 
 
 def run_modal(model, design, settings, q0, v0):
     system, modal, phi = as_modal(model, design)
     project = phi.T @ model.M
-    result = simulate(system, [modal], settings, project @ q0, project @ v0)[0]
+    result = run_one(system, modal, settings, project @ q0, project @ v0)
     return result, phi
 
 
@@ -138,9 +145,7 @@ def test_modes_of_the_brake_are_exact(brake, brake_hybrid):
 def test_the_working_point_stays_at_rest(case):
     model = reduced_case(case, 4e3)
     rest = np.zeros(model.n)
-    result = simulate_hybrid(
-        model, design_of(model, case), TransientSettings(1e-3, 1e-5), rest, rest
-    )
+    result = run_hybrid(model, design_of(model, case), MotionSettings(1e-3, 1e-5), rest, rest)
     assert result.outcome == "ok"
     assert np.abs(result.v).max() < 1e-12
     assert result.solves == pytest.approx(1.0, abs=0.05)
@@ -171,7 +176,7 @@ def test_second_order_against_expm(case):
     K = (model.K + model.N.T @ sp.diags(k) @ model.N).toarray()
     U = model.M @ model.phi
     C = design.beta * model.K.toarray()
-    C += (U * (2 * design.zeta * model.omega - design.beta * model.omega**2)) @ U.T
+    C += (U * (design.c - design.beta * model.omega**2)) @ U.T
     C += 900.0 * (model.shapes.T @ model.shapes).toarray()
     minus = -la.inv(model.M.toarray())
     A = np.block([[np.zeros_like(K), np.eye(model.n)], [minus @ K, minus @ C]])
@@ -180,7 +185,7 @@ def test_second_order_against_expm(case):
     steps = np.array([4e-5, 2e-5, 1e-5, 5e-6])
     errors = []
     for h in steps:
-        r = simulate_hybrid(model, design, TransientSettings(2e-3, h, 0), np.zeros(model.n), v0)
+        r = run_hybrid(model, design, MotionSettings(2e-3, h, 0), np.zeros(model.n), v0)
         assert r.outcome == "ok"
         difference = r.v - exact[model.n :]
         errors.append(np.sqrt(difference @ (model.M @ difference)))
@@ -199,8 +204,8 @@ def test_stick_slip_and_lift_off_agree_with_the_modal_kernel(case, layers):
     model = hybrid_model(case.assembly, case.point, OPERATING, settings, damped, traces)
     design = design_of(model, case, d=np.array([400.0]))
     v0 = 0.4 * model.phi[:, :8].sum(axis=1) / np.abs(model.phi[:, :8].sum(axis=1)).max()
-    run = TransientSettings(4e-3, 2e-6, 5, tolerance=1e-9, tolerance_t=1e-8)
-    hybrid = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    run = MotionSettings(4e-3, 2e-6, 5, tolerance=1e-9)
+    hybrid = run_hybrid(model, design, run, np.zeros(model.n), v0)
     modal, phi = run_modal(model, design, run, np.zeros(model.n), v0)
     assert hybrid.outcome == modal.outcome == "ok"
     assert modal.history["stick"].max() > 0.1
@@ -223,11 +228,9 @@ def test_default_tolerances_are_close(case):
     design = design_of(model, case)
     shape = model.phi[:, :8].sum(axis=1)
     v0 = 0.1 * shape / np.abs(shape).max()
-    run = TransientSettings(4e-3, 2e-6, 5, tolerance=1e-4, tolerance_t=1e-3)
-    exact = simulate_hybrid(
-        model, design, replace(run, tolerance=1e-10, tolerance_t=1e-9), np.zeros(model.n), v0
-    )
-    result = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    run = MotionSettings(4e-3, 2e-6, 5, tolerance=1e-4)
+    exact = run_hybrid(model, design, replace(run, tolerance=1e-10), np.zeros(model.n), v0)
+    result = run_hybrid(model, design, run, np.zeros(model.n), v0)
     assert result.solves + result.columns < exact.solves + exact.columns
     size = np.abs(exact.v).max()
     np.testing.assert_allclose(result.v, exact.v, atol=1e-3 * size)
@@ -238,11 +241,11 @@ def test_a_final_state_continues(case):
     model = reduced_case(case, 4e3)
     design = design_of(model, case)
     v0 = 1e-2 * model.phi[:, 3]
-    run = TransientSettings(2e-3, 1e-5)
-    whole = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    run = MotionSettings(2e-3, 1e-5)
+    whole = run_hybrid(model, design, run, np.zeros(model.n), v0)
     half = replace(run, duration=1e-3)
-    first = simulate_hybrid(model, design, half, np.zeros(model.n), v0)
-    second = simulate_hybrid(model, design, half, first.q, first.v)
+    first = run_hybrid(model, design, half, np.zeros(model.n), v0)
+    second = run_hybrid(model, design, half, first.q, first.v)
     np.testing.assert_allclose(second.v, whole.v, atol=1e-3 * np.abs(whole.v).max())
 
 
@@ -250,14 +253,18 @@ def test_sensors_and_histories(case):
     model = reduced_case(case, 4e3, damping_hz=3e3)
     design = design_of(model, case)
     v0 = 1e-3 * model.phi[:, 2]
-    run = TransientSettings(1e-4, 1e-5, 2, save_q=True)
-    by_modes = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
-    by_rows = simulate_hybrid(model, design, run, np.zeros(model.n), v0, model.sensors)
+    run = MotionSettings(1e-4, 1e-5, 2, save_q=True)
+    by_modes = run_hybrid(model, design, run, np.zeros(model.n), v0)
+    by_some = run_hybrid(model, design, run, np.zeros(model.n), v0, np.array([3, 1]))
     assert by_modes.velocity.shape == (6, len(model.omega))
     assert by_modes.velocity[0, 2] == pytest.approx(1e-3)
     scale = np.abs(by_modes.displacement).max()
-    np.testing.assert_allclose(by_rows.displacement, by_modes.displacement, atol=1e-9 * scale)
-    np.testing.assert_allclose(by_rows.velocity, by_modes.velocity, atol=1e-12)
+    np.testing.assert_array_equal(by_some.displacement, by_modes.displacement[:, [2, 0]])
+    np.testing.assert_array_equal(by_some.velocity, by_modes.velocity[:, [2, 0]])
+    watching = replace(design, growing=replace(none_growing(), sensors=model.sensors))
+    rows = run_hybrid(model, watching, run, np.zeros(model.n), v0, np.array([1]))
+    np.testing.assert_allclose(rows.displacement[:, 1:], by_modes.displacement, atol=1e-9 * scale)
+    np.testing.assert_allclose(rows.velocity[:, 1:], by_modes.velocity, atol=1e-12)
     np.testing.assert_allclose(
         by_modes.q_history @ model.sensors.T, by_modes.displacement, atol=1e-9 * scale
     )
@@ -269,30 +276,28 @@ def test_halving_and_failure_tell_time_and_reason(case):
     model = reduced_case(case, 4e3)
     design = design_of(model, case)
     v0 = 50.0 * model.phi[:, 5]
-    run = TransientSettings(1e-3, 1e-4, max_iterations=1, max_halvings=2)
-    failed = simulate_hybrid(model, design, run, np.zeros(model.n), v0)
+    run = MotionSettings(1e-3, 1e-4, 10, Newmark(max_halvings=2), max_iterations=1)
+    failed = run_hybrid(model, design, run, np.zeros(model.n), v0)
     assert failed.outcome == "not_converged"
     assert "did not converge" in failed.message
     assert failed.halvings == 2
     assert failed.time < 1e-3
     assert np.isnan(failed.energy.stored_end)
-    few = TransientSettings(2e-3, 1e-4, max_iterations=2, max_halvings=10)
-    saved = simulate_hybrid(model, design, few, np.zeros(model.n), 1e-4 * v0)
+    few = MotionSettings(2e-3, 1e-4, 10, Newmark(max_halvings=10), max_iterations=2)
+    saved = run_hybrid(model, design, few, np.zeros(model.n), 1e-4 * v0)
     assert saved.outcome == "ok"
     assert saved.halvings > 0
-    fine = simulate_hybrid(
-        model, design, TransientSettings(2e-3, 1e-6), np.zeros(model.n), 1e-4 * v0
-    )
+    fine = run_hybrid(model, design, MotionSettings(2e-3, 1e-6), np.zeros(model.n), 1e-4 * v0)
     assert np.abs(saved.v - fine.v).max() < 0.1 * np.abs(fine.v).max()
 
 
 @pytest.mark.parametrize("size", [1e150, 1e300])
 def test_not_a_number_is_never_converged(case, size):
     model = reduced_case(case, 4e3)
-    run = TransientSettings(1e-3, 1e-5)
+    run = MotionSettings(1e-3, 1e-5)
     start = np.full(model.n, size)
     with np.errstate(all="ignore"):
-        result = simulate_hybrid(model, design_of(model, case), run, start, start)
+        result = run_hybrid(model, design_of(model, case), run, start, start)
     assert result.outcome == "not_finite"
     assert result.time == 0.0
 
@@ -300,25 +305,23 @@ def test_not_a_number_is_never_converged(case, size):
 def test_input_is_checked(case):
     model = reduced_case(case, 4e3)
     design = design_of(model, case)
-    run, rest = TransientSettings(1e-3, 1e-5), np.zeros(model.n)
+    run, rest = MotionSettings(1e-3, 1e-5), np.zeros(model.n)
     with pytest.raises(ParameterError, match="prewarp"):
-        simulate_hybrid(model, design, replace(run, prewarp=True), rest, rest)
-    with pytest.raises(ParameterError, match="method"):
-        simulate_hybrid(model, design, replace(run, method="newmark_newton"), rest, rest)
+        run_hybrid(model, design, replace(run, integrator=Newmark(prewarp=True)), rest, rest)
+    with pytest.raises(ParameterError, match="integrator"):
+        run_hybrid(model, design, replace(run, integrator=NewmarkNewton()), rest, rest)
     with pytest.raises(ModelError, match="initial state"):
-        simulate_hybrid(model, design, run, rest, np.full(model.n, np.nan))
-    with pytest.raises(ModelError, match="sensors"):
-        simulate_hybrid(model, design, run, rest, rest, np.zeros((1, 3)))
-    with pytest.raises(ModelError, match="'zeta' needs"):
-        simulate_hybrid(model, replace(design, zeta=np.zeros(2)), run, rest, rest)
+        run_hybrid(model, design, run, rest, np.full(model.n, np.nan))
+    with pytest.raises(ModelError, match="'c' needs"):
+        run_hybrid(model, replace(design, c=np.zeros(2)), run, rest, rest)
     with pytest.raises(ModelError, match="'d' needs"):
-        simulate_hybrid(model, replace(design, d=np.zeros(2)), run, rest, rest)
+        run_hybrid(model, replace(design, d=np.zeros(2)), run, rest, rest)
     with pytest.raises(ModelError, match="'gap'"):
-        simulate_hybrid(model, replace(design, gap=np.zeros(2)), run, rest, rest)
+        run_hybrid(model, replace(design, gap=np.zeros(2)), run, rest, rest)
     with pytest.raises(ModelError, match="not finite"):
-        simulate_hybrid(model, replace(design, gap=np.full(NX, np.nan)), run, rest, rest)
+        run_hybrid(model, replace(design, gap=np.full(NX, np.nan)), run, rest, rest)
     with pytest.raises(ModelError, match="damping and speed"):
-        replace(design, beta=-1.0)
+        run_hybrid(model, replace(design, beta=-1.0), run, rest, rest)
     with pytest.raises(ModelError, match="cutoffs"):
         HybridSettings(0.0, 1e3)
     free = component_modes(case.assembly, 1e9)["upper"]
@@ -354,10 +357,11 @@ def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hy
     model, _ = brake_hybrid
     speed = NOMINAL.sliding_speed
     friction = FrictionLaw(0.5, 0.5, 0.5 * brake.point.pressure.max() / (0.02 * speed))
-    design = HybridDesign(NOMINAL.law, friction, speed, *uniform_damping(model, zeta))
-    settings = TransientSettings(2e-3, 2e-6, 5, tolerance=1e-4, tolerance_t=1e-3)
+    c, beta = uniform_damping(model, zeta)
+    design = MotionPoint(NOMINAL.law, friction, speed, c, beta=beta)
+    settings = MotionSettings(2e-3, 2e-6, 5, tolerance=1e-4)
     q0, v0 = model.basis.restrict(psi.real), model.basis.restrict((lam[k] * psi).real)
-    result = simulate_hybrid(model, design, settings, q0, v0)
+    result = run_hybrid(model, design, settings, q0, v0)
     assert result.outcome == "ok"
     growth = 0.5 * np.polyfit(result.history["time"], np.log(result.history["modal_energy"]), 1)[0]
     assert growth == pytest.approx(lam[k].real, rel=0.01)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.runs.modal_energies import (
+from squealstudy.analysis.runs.energies import (
     energy_outside,
     first_window,
     modal_shares,

@@ -9,19 +9,23 @@ import newmark_reference as twin
 import numpy as np
 import pytest
 import scipy.linalg as la
+from motions import run_one as run
+from motions import started
 from scipy.integrate import solve_ivp
 
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     FrictionLaw,
     ModalSystem,
-    TransientDesign,
+    MotionPoint,
     stick_number,
 )
 from squealstudy.kernels import contact_point
 from squealstudy.kernels.friction_laws import friction_at, friction_tangent, mu_at
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 
 LAWS = [(0, 0.4, 0.4), (1, 0.4, 0.4), (0, 0.6, 0.3), (1, 0.6, 0.3)]
 P, K_T, V_MU = 1e6, 2e7, 0.3  # sticks below 0.02 m/s at mu 0.4
@@ -98,10 +102,6 @@ def constant_force(f):
     return ContactLaw("exponential", p0=f, lam=1.0)
 
 
-def run(system, design, settings, q0, v0):
-    return simulate(system, [design], settings, np.atleast_1d(q0), np.atleast_1d(v0))[0]
-
-
 def linear_case():
     """Two modes with a bilateral contact, friction in the stick branch: linear."""
     w2, c = np.array([1e4, 6e4]), np.array([3.0, 8.0])
@@ -111,7 +111,7 @@ def linear_case():
     friction = FrictionLaw(1e6, 1e6, 40.0)
     load = np.array([5.0, 1.0])
     system = replace(system, gap=np.array([-1.0]), force=np.array([[2e4, 0.0, 0.0]]))
-    design = TransientDesign(law, friction, 0.0, c, load, np.array([4.0]), np.array([500.0]))
+    design = MotionPoint(law, friction, 0.0, c, load, np.array([4.0]), np.array([500.0]))
     u = np.ones((2, 2))
     K = np.diag(w2) + 2e4 * np.outer(N, N) + 500 * u
     C = np.diag(c) + 40 * np.outer(T, T) + 4 * u
@@ -127,23 +127,21 @@ def test_second_order_against_expm():
     steps = 0.08 / np.array([100, 200, 400, 800])
     errors = []
     for h in steps:
-        settings = TransientSettings(0.08, h, 0, tolerance=1e-11, tolerance_t=1e-10)
+        settings = MotionSettings(0.08, h, 0, tolerance=1e-11)
         r = run(system, design, settings, start[:2], start[2:])
         assert r.outcome == "ok"
         errors.append(np.linalg.norm(np.concatenate([r.q * 200, r.v]) - end * [200, 200, 1, 1]))
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order == pytest.approx(2.0, abs=0.05)
-    warped = TransientSettings(0.08, steps[1], 0, prewarp=True)
+    warped = MotionSettings(0.08, steps[1], 0, Newmark(prewarp=True))
     assert run(system, design, warped, start[:2], start[2:]).outcome == "ok"
 
 
 def test_free_decay_of_a_damped_mode():
     w, zeta = 2 * np.pi * 1000, 0.01
     system = point_system([w * w], [0], [0])
-    design = TransientDesign(
-        constant_force(1.0), FrictionLaw(0, 0, 1.0), 0, np.array([2 * zeta * w])
-    )
-    settings = TransientSettings(0.02, 1e-6, 1, prewarp=True, save_q=True)
+    design = MotionPoint(constant_force(1.0), FrictionLaw(0, 0, 1.0), 0, np.array([2 * zeta * w]))
+    settings = MotionSettings(0.02, 1e-6, 1, Newmark(prewarp=True), save_q=True)
     r = run(system, design, settings, 1e-3, 0.0)
     t = r.history["time"]
     wd = w * math.sqrt(1 - zeta**2)
@@ -155,15 +153,13 @@ def test_free_decay_of_a_damped_mode():
 
 def coulomb_slider():
     system = point_system([1e4], [0], [1])
-    return system, TransientDesign(
-        constant_force(10.0), FrictionLaw(0.1, 0.1, 4e5), 0.0, np.zeros(1)
-    )
+    return system, MotionPoint(constant_force(10.0), FrictionLaw(0.1, 0.1, 4e5), 0.0, np.zeros(1))
 
 
-@pytest.mark.parametrize("method", ["newmark", "newmark_newton"])
+@pytest.mark.parametrize("method", [Newmark(), NewmarkNewton()])
 def test_coulomb_slider(method):
     system, design = coulomb_slider()
-    settings = TransientSettings(0.2, 1e-5, 1, method, save_q=True)
+    settings = MotionSettings(0.2, 1e-5, 1, method, save_q=True)
     r = run(system, design, settings, 0.85e-3, 0.0)
     assert r.outcome == "ok"
     turning = np.interp(np.arange(1, 5) * np.pi / 100, r.history["time"], r.q_history[:, 0])
@@ -177,7 +173,7 @@ def test_coulomb_slider(method):
 def belt(v_d, k_t=2e3):
     friction = FrictionLaw(1.0, 0.5, k_t, v_mu=0.5)
     system = point_system([1.0], [0], [1])
-    return system, TransientDesign(constant_force(1.0), friction, -v_d, np.array([0.1]))
+    return system, MotionPoint(constant_force(1.0), friction, -v_d, np.array([0.1]))
 
 
 @pytest.mark.parametrize(("factor", "grows"), [(0.97, True), (1.03, False)])
@@ -185,7 +181,7 @@ def test_belt_oscillator_stability(factor, grows):
     v_d = factor * math.log(10) / 2
     system, design = belt(v_d)
     rest = 0.5 + 0.5 * math.exp(-v_d / 0.5)  # x of steady sliding
-    r = run(system, design, TransientSettings(120, 0.01, 1, save_q=True), rest, 0.01)
+    r = run(system, design, MotionSettings(120, 0.01, 1, save_q=True), rest, 0.01)
     x = np.abs(r.q_history[:, 0] - rest)
     early, late = x[: len(x) // 4].max(), x[-len(x) // 4 :].max()
     assert (late > 1.1 * early) if grows else (late < 0.9 * early)
@@ -227,7 +223,7 @@ def test_belt_oscillator_limit_cycle():
     v_d = 0.5
     high, low, period = filippov_belt(v_d)
     system, design = belt(v_d, k_t=1e5)
-    r = run(system, design, TransientSettings(60, 2e-3, 1, save_q=True), 1.2, 0.0)
+    r = run(system, design, MotionSettings(60, 2e-3, 1, save_q=True), 1.2, 0.0)
     assert r.outcome == "ok"
     x, t = r.q_history[:, 0], r.history["time"]
     last = t > 30
@@ -247,9 +243,9 @@ def test_energy_gain_of_an_impact_oscillator(x, low, high):
     lam = 1e5
     system = point_system([1e4], [1], [0])
     law = ContactLaw("exponential", p0=1e-2, lam=lam)
-    design = TransientDesign(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
+    design = MotionPoint(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
     h = x / (lam * math.sqrt(0.5))  # peak stiffness lam^2 times the kinetic energy 1/2
-    r = run(system, design, TransientSettings(0.9, h, 1, tolerance=1e-8), 0.0, 1.0)
+    r = run(system, design, MotionSettings(0.9, h, 1, tolerance=1e-8), 0.0, 1.0)
     assert r.outcome == "ok"
     free = r.history["open"] > 0.5
     assert (np.diff(free.astype(int)) == -1).sum() > 20  # impacts
@@ -283,15 +279,15 @@ def random_system(n=12, nc=20, seed=3):
         k,
         force,
         shapes=rng.normal(size=(1, n)) / np.sqrt(n),
-        sensors=np.eye(n)[:2],
+        sensed=np.array([1, 2]),
     )
-    design = TransientDesign(law, friction, 0.5, 0.01 * np.sqrt(values), d=np.array([50.0]))
+    design = MotionPoint(law, friction, 0.5, 0.01 * np.sqrt(values), d=np.array([50.0]))
     return system, design
 
 
 KICK = np.random.default_rng(5).normal(size=12) * 3.0
-SHORT = TransientSettings(2e-3, 2e-6, 1, tolerance=1e-10, tolerance_t=1e-9)
-NEWTON = replace(SHORT, method="newmark_newton", tolerance=1e-5, tolerance_t=1e-4)
+SHORT = MotionSettings(2e-3, 2e-6, 1, tolerance=1e-10)
+NEWTON = replace(SHORT, integrator=NewmarkNewton(), tolerance=1e-5)
 
 
 def distance(r, s):
@@ -340,8 +336,8 @@ def test_batches_agree_with_single_runs(rough):
         for mu, v in ((0.1, 0.5), (0.3, 1.0), (0.6, 0.2), (0.2, 2.0), (0.0, 1.0))
     ]
     alone = [run(system, x, SHORT, np.zeros(12), KICK) for x in others]
-    together = simulate(system, [design, *others], SHORT, np.zeros(12), KICK)
-    pair = simulate(system, others[:2], SHORT, np.zeros(12), KICK)
+    together = simulate(system, started([design, *others], np.zeros(12), KICK), SHORT)
+    pair = simulate(system, started(others[:2], np.zeros(12), KICK), SHORT)
     for a, b in zip([r, *alone, *alone[:2]], [*together, *pair], strict=True):
         assert b.outcome == "ok"
         assert distance(b, a) < 1e-8
@@ -353,13 +349,14 @@ def test_odd_number_of_points_in_a_batch(rough):
     names = ("N", "T1", "T2", "area", "frictional", "radius", "gap", "k_ref", "force")
     odd = replace(system, **{k: getattr(system, k)[:19] for k in names})
     single = run(odd, design, replace(SHORT, duration=2e-4), np.zeros(12), KICK)
-    both = simulate(odd, [design] * 2, replace(SHORT, duration=2e-4), np.zeros(12), KICK)
+    both = simulate(odd, started([design] * 2, np.zeros(12), KICK), replace(SHORT, duration=2e-4))
     assert max(distance(b, single) for b in both) < 1e-10
 
 
 def test_single_precision_storage_is_close(rough):
     system, design, r = rough
-    stored = run(system, design, replace(SHORT, single_storage=True), np.zeros(12), KICK)
+    single = replace(SHORT, integrator=Newmark(single_storage=True))
+    stored = run(system, design, single, np.zeros(12), KICK)
     assert 1e-12 < distance(stored, r) < 1e-3
 
 
@@ -369,7 +366,7 @@ def test_single_precision_storage_is_close(rough):
 )
 def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
     system, design, r = rough
-    other = run(system, design, replace(SHORT, **changes), np.zeros(12), KICK)
+    other = run(system, design, replace(SHORT, integrator=Newmark(**changes)), np.zeros(12), KICK)
     assert other.outcome == "ok"
     assert distance(other, r) < 1e-6
 
@@ -378,20 +375,23 @@ def test_mockup_serves_a_stiff_regularisation():
     # 1 point, stick number 50: plain iteration diverges, the mock-up contracts by 25/26
     system, design = coulomb_slider()
     stiff = replace(design, friction=FrictionLaw(0.1, 0.1, 1e7))
-    settings = TransientSettings(1e-3, 1e-5, 0, aitken=False, max_halvings=0, max_iterations=2000)
+    plain = Newmark(aitken=False, max_halvings=0)
+    settings = MotionSettings(1e-3, 1e-5, 0, plain, max_iterations=2000)
     assert stick_number(system, stiff, 1e-5) == pytest.approx(50.0)
     with_it = run(system, stiff, settings, 1e-5, 0.0)
     assert with_it.outcome == "ok"
     assert with_it.newton_steps == 0
-    without = run(system, stiff, replace(settings, mockup="never"), 1e-5, 0.0)
+    unaided = Newmark(aitken=False, max_halvings=0, mockup="never")
+    without = run(system, stiff, replace(settings, integrator=unaided), 1e-5, 0.0)
     assert without.newton_steps > 0
 
 
 def test_halving_and_failure_tell_time_and_reason(rough):
     system, design, _ = rough
-    hard = replace(SHORT, step=2e-5, max_iterations=2, max_halvings=1)
+    hard = replace(SHORT, step=2e-5, max_iterations=2, integrator=Newmark(max_halvings=1))
     designs = [replace(design, friction=FrictionLaw(0, 0, 1.0), speed=0.5), design]
-    r = simulate(system, [*designs, designs[1]], hard, np.zeros(12), [0 * KICK, KICK, KICK])
+    kicks = np.array([0 * KICK, KICK, KICK])
+    r = simulate(system, started([*designs, designs[1]], np.zeros(12), kicks), hard)
     assert r[1].outcome == r[2].outcome == "not_converged"
     assert r[1].halvings > 0
     assert 0 <= r[1].time < 2e-3
@@ -403,7 +403,7 @@ def test_halving_and_failure_tell_time_and_reason(rough):
 def test_not_a_number_is_never_converged(rough):
     system, design, r = rough
     broken = replace(design, speed=np.nan)
-    results = simulate(system, [broken, design], SHORT, np.zeros(12), KICK)
+    results = simulate(system, started([broken, design], np.zeros(12), KICK), SHORT)
     assert results[0].outcome == "not_finite"
     assert results[0].time == 0.0
     assert np.isnan(results[0].energy.stored_end)
@@ -415,8 +415,8 @@ def test_not_a_number_is_never_converged(rough):
 def test_overflow_is_never_converged():
     system = point_system([1e4], [1], [0])
     law = ContactLaw("power", stiffness=1e200, exponent=9.0)
-    design = TransientDesign(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
-    r = run(system, design, TransientSettings(1e-2, 1e-4, 0), 1e-3, -1e30)
+    design = MotionPoint(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
+    r = run(system, design, MotionSettings(1e-2, 1e-4, 0), 1e-3, -1e30)
     assert r.outcome in ("not_finite", "not_converged")
 
 
@@ -430,15 +430,16 @@ def test_contraction_of_sticking_points_is_the_stick_number():
     design = replace(design, contact=law, friction=friction, speed=0.0)
     friction = replace(friction, k_t=friction.k_t * 5 / stick_number(system, design, 1e-6))
     design = replace(design, friction=friction)
-    settings = TransientSettings(5e-5, 1e-6, 1, tolerance=1e-4, tolerance_t=1e-3, mockup="never")
+    settings = MotionSettings(5e-5, 1e-6, 1, Newmark(mockup="never"), tolerance=1e-4)
     r = run(system, design, settings, np.zeros(12), KICK * 1e-6)
     assert r.history["stick"].min() == pytest.approx(1.0)
     assert r.contraction == pytest.approx(5.0, rel=0.05)
     assert r.halvings == 0
-    plain = run(system, design, replace(settings, aitken=False), np.zeros(12), KICK * 1e-6)
+    unaided = replace(settings, integrator=Newmark(mockup="never", aitken=False))
+    plain = run(system, design, unaided, np.zeros(12), KICK * 1e-6)
     assert plain.halvings > 0
     for mockup in ("always", "auto"):
-        mocked = replace(settings, mockup=mockup)
+        mocked = replace(settings, integrator=Newmark(mockup=mockup))
         other = run(system, design, mocked, np.zeros(12), KICK * 1e-6)
         assert other.contraction < 1.0
         assert other.mean_iterations < r.mean_iterations
@@ -462,7 +463,7 @@ def test_a_design_with_its_own_base_is_a_system_built_there(rough):
     assert built.outcome == "ok"
     assert distance(built, r) > 1e-2
     alone = run(system, moved, SHORT, np.zeros(12), KICK)
-    together = simulate(system, [moved, design, moved], SHORT, np.zeros(12), KICK)
+    together = simulate(system, started([moved, design, moved], np.zeros(12), KICK), SHORT)
     for other, expected in zip([alone, *together], [built, built, r, built], strict=True):
         assert distance(other, expected) < 1e-8
         assert other.energy.residual == pytest.approx(expected.energy.residual, rel=1e-6)

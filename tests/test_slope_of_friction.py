@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import started
 from test_newmark import KICK, random_system
 
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.cli.app import main
 from squealstudy.errors import StudyFileError
 from squealstudy.models.operating import REGULARISATION_SHARE, REGULARISATION_SPEED
+from squealstudy.motion.integrator import integrator
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity.ladders import free_ladders
 from squealstudy.study.fidelity.scene import Scene
@@ -159,9 +161,9 @@ def creep_of(system, design, q, v):
 def test_creep_is_the_largest_sliding_speed_of_what_sticks(method, count):
     """Read from the motion itself, alone and in a batch."""
     system, design = random_system()
-    system = replace(system, sensors=np.eye(system.n))
-    settings = TransientSettings(1e-3, 2e-6, 1, method, tolerance=1e-10, tolerance_t=1e-9)
-    for result in simulate(system, [design] * count, settings, np.zeros(12), KICK):
+    system = replace(system, sensed=np.arange(system.n) + 1)
+    settings = MotionSettings(1e-3, 2e-6, 1, integrator(method), tolerance=1e-10)
+    for result in simulate(system, started([design] * count, np.zeros(12), KICK), settings):
         assert result.outcome == "ok"
         expected, sticks = creep_of(system, design, result.displacement, result.velocity)
         assert 0 < sticks.mean() < 1

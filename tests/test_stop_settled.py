@@ -6,41 +6,37 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from motions import changed, growing, made_up, started
 
-from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy
-from squealstudy.analysis.runs.outcome import known_outcome, level_drift
-from squealstudy.analysis.runs.rising_modes import expected_rise
+from squealstudy.analysis.runs.energies import moving_energy
+from squealstudy.analysis.runs.settling import known_outcome, level_drift
 from squealstudy.analysis.runs.summary import run_levels, summarise
-from squealstudy.analysis.runs.verdict import run_verdict
-from squealstudy.analysis.transient.growing_modes import GrowingModes
-from squealstudy.analysis.transient.point import TransientPoint
-from squealstudy.analysis.transient.settings import (
-    EnergyBalance,
-    TransientResult,
-    TransientSettings,
-)
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
-from squealstudy.analysis.transient.watch import Watch
+from squealstudy.analysis.runs.verdict import expected_rise, run_verdict
+from squealstudy.analysis.transient.growing_modes import none_growing
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import Watch, simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.cli.app import main
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
 
-SHORT = TransientSettings(duration=1.2e-3, step=2e-6, save_every=5)
+SHORT = MotionSettings(duration=1.2e-3, step=2e-6, save_every=5)
 N = 10
 
 
 @pytest.fixture(scope="module")
-def lively() -> tuple[ModalSystem, list[TransientDesign], np.ndarray]:
+def lively() -> tuple[ModalSystem, list[MotionPoint]]:
     """Ten modes over twelve points that stick, slip and open; designs need unlike iterations."""
     rng = np.random.default_rng(3)
     one = np.ones(12)
@@ -55,22 +51,23 @@ def lively() -> tuple[ModalSystem, list[TransientDesign], np.ndarray]:
         gap=0 * one,
         k_ref=50.0 * one,
         force=np.column_stack([10.0 * one, -4.0 * one, 0 * one]),
-        sensors=np.eye(N)[:3],
+        sensed=np.arange(3) + 1,
     )
     law = ContactLaw("exponential", p0=1e5, lam=5e5)
     speeds = (0.05, 0.1, 0.2, 0.4, 0.8)
     designs = [
-        TransientDesign(law, FrictionLaw(mu, mu, 1e7), speed, np.full(N, 20.0))
+        MotionPoint(law, FrictionLaw(mu, mu, 1e7), speed, np.full(N, 20.0))
         for mu, speed in zip(np.linspace(0.2, 0.6, 5), speeds, strict=True)
     ]
-    return system, designs, 0.02 * rng.normal(size=N)
+    kick = 0.02 * rng.normal(size=N)
+    return system, started(designs, 0 * kick, kick)
 
 
-def never(k: int, run: TransientResult) -> str:
+def never(k: int, run: Motion) -> str:
     return ""
 
 
-def same(a: TransientResult, b: TransientResult, rows: int | None = None) -> bool:
+def same(a: Motion, b: Motion, rows: int | None = None) -> bool:
     """Histories bit by bit, of `a` its first `rows`."""
     pairs = [(a.history[name], b.history[name]) for name in b.history]
     pairs += [(a.displacement, b.displacement), (a.velocity, b.velocity)]
@@ -80,16 +77,16 @@ def same(a: TransientResult, b: TransientResult, rows: int | None = None) -> boo
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_pauses_change_nothing(lively, count):
     """Also where designs of a batch are at different times when one of them pauses."""
-    system, designs, kick = lively
+    system, designs = lively
     times: list[tuple[int, float]] = []
 
-    def judge(k: int, run: TransientResult) -> str:
+    def judge(k: int, run: Motion) -> str:
         times.append((k, run.time))
         return ""
 
-    whole = simulate(system, designs[:count], SHORT, 0 * kick, kick)
+    whole = simulate(system, designs[:count], SHORT)
     watch = Watch([37, 50, 64, 85, 1000][:count], judge)
-    looked_at = simulate(system, designs[:count], SHORT, 0 * kick, kick, watch)
+    looked_at = simulate(system, designs[:count], SHORT, watch)
     assert len({r.mean_iterations for r in whole}) == count
     for a, b in zip(whole, looked_at, strict=True):
         assert b.outcome == "ok"
@@ -103,12 +100,12 @@ def test_pauses_change_nothing(lively, count):
     np.testing.assert_allclose(first, 2e-6 * np.arange(40, 600, 40))  # 37 steps are 8 rows
 
 
-@pytest.mark.parametrize("changes", [{"method": "newmark_newton"}, {"contact_factor": 4.0}])
-def test_pauses_change_nothing_of_factored_jacobians(lively, changes):
-    system, designs, kick = lively
-    settings = replace(SHORT, duration=2e-4, **changes)
-    whole = simulate(system, designs[:2], settings, 0 * kick, kick)
-    looked_at = simulate(system, designs[:2], settings, 0 * kick, kick, Watch([10, 25], never))
+@pytest.mark.parametrize("method", [NewmarkNewton(), Newmark(contact_factor=4.0)])
+def test_pauses_change_nothing_of_factored_jacobians(lively, method):
+    system, designs = lively
+    settings = replace(SHORT, duration=2e-4, integrator=method)
+    whole = simulate(system, designs[:2], settings)
+    looked_at = simulate(system, designs[:2], settings, Watch([10, 25], never))
     for a, b in zip(whole, looked_at, strict=True):
         assert a.outcome == "ok"
         assert same(a, b)
@@ -118,11 +115,11 @@ def test_pauses_change_nothing_of_factored_jacobians(lively, changes):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_stopped_run_is_the_shorter_run(lively, count):
-    system, designs, kick = lively
+    system, designs = lively
     watch = Watch([100] * count, lambda k, run: "known" if run.time > 3.9e-4 else "")
-    stopped = simulate(system, designs[:count], SHORT, 0 * kick, kick, watch)
+    stopped = simulate(system, designs[:count], SHORT, watch)
     for design, a in zip(designs, stopped, strict=False):
-        (b,) = simulate(system, [design], replace(SHORT, duration=4e-4), 0 * kick, kick)
+        (b,) = simulate(system, [design], replace(SHORT, duration=4e-4))
         assert a.stop_reason == "known"
         assert a.time == pytest.approx(4e-4, rel=1e-12)
         assert same(a, b) or count > 1
@@ -132,10 +129,10 @@ def test_a_stopped_run_is_the_shorter_run(lively, count):
 
 
 def test_designs_of_a_batch_stop_one_by_one(lively):
-    system, designs, kick = lively
-    whole = simulate(system, designs, SHORT, 0 * kick, kick)
+    system, designs = lively
+    whole = simulate(system, designs, SHORT)
     watch = Watch([100] * 5, lambda k, run: "known" if run.time > 1.9e-4 * (k + 1) else "")
-    stopped = simulate(system, designs, SHORT, 0 * kick, kick, watch)
+    stopped = simulate(system, designs, SHORT, watch)
     for k, (a, b) in enumerate(zip(whole, stopped, strict=True)):
         assert b.time == pytest.approx(2e-4 * (k + 1), rel=1e-9)
         assert len(b.history["time"]) == 20 * (k + 1) + 1
@@ -145,18 +142,16 @@ def test_designs_of_a_batch_stop_one_by_one(lively):
 
 def test_a_failed_design_does_not_stop_the_others(lively):
     """Its law is too stiff for the step; round-off decides when, and between which pauses."""
-    system, designs, kick = lively
+    system, designs = lively
     law = ContactLaw("exponential", p0=1e5, lam=1e9)
     bad = replace(designs[1], contact=law)
     looked_at: dict[int, float] = {}
 
-    def judge(k: int, run: TransientResult) -> str:
+    def judge(k: int, run: Motion) -> str:
         looked_at[k] = run.time
         return "known" if k == 0 else ""
 
-    runs = simulate(
-        system, [designs[0], bad, designs[2]], SHORT, 0 * kick, kick, Watch([100] * 3, judge)
-    )
+    runs = simulate(system, [designs[0], bad, designs[2]], SHORT, Watch([100] * 3, judge))
     assert [r.stop_reason for r in runs] == ["known", "failed", "end"]
     assert runs[1].outcome != "ok"
     assert runs[1].message
@@ -169,26 +164,28 @@ def test_a_failed_design_does_not_stop_the_others(lively):
 
 def test_a_design_has_sensors_of_its_own(lively):
     """They come after those of the system, and no other design of the batch has them."""
-    system, designs, kick = lively
+    system, designs = lively
     own = np.arange(2.0 * N).reshape(2, N)
-    some = [replace(designs[0], sensors=own), designs[1]]
-    runs = simulate(system, some, replace(SHORT, save_q=True), 0 * kick, kick)
+    watching = replace(none_growing(), sensors=own)
+    some = [replace(designs[0], growing=watching), designs[1]]
+    runs = simulate(system, some, replace(SHORT, save_q=True))
     assert [r.displacement.shape[1] for r in runs] == [5, 3]
-    rows = np.vstack([system.sensors, own])
-    for run, seen in zip(runs, (rows, system.sensors), strict=True):
+    sensed = np.eye(N)[:3]
+    for run, seen in zip(runs, (np.vstack([sensed, own]), sensed), strict=True):
         np.testing.assert_allclose(run.displacement, run.q_history @ seen.T, atol=1e-15)
         np.testing.assert_allclose(run.velocity[-1], seen @ run.v, atol=1e-12)
+    few = replace(watching, sensors=own[:, 1:])
     with pytest.raises(ModelError, match="'sensors' needs rows of 10 finite values"):
-        simulate(system, [replace(designs[0], sensors=own[:, 1:])], SHORT, kick, kick)
+        simulate(system, [replace(designs[0], growing=few)], SHORT)
 
 
 def test_watches_that_cannot_look(lively):
-    system, designs, kick = lively
+    system, designs = lively
     with pytest.raises(ParameterError, match="saved rows"):
-        simulate(system, designs[:1], replace(SHORT, save_every=0), kick, kick, Watch([5], never))
+        simulate(system, designs[:1], replace(SHORT, save_every=0), Watch([5], never))
     for steps in ([0], [5, 5]):
         with pytest.raises(ParameterError, match="positive number of steps"):
-            simulate(system, designs[:1], SHORT, kick, kick, Watch(steps, never))
+            simulate(system, designs[:1], SHORT, Watch(steps, never))
 
 
 # -- what counts as known ------------------------------------------------------------------------
@@ -200,9 +197,7 @@ def saturating(time, rate, start=1e-3):
     return 1 / np.sqrt(1 + (1 / start**2 - 1) * np.exp(-2 * rate * time))
 
 
-def recorded(
-    until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0, more=None
-) -> ModalRun:
+def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0, more=None) -> Motion:
     """A run as far as `until`: modes of predicted `rates`, their amplitudes functions of time.
 
     The first one's second harmonic is seen by the others too. `heard` is what each does to the
@@ -220,20 +215,13 @@ def recorded(
     known = {"time": time, "torque": torque, "modal_energy": energy}
     history = {name: known.get(name, 0 * time) for name in HISTORY}
     lam = np.array(rates) + 1j * omega
-    none = np.zeros((2, len(lam)), dtype=complex)
-    none_lost = EnergyBalance(*6 * [0.0])
-    modes = GrowingModes(lam, none, none, sum(r > 0 for r in rates), 0, 0.0, 0.0)
     m = len(lam)
-    design = SimpleNamespace(speed=1.0)
-    point = TransientPoint(design, modes, None, np.full(m, 0.5), 300.0, plane_overlap=np.eye(2 * m))
-    result = TransientResult(
-        "ok", "", until, q[-1], v[-1], history, q, v, q[:0], 1.0, 1, 0, 0, 0.0, none_lost, 1
-    )
+    known = {"energy": np.full(m, 0.5), "overlap": np.eye(2 * m)}
+    modes = growing(lam, np.zeros((2, m), dtype=complex), sum(r > 0 for r in rates), **known)
     seen = np.zeros((len(time), 8 * m))
     seen[:, : 4 * m : 4], seen[:, 1 : 4 * m : 4] = xi.real.T, xi.imag.T
     seen[:, 4 * m :: 4], seen[:, 4 * m + 1 :: 4] = v, omega * q
-    numbers = np.arange(len(sizes)) + 1
-    return ModalRun(result, point, numbers, omega, q, v, 0 * seen, seen)
+    return replace(made_up(history, q, v, omega, modes, (0 * seen, seen)), time=until)
 
 
 def fast(time):
@@ -336,7 +324,7 @@ def test_levels_that_beat_are_known_within_their_bounds_only():
 
     run = recorded(0.1, [250.0], beating)
     window = run_levels(run)[1]
-    assert level_drift(run.result.history["torque"][window]) < TOLERANCE
+    assert level_drift(run.history["torque"][window]) < TOLERANCE
     assert known_outcome(run, DURATION, TOLERANCE) == ""
     assert known_outcome(run, DURATION, 0.1) == "settled"
 
@@ -370,21 +358,21 @@ def test_drift_does_not_see_where_windows_cut_periods():
 def test_the_settled_time_is_that_of_the_torque_too(more):
     """The vibration continues a limit cycle; the torque has a transient of its own, of 20 ms."""
     run = recorded(0.1, [250.0], np.ones_like, more=more)
-    run = replace(run, continued=True)
+    run = changed(run, continued=True)
     told = summarise(run).point
     assert (told["class"], told["settled"]) == ("limit_cycle", True)
     assert 0.01 < told["settled_time"] < 0.04
-    rest = run.result.history["torque"][run.time >= told["settled_time"]]
+    rest = run.history["torque"][run.times >= told["settled_time"]]
     assert rest.mean() == pytest.approx(told["torque_mean"], rel=0.01)
     assert rest.std() == pytest.approx(told["torque_rms"], rel=0.05)
     assert np.ptp(rest) == pytest.approx(told["torque_peak_to_peak"], rel=0.1)
-    calm = summarise(replace(recorded(0.1, [250.0], np.ones_like), continued=True)).point
+    calm = summarise(changed(recorded(0.1, [250.0], np.ones_like), continued=True)).point
     assert (calm["settled"], calm["settled_time"]) == (True, 0.0)
 
 
 def test_a_torque_that_still_falls_has_not_settled():
     run = recorded(0.1, [250.0], np.ones_like, more=lambda t: 60 * np.sin(9e3 * t) * np.exp(-9 * t))
-    told = summarise(replace(run, continued=True)).point
+    told = summarise(changed(run, continued=True)).point
     assert told["class"] == "limit_cycle"
     assert not told["settled"]
     assert np.isnan(told["settled_time"])
@@ -399,7 +387,7 @@ def test_a_run_of_few_rows_is_undecided(rows):
     assert told["undecided_until"] > 14 * min(until, 2e-5)
     assert told["undecided_until"] < 40 * 2e-5
     failed = recorded(until, [250.0], np.ones_like)
-    failed = replace(failed, result=replace(failed.result, outcome="not_converged"))
+    failed = replace(failed, outcome="not_converged")
     assert summarise(failed).point["class"] == "failed"
     assert not np.isfinite(summarise(failed).point.get("undecided_until", np.nan))
 
@@ -426,8 +414,8 @@ def test_decay(until, actual, predicted, outcome):
 def test_what_is_not_followed_may_still_come():
     run = recorded(0.1, [250.0], fast)
     for changes in ({"n_above": 1}, {"n_unstable": 7}):
-        point = replace(run.point, modes=replace(run.point.modes, **changes))
-        assert known_outcome(replace(run, point=point), DURATION, TOLERANCE) == ""
+        modes = replace(run.point.growing, **changes)
+        assert known_outcome(changed(run, growing=modes), DURATION, TOLERANCE) == ""
 
 
 def test_a_decay_beside_what_nobody_follows_is_not_known_to_be_one():
@@ -435,8 +423,7 @@ def test_a_decay_beside_what_nobody_follows_is_not_known_to_be_one():
     run = recorded(0.1, [-100.0], decaying(-100.0))
     assert run_verdict(run, moving_energy(run)).name == "stable"
     for changes in ({"n_above": 1}, {"n_unstable": 7}):
-        point = replace(run.point, modes=replace(run.point.modes, **changes))
-        beside = replace(run, point=point)
+        beside = changed(run, growing=replace(run.point.growing, **changes))
         found = run_verdict(beside, moving_energy(beside))
         assert (found.name, found.until) == ("undecided", np.inf)
 

@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import CUTOFF, NOMINAL
+from motions import run_one
 
 from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
 from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.point import (
     contact_speed,
-    perturbed_start,
+    friction_law,
+    motion_point,
+    perturbed,
     tangent,
-    transient_point,
 )
 from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
 from squealstudy.linalg.dense_roots import dense_roots
@@ -42,11 +44,14 @@ def changed_space(brake, reduced, state):
     return brake.space.changed({shape_column(reduced[0], *k): v for k, v in changes.items()})
 
 
+def start_of(point):
+    return point.q0, point.v0
+
+
 def at(brake, reduced, reference, state, point=None):
     point = point or working_point(changed_space(brake, reduced, state), state.operating)
-    return point, transient_point(
-        reduced[0], reference, KEYS, point, state, 0.0, 1e-3, "regularised", BAND, 1e-7
-    )
+    friction = friction_law(state, point, 0.0, 1e-3, "regularised")
+    return point, motion_point(reference, point, state, friction, BAND, 1e-7)
 
 
 STATES = [
@@ -62,7 +67,7 @@ def test_the_tangent_is_the_frequency_domain_linearised_anew(brake, reduced, ref
     """Same assembly, working point and basis: only uniform damping refers to other modes."""
     model, phi = reduced[0], reference.phi
     point, made = at(brake, reduced, reference, state)
-    C, K = tangent(reference.system, made.design, point, state)
+    C, K = tangent(reference.system, made, point, state)
     fresh = linearise(model, point, replace(state, damping_ratio=0.0))
     np.testing.assert_allclose(K, phi.T @ fresh.K @ phi, atol=1e-9 * np.abs(K).max())
     undamped = C - np.diag(
@@ -74,9 +79,8 @@ def test_the_tangent_is_the_frequency_domain_linearised_anew(brake, reduced, ref
 @pytest.mark.parametrize("state", STATES[:3])
 def test_a_design_point_stays_at_its_own_steady_sliding(brake, reduced, reference, state):
     _, made = at(brake, reduced, reference, state)
-    n = reference.system.n
-    settings = TransientSettings(duration=4e-4, step=2e-6, save_every=10)
-    (result,) = simulate(reference.system, [made.design], settings, np.zeros(n), np.zeros(n))
+    settings = MotionSettings(duration=4e-4, step=2e-6, save_every=10)
+    (result,) = simulate(reference.system, [made], settings)
     assert result.outcome == "ok"
     np.testing.assert_allclose(result.history["torque"], made.static_torque, rtol=1e-9)
     # round-off in the forces does not grow to anything
@@ -85,8 +89,8 @@ def test_a_design_point_stays_at_its_own_steady_sliding(brake, reduced, referenc
 
 def test_growing_modes_are_sorted_and_biorthogonal(brake, reduced, reference):
     point, made = at(brake, reduced, reference, NOMINAL_STATE)
-    C, K = tangent(reference.system, made.design, point, NOMINAL_STATE)
-    modes = made.modes
+    C, K = tangent(reference.system, made, point, NOMINAL_STATE)
+    modes = made.growing
     assert modes.n_unstable == (dense_roots(C, K, band(BAND))[0].real > 0).sum()
     assert (np.diff(modes.lam.real) <= 0).all()
     for lam, x, y in zip(modes.lam, modes.right.T, modes.left.T, strict=True):
@@ -102,9 +106,9 @@ def band(hz):
 def test_a_stable_point_follows_its_least_stable_mode(brake, reduced, reference):
     state = DesignState(replace(NOMINAL, friction=0.05), damping_ratio=0.02)
     _, made = at(brake, reduced, reference, state)
-    assert made.modes.n_unstable == 0
-    assert len(made.modes.lam) == 1
-    assert made.modes.lam[0].real < 0
+    assert made.growing.n_unstable == 0
+    assert len(made.growing.lam) == 1
+    assert made.growing.lam[0].real < 0
 
 
 def test_what_grows_above_the_band_is_told():
@@ -112,7 +116,7 @@ def test_what_grows_above_the_band_is_told():
     low = np.array([[1.0, -0.5], [0.5, 1.1]]) * (2 * np.pi * 1e3) ** 2
     K = np.zeros((4, 4))
     K[:2, :2], K[2:, 2:] = low, low * 100
-    modes = growing_modes(np.zeros((4, 4)), K, (500.0, 5000.0), 1e-7)
+    modes = growing_modes(np.zeros((4, 4)), K, np.diag(K), (500.0, 5000.0), 1e-7)
     assert (modes.n_unstable, modes.n_above) == (1, 1)
     assert modes.frequency_above == pytest.approx(10 * abs(modes.lam[0]) / 2 / np.pi, rel=1e-9)
     assert modes.growth_above == pytest.approx(10 * modes.lam[0].real, rel=1e-9)
@@ -130,15 +134,15 @@ def test_left_vectors_of_a_small_problem():
 
 def test_the_start_has_the_velocity_asked_for(brake, reduced, reference):
     _, made = at(brake, reduced, reference, NOMINAL_STATE)
-    q, v = perturbed_start(reference.system, made, 1e-3)
+    q, v = start_of(perturbed(reference.system, made, 1e-3))
     assert contact_speed(reference.system, v) == pytest.approx(1e-3, rel=1e-12)
     # kinetic energy: the displacement at the largest velocity is small
     assert np.sum(reference.system.omega2 * q**2) < v @ v
-    q, v = perturbed_start(reference.system, made, 2e-3, (25,))
+    q, v = start_of(perturbed(reference.system, made, 2e-3, (25,)))
     assert not q.any()
     assert np.flatnonzero(v).tolist() == [24]
     assert contact_speed(reference.system, v) == pytest.approx(2e-3, rel=1e-12)
-    q, v = perturbed_start(reference.system, made, 0.0)
+    q, v = start_of(perturbed(reference.system, made, 0.0))
     assert not q.any()
     assert not v.any()
 
@@ -146,16 +150,16 @@ def test_the_start_has_the_velocity_asked_for(brake, reduced, reference):
 def test_the_start_does_not_depend_on_signs_of_eigenvectors(brake, reduced, reference):
     """Nor on their phases: two runs of one study must begin alike."""
     _, made = at(brake, reduced, reference, NOMINAL_STATE)
-    assert len(made.modes.lam) > 1
-    turned = made.modes.right * np.exp(1j * np.arange(1, len(made.modes.lam) + 1))
+    assert len(made.growing.lam) > 1
+    turned = made.growing.right * np.exp(1j * np.arange(1, len(made.growing.lam) + 1))
     signs = np.where(np.arange(reference.system.n) % 3, 1.0, -1.0)
     names = ("N", "T1", "T2")
     other = replace(reference.system, **{k: getattr(reference.system, k) * signs for k in names})
     right = signs[:, None] * turned
-    point = replace(made, modes=replace(made.modes, right=right))
+    point = replace(made, growing=replace(made.growing, right=right))
     for modes in ((), (24, 25, 26)):
-        expected = perturbed_start(reference.system, made, 1e-3, modes)
-        found = perturbed_start(other, point, 1e-3, modes)
+        expected = start_of(perturbed(reference.system, made, 1e-3, modes))
+        found = start_of(perturbed(other, point, 1e-3, modes))
         for a, b in zip(expected, found, strict=True):
             np.testing.assert_allclose(signs * b, a, atol=1e-9 * np.abs(a).max())
 
@@ -164,7 +168,7 @@ def test_assembly_damping_replaces_the_uniform_one(brake, reduced, reference):
     state = replace(NOMINAL_STATE, assembly_damping={25: 0.03})
     _, made = at(brake, reduced, reference, state)
     _, plain = at(brake, reduced, reference, NOMINAL_STATE)
-    ratio = made.design.c / np.maximum(plain.design.c, 1e-300)
+    ratio = made.c / np.maximum(plain.c, 1e-300)
     assert ratio[24] == pytest.approx(6.0)
     assert (np.delete(ratio, 24) == 1.0).all()
     with pytest.raises(ParameterError, match="assembly modes 1 to"):
@@ -173,10 +177,10 @@ def test_assembly_damping_replaces_the_uniform_one(brake, reduced, reference):
 
 # -- smaller bases -------------------------------------------------------------------------------
 def snapshots(reference, made):
-    q0, v0 = perturbed_start(reference.system, made, 0.05)
-    settings = TransientSettings(duration=2e-3, step=2e-6, save_every=5, save_q=True)
-    (result,) = simulate(reference.system, [made.design], settings, q0, v0)
-    return result.q_history, result.history["torque"], (q0, v0), settings
+    start = perturbed(reference.system, made, 0.05)
+    settings = MotionSettings(duration=2e-3, step=2e-6, save_every=5, save_q=True)
+    (result,) = simulate(reference.system, [start], settings)
+    return result.q_history, result.history["torque"], start_of(start), settings
 
 
 def test_truncation_keeps_the_modes_below(reference):
@@ -194,7 +198,7 @@ def test_truncation_keeps_the_modes_below(reference):
 def test_pod_vectors_keep_mass_stiffness_and_damping(brake, reduced, reference):
     _, made = at(brake, reduced, reference, NOMINAL_STATE)
     rows, *_ = snapshots(reference, made)
-    small = with_pod(reference, CUTOFF, Training(rows, made.modes.right), 30)
+    small = with_pod(reference, CUTOFF, Training(rows, made.growing.right), 30)
     n = small.system.n
     assert n == small.n_exact + 30
     V = reference.phi.T @ small.phi
@@ -217,13 +221,13 @@ def test_pod_vectors_of_a_run_reproduce_it(brake, reduced, reference):
     rows, torque, (q0, v0), settings = snapshots(reference, made)
     errors = {}
     for count in (0, 60):
-        training = Training(rows, made.modes.right)
+        training = Training(rows, made.growing.right)
         small = (
             with_pod(reference, CUTOFF, training, count) if count else truncated(reference, CUTOFF)
         )
         _, design = at(brake, reduced, small, state, point)
         V = reference.phi.T @ small.phi
-        (result,) = simulate(small.system, [design.design], settings, V.T @ q0, V.T @ v0)
+        result = run_one(small.system, design, settings, V.T @ q0, V.T @ v0)
         difference = result.history["torque"] - torque
         errors[count] = np.linalg.norm(difference) / np.linalg.norm(torque - torque.mean())
     assert errors[60] < 0.2 * errors[0]
@@ -235,8 +239,8 @@ def test_growth_rates_of_training_designs_are_kept_beside_few_pod_vectors(
     point, made = at(brake, reduced, reference, NOMINAL_STATE)
     rows, *_ = snapshots(reference, made)
     errors = []
-    for modes in (made.modes.right, made.modes.right[:, :0]):
+    for modes in (made.growing.right, made.growing.right[:, :0]):
         small = with_pod(reference, CUTOFF, Training(rows, modes), 16)
         _, again = at(brake, reduced, small, NOMINAL_STATE, point)
-        errors.append(np.abs(again.modes.lam[0] - made.modes.lam[0]) / made.modes.lam[0].real)
+        errors.append(np.abs(again.growing.lam[0] - made.growing.lam[0]) / made.growing.lam[0].real)
     assert errors[0] < 2e-3 < errors[1]

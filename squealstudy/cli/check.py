@@ -119,7 +119,7 @@ def _method(plan: Plan) -> list[tuple[str, str]]:
     """How design points are solved, and why so."""
     if plan.kind.name == "transient":
         section = plan.study.section
-        return [("method", f"{section.integrator}, contact iteration to {section.balance:g}")]
+        return [("method", f"{section.integrator.name}, contact iteration to {section.balance:g}")]
     if not plan.kind.chooses_rung:
         return []
     method = plan.method

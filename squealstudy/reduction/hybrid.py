@@ -150,22 +150,22 @@ def hybrid_model(
     normal = c.area * point.pressure
     drag = -operating.mu_steady * c.frictional * normal
     return HybridModel(
-        basis,
-        M_h,
-        K_h,
-        basis.observe(c.N),
-        basis.observe(c.T),
-        basis.observe(c.T_perp),
-        c.area,
-        c.frictional,
-        c.radius,
-        point.gap,
-        c.area * point.tangent,
-        np.column_stack([normal, drag, np.zeros_like(normal)]),
-        omega,
-        phi,
-        settings.damping_cutoff,
-        basis.observe(_mode_rows(assembly, damped or {})),
+        basis=basis,
+        M=M_h,
+        K=K_h,
+        N=basis.observe(c.N),
+        T=basis.observe(c.T),
+        T_perp=basis.observe(c.T_perp),
+        area=c.area,
+        frictional=c.frictional,
+        radius=c.radius,
+        gap=point.gap,
+        k_ref=c.area * point.tangent,
+        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        omega=omega,
+        phi=phi,
+        damping_cutoff=settings.damping_cutoff,
+        shapes=basis.observe(_mode_rows(assembly, damped or {})),
     )
 
 

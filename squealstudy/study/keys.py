@@ -18,6 +18,7 @@ NUMERIC_PACKAGES = (
     "models",
     "reduction",
     "system",
+    "motion",
     "analysis",
     "modes",
     "root_pairs.py",

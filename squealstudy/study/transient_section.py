@@ -12,8 +12,16 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
-from squealstudy.analysis.transient.defaults import SLOW_TOLERANCE, TOLERANCE
+from squealstudy.errors import ParameterError
+from squealstudy.motion.integrator import (
+    SLOW_TOLERANCE,
+    TOLERANCE,
+    KernelIntegrator,
+    integrator,
+    integrators,
+)
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 
@@ -26,6 +34,7 @@ TRANSIENT_BASIS = {
 }
 MOST_STEPS = 1e9
 PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
+AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
 
 
@@ -47,6 +56,17 @@ def _sensors(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
     return values
 
 
+def _method(value: str) -> str:
+    """``auto`` or an integrator of the kernel: those of the package, of extensions, in Python."""
+    if value == AUTO:
+        return value
+    known = [AUTO, *(k for k, v in integrators().items() if issubclass(v, KernelIntegrator))]
+    if value not in known:
+        names = ", ".join(f"'{name}'" for name in known[:-1]) + f" or '{known[-1]}'"
+        raise PydanticCustomError("literal_error", "no integrator", {"expected": names})
+    return value
+
+
 Sensors = Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)]
 
 
@@ -55,12 +75,12 @@ class TransientSection(Section):
 
     duration: float = Field(default=0.1, description="simulated time, s")
     step: float = Field(default=1e-6, description="time step, s")
-    method: Literal["auto", "exponential", "newmark", "newmark_newton"] = Field(
-        default="auto",
+    method: Annotated[str, AfterValidator(_method)] = Field(
+        default=AUTO,
         description="'exponential': free modes exact, contact forces by the trapezoidal rule with "
         "Newmark's iteration; 'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; "
-        "'newmark_newton', the slow reference; 'auto': exponential, in the hybrid representation "
-        "and with prewarp newmark",
+        "'newmark_newton', the slow reference; one of an extension; 'auto': exponential, in the "
+        "hybrid representation and with prewarp newmark",
     )
     representation: Literal["modal", "hybrid"] = Field(
         default="modal",
@@ -193,8 +213,10 @@ class TransientSection(Section):
             raise ValueError('stop = "settled" is for the modal representation, not the hybrid one')
         if self.representation == "hybrid":
             self._refuse_modal_settings()
-        if self.method == "exponential" and self.prewarp:
-            raise ValueError('prewarp is for method = "newmark", not "exponential"')
+        try:
+            _ = self.method == AUTO or self.integrator
+        except ParameterError as error:
+            raise ValueError(f'{error.key} is not for method = "{self.method}"') from None
         if self.pod_step is not None and not self.pod_vectors:
             raise ValueError("pod_step is of the training run: give pod_vectors too")
         if self.pod_step is not None and not self.pod_step <= self.pod_duration:
@@ -217,25 +239,32 @@ class TransientSection(Section):
                 raise ValueError(f'{name} = {value!r} is not for representation = "hybrid"')
 
     @property
-    def integrator(self) -> str:
-        """The method that runs, `auto` resolved."""
-        if self.method != "auto":
-            return self.method
-        return "newmark" if self.prewarp or self.representation == "hybrid" else "exponential"
+    def integrator(self) -> KernelIntegrator:
+        """What runs, ``auto`` resolved, with the options that are given here."""
+        plain = self.prewarp or self.representation == "hybrid"
+        name = self.method if self.method != AUTO else "newmark" if plain else "exponential"
+        given: dict[str, Any] = {
+            "contact_factor": self.contact_factor,
+            "prewarp": self.prewarp,
+            "single_storage": self.storage == "single",
+        }
+        none = {"contact_factor": 1.0, "prewarp": False, "single_storage": False}
+        made = integrator(name, {k: v for k, v in given.items() if v != none[k]})
+        assert isinstance(made, KernelIntegrator)
+        return made
 
     @property
     def balance(self) -> float:
         """The tolerance that runs, the default resolved."""
         if self.tolerance is not None:
             return self.tolerance
-        slow = self.representation == "hybrid" or self.method == "newmark_newton"
-        return SLOW_TOLERANCE if slow else TOLERANCE
+        return SLOW_TOLERANCE if self.representation == "hybrid" else self.integrator.tolerance
 
     @property
     def training(self) -> TransientSection:
         """The same for the training run, however the study itself integrates."""
         step = self.step if self.pod_step is None else self.pod_step
-        changes = {"duration": self.pod_duration, "step": step, "method": "auto"}
+        changes = {"duration": self.pod_duration, "step": step, "method": AUTO}
         plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
         return self.model_copy(update=changes | plain)
 

@@ -29,7 +29,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from squealstudy.analysis.runs.modal_run import ModalRun, moving_energy  # noqa: E402
+from squealstudy.analysis.runs.energies import moving_energy  # noqa: E402
 from squealstudy.analysis.runs.verdict import run_verdict  # noqa: E402
 from squealstudy.analysis.tables.run_classes import (  # noqa: E402
     FAILED,
@@ -37,6 +37,8 @@ from squealstudy.analysis.tables.run_classes import (  # noqa: E402
     LASTING,
     UNDECIDED,
 )
+from squealstudy.analysis.transient.motion import Motion  # noqa: E402
+from squealstudy.analysis.transient.system import MotionPoint  # noqa: E402
 from squealstudy.models.operating import (  # noqa: E402
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
@@ -46,10 +48,8 @@ from squealstudy.study.model_kind import build_structures  # noqa: E402
 from squealstudy.study.parallel import Workers, silent  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.tasks import PointTask  # noqa: E402
-from squealstudy.study.transient.basis import full_choice  # noqa: E402
-from squealstudy.study.transient.batch import batch_task, reference_of  # noqa: E402
-from squealstudy.study.transient.modal_runs import modal_runs  # noqa: E402
-from squealstudy.study.transient.ready import Ready, set_up  # noqa: E402
+from squealstudy.study.transient.batch import batch_task  # noqa: E402
+from squealstudy.study.transient.motions import integrate, set_up  # noqa: E402
 from squealstudy.study.working_points import NewGaps  # noqa: E402
 
 LONGER = 10  # times, the run that is the truth
@@ -169,28 +169,26 @@ def _plan(family: Family, kick: float, designs: dict[str, np.ndarray]) -> Plan:
     return Plan(parse_study(text, Path("class_truth.py")))
 
 
-def long_runs(plan: Plan) -> Iterator[tuple[PointTask, ModalRun]]:
+def long_runs(plan: Plan) -> Iterator[tuple[PointTask, Motion]]:
     """Task and motion of each point that has a steady sliding state."""
     build_structures(plan, Workers())
     plan.kind.prepare(plan, silent)
     tasks = plan.tasks
     for first in range(0, len(tasks), BATCH):
         part = tuple(tasks[first : first + BATCH])
-        task = batch_task(plan, part, full_choice(plan, part[0].prepared_key))
-        reference = reference_of(task)
-        found = [set_up(task, reference, point, NewGaps()) for point in part]
-        ready = [one for one in found if isinstance(one, Ready)]
-        for one, done in zip(ready, modal_runs(task, reference, ready), strict=True):
-            yield one.task, done.run
+        task = batch_task(plan, part)
+        found = [(point, set_up(task, point, NewGaps())) for point in part]
+        ready = [(point, made) for point, made in found if isinstance(made, MotionPoint)]
+        chosen, points = [point for point, _ in ready], [made for _, made in ready]
+        yield from zip(chosen, integrate(task, chosen, points), strict=True)
 
 
-def shortened(run: ModalRun) -> ModalRun:
+def shortened(run: Motion) -> Motion:
     """The first of `LONGER` equal parts of a run."""
-    rows = (len(run.time) - 1) // LONGER + 1
-    history = {name: values[:rows] for name, values in run.result.history.items()}
-    result = replace(run.result, history=history, time=float(history["time"][-1]))
-    parts = {n: getattr(run, n)[:rows] for n in ("q", "v", "growth_q", "growth_v")}
-    return replace(run, result=result, **parts)
+    rows = (len(run.times) - 1) // LONGER + 1
+    history = {name: values[:rows] for name, values in run.history.items()}
+    parts = {n: getattr(run, n)[:rows] for n in ("displacement", "velocity")}
+    return replace(run, history=history, time=float(history["time"][-1]), **parts)
 
 
 def judged(family: Family, seed: int, share: float = 1.0) -> pd.DataFrame:
@@ -211,13 +209,13 @@ def _judged_part(family: Family, seed: int, share: float, part: int) -> pd.DataF
             {"family": family.name, "kick": family.kicks[part]}
             | design
             | {"class": found[0], "undecided_until": found[1], "truth": truth[0]}
-            | {"right": is_right(found[0], truth[0]), "n_unstable": run.point.modes.n_unstable}
+            | {"right": is_right(found[0], truth[0]), "n_unstable": run.point.growing.n_unstable}
         )
     return pd.DataFrame(rows)
 
 
-def _verdict(run: ModalRun) -> tuple[str, float]:
-    if run.result.outcome != "ok":
+def _verdict(run: Motion) -> tuple[str, float]:
+    if run.outcome != "ok":
         return FAILED, np.nan
     found = run_verdict(run, moving_energy(run))
     return found.name, found.until

@@ -14,7 +14,7 @@ from squealstudy.study.kinds import kind_named
 from squealstudy.study.measure.measurement import Measurement
 from squealstudy.study.model_kind import build_structures
 from squealstudy.study.plan import Plan
-from squealstudy.study.transient.basis import training_path
+from squealstudy.study.transient.batch import training_path
 
 
 class Clock:

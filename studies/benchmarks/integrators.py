@@ -12,16 +12,22 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 from transient_kernels import LEVELS, brake_like, kick, stick_number
 
-from squealstudy.analysis.integrators.integrate import INTEGRATORS, integrate
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
-from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
+from squealstudy.analysis import integrators as compared
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.motion.integrator import integrator, integrators
 
 REPEATS = 3
+INTEGRATORS = integrators()
+assert compared.__name__  # it brings the laboratory's
 ADAPTIVE = ("dop853", "radau", "bdf", "lsoda")
 RTOLS = (1e-3, 1e-5, 1e-7)
 ROWS = 8e-6  # s between rows of the histories
@@ -38,7 +44,7 @@ class Case:
 
     def __init__(self, n: int, nc: int, level: float, duration: float) -> None:
         self.system: ModalSystem
-        self.design: TransientDesign
+        self.design: MotionPoint
         self.system, self.design = brake_like(n, nc)
         self.v0 = kick(self.system, level)
         self.duration = duration
@@ -46,12 +52,12 @@ class Case:
         check = self.run("dop853", 1e-6, {"rtol": 1e-9})
         self.trust = self.error(check)
 
-    def run(self, name: str, step: float, options: dict) -> TransientResult:
+    def run(self, name: str, step: float, options: dict) -> Motion:
         every = max(1, round(ROWS / step))
-        settings = TransientSettings(self.duration, step, every)
-        return integrate(name, self.system, self.design, settings, 0 * self.v0, self.v0, options)
+        settings = MotionSettings(self.duration, step, every, integrator(name, options))
+        return simulate(self.system, [replace(self.design, v0=self.v0)], settings)[0]
 
-    def error(self, r: TransientResult) -> float:
+    def error(self, r: Motion) -> float:
         """Relative error of the end velocities."""
         wanted = self.reference.v
         return float(np.linalg.norm(r.v - wanted) / np.linalg.norm(wanted))

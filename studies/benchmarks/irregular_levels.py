@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 import squealstudy  # noqa: E402
-from squealstudy.analysis.runs.pooled import pooled_interval  # noqa: E402
+from squealstudy.analysis.runs.levels import pooled_interval  # noqa: E402
 from squealstudy.study.definition import parse_study  # noqa: E402
 from squealstudy.study.plan import Plan  # noqa: E402
 from squealstudy.study.runner import run_study  # noqa: E402

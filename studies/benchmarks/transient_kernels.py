@@ -26,19 +26,18 @@ import scipy.linalg as la
 from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.transient.arrays import kernel_settings, modal_arrays, work_arrays
-from squealstudy.analysis.transient.observation import observation
-from squealstudy.analysis.transient.settings import TransientSettings
-from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import KernelRun, simulate
 from squealstudy.analysis.transient.system import (
     FrictionLaw,
     ModalSystem,
-    TransientDesign,
+    MotionPoint,
     stick_number,
 )
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
 
 STEP = 1e-6
 LEVELS = {"smooth": 0.05, "stick-slip": 0.6}  # m/s, largest relative velocity at the start
@@ -48,7 +47,7 @@ WARM = (
 )
 
 
-def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, TransientDesign]:
+def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, MotionPoint]:
     """A frictional assembly in the coordinates of its closed reference, 10 bar, mu 0.5.
 
     Contact adds the same share to every mode's stiffness, which brings the stick number to the
@@ -69,9 +68,9 @@ def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, Tr
     force = np.column_stack([area * p, -mu * area * p, 0 * p])
     one = np.ones(nc)
     system = ModalSystem(
-        values, N, T1, T2, area, one, 0.1 * one, gap, k, force, sensors=np.eye(n)[:4]
+        values, N, T1, T2, area, one, 0.1 * one, gap, k, force, sensed=np.arange(4) + 1
     )
-    return system, TransientDesign(law, friction, speed, 0.01 * np.sqrt(values))
+    return system, MotionPoint(law, friction, speed, 0.01 * np.sqrt(values))
 
 
 def kick(system: ModalSystem, level: float) -> np.ndarray:
@@ -81,10 +80,10 @@ def kick(system: ModalSystem, level: float) -> np.ndarray:
     return level * v / np.sqrt(((system.T1 @ v) ** 2 + (system.T2 @ v) ** 2).max())
 
 
-def designs_of(design: TransientDesign, nb: int) -> list[TransientDesign]:
+def designs_of(design: MotionPoint, nb: int, v0: np.ndarray) -> list[MotionPoint]:
     friction = design.friction
     values = np.linspace(0.5, 0.4, nb)
-    return [replace(design, friction=replace(friction, mu_s=m, mu_d=m)) for m in values]
+    return [replace(design, friction=replace(friction, mu_s=m, mu_d=m), v0=v0) for m in values]
 
 
 def seconds(call: Callable[[], object]) -> float:
@@ -110,9 +109,9 @@ def speeds(n: int, nc: int, steps: int, batches: list[int]) -> None:
         times: dict[tuple[int, bool], list[float]] = {form: [] for form in forms}
         for _ in range(REPEATS):
             for nb, single in forms:
-                settings = TransientSettings(steps * STEP, STEP, 10, single_storage=single)
+                settings = MotionSettings(steps * STEP, STEP, 10, Newmark(single_storage=single))
                 began = time.perf_counter()
-                results = simulate(system, designs_of(design, nb), settings, 0 * v0, v0)
+                results = simulate(system, designs_of(design, nb, v0), settings)
                 took = time.perf_counter() - began
                 if any(r.outcome != "ok" for r in results):
                     raise SystemExit(f"{case}: {[r.message for r in results]}")
@@ -138,13 +137,16 @@ def read(x, repeats):
     return total
 
 
+def plain_arrays(system: ModalSystem, design: MotionPoint, duration: float) -> tuple:
+    """Arguments of the kernels."""
+    settings = MotionSettings(duration, STEP, 0, Newmark(mockup="never"))
+    return KernelRun.of(system, [design], settings).arguments
+
+
 def bandwidth(n: int, nc: int, repeats: int) -> None:
     """GB/s of the pass for one design and of reading B, alternated."""
     system, design = brake_like(n, nc)
-    settings = TransientSettings(STEP, STEP, 0, mockup="never")
-    modal, dense = modal_arrays(system, [design], settings)
-    B = observation(system, False)
-    work = work_arrays(modal, kernel_settings(settings, dense), B)
+    B, modal, _, work, _ = plain_arrays(system, design, STEP)
     flat = B.reshape(-1)
     many_passes(B, modal, work, 1)
     read(flat, 1)
@@ -180,12 +182,10 @@ def against_dop853(n: int = 100, nc: int = 50, duration: float = 5e-3) -> None:
     """Time of both at the error of Newmark at 1 us, pre-warped."""
     system, design = brake_like(n, nc)
     design = replace(design, friction=replace(design.friction, kind="smooth"))
-    settings = TransientSettings(duration, STEP, 0, prewarp=True)
-    plain = replace(settings, prewarp=False, mockup="never")
-    modal, dense = modal_arrays(system, [design], plain)
-    B = observation(system, False)
-    work = work_arrays(modal, kernel_settings(plain, dense), B)
+    settings = MotionSettings(duration, STEP, 0, Newmark(prewarp=True))
+    B, modal, _, work, _ = plain_arrays(system, design, duration)
     v0 = kick(system, LEVELS["stick-slip"])
+    design = replace(design, v0=v0)
 
     def dop853(rtol: float) -> np.ndarray:
         start = np.concatenate([0 * v0, v0])
@@ -201,15 +201,15 @@ def against_dop853(n: int = 100, nc: int = 50, duration: float = 5e-3) -> None:
         return solution.y[n:, -1]
 
     exact = dop853(1e-11)
-    simulate(system, [design], replace(settings, duration=STEP), 0 * v0, v0)
-    ours = simulate(system, [design], settings, 0 * v0, v0)[0].v
+    simulate(system, [design], replace(settings, duration=STEP))
+    ours = simulate(system, [design], settings)[0].v
     error = la.norm(ours - exact) / la.norm(exact)
     rtol = 1e-1
     while la.norm(dop853(rtol) - exact) / la.norm(exact) > error and rtol > 1e-10:
         rtol /= 3
     pairs = [
         (
-            seconds(lambda: simulate(system, [design], settings, 0 * v0, v0)),
+            seconds(lambda: simulate(system, [design], settings)),
             seconds(lambda: dop853(rtol)),
         )
         for _ in range(REPEATS)
@@ -252,10 +252,10 @@ def job(n: int, nc: int, steps: int) -> float:
     """Seconds of a batch of 8."""
     system, design = brake_like(n, nc)
     v0 = kick(system, LEVELS["stick-slip"])
-    settings = TransientSettings(STEP, STEP, 10)
-    simulate(system, designs_of(design, 8), settings, 0 * v0, v0)
+    settings = MotionSettings(STEP, STEP, 10)
+    simulate(system, designs_of(design, 8, v0), settings)
     longer = replace(settings, duration=steps * STEP)
-    return seconds(lambda: simulate(system, designs_of(design, 8), longer, 0 * v0, v0))
+    return seconds(lambda: simulate(system, designs_of(design, 8, v0), longer))
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +24,7 @@ from squealstudy.analysis.method_stability.default_chain import (
 )
 from squealstudy.analysis.transient.system import CLOSING_LIMIT, closing_number
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.study.transient.forecast import _closing
 
 GRIDS = [
@@ -63,8 +63,9 @@ def test_cells_tell_the_distance_to_solved_steps(cells):
 def helped(values, **switched_off):
     """The same run with and without a link of the chain."""
     knobs = checked(DEFAULT_CHAIN.knobs, values)
-    state, settings = rough_state(knobs), chain_settings(knobs["step"])
-    return state, run(state, settings), run(state, replace(settings, **switched_off))
+    state, step = rough_state(knobs), knobs["step"]
+    without = chain_settings(step, ExactFreeMotion(**switched_off))
+    return state, run(state, chain_settings(step)), run(state, without)
 
 
 AITKEN = {"step": 3e-6, "kt": 3e10}
@@ -75,7 +76,7 @@ def test_aitken_recovers():
     cell = DEFAULT_CHAIN.evaluate(AITKEN)
     assert (cell.outcome, cell.by) == (RECOVERED, "aitken")
     state, chain, plain = helped(AITKEN, mockup="never", aitken=False)
-    alone = run(state, replace(chain_settings(3e-6), mockup="never"))
+    alone = run(state, chain_settings(3e-6, ExactFreeMotion(mockup="never")))
     assert alone.halvings == alone.newton_steps == 0
     assert plain.halvings > 0
     assert distance(state, alone, chain) < 1e-3
@@ -83,7 +84,7 @@ def test_aitken_recovers():
 
 def test_the_mock_up_recovers():
     state, _, plain = helped(MOCK_UP, mockup="never", aitken=False)
-    alone = run(state, replace(chain_settings(1e-6), aitken=False))
+    alone = run(state, chain_settings(1e-6, ExactFreeMotion(aitken=False)))
     assert alone.outcome == "ok"
     assert alone.halvings == alone.newton_steps == 0
     assert alone.mean_iterations < 0.2 * plain.mean_iterations
@@ -102,7 +103,7 @@ def test_halving_recovers():
 def test_newton_recovers_what_halving_does_not():
     knobs = checked(DEFAULT_CHAIN.knobs, {"step": 1e-5, "lambda": 1e6})
     state = rough_state(knobs)
-    few = replace(chain_settings(1e-5), max_halvings=0)
+    few = chain_settings(1e-5, ExactFreeMotion(max_halvings=0))
     assert run(state, few).outcome == "ok"
     cell = DEFAULT_CHAIN.evaluate({"step": 1e-4, "lambda": 5e7})
     assert (cell.outcome, cell.by) == (FAILED, "not_converged")

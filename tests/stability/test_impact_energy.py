@@ -15,13 +15,9 @@ from squealstudy.analysis.method_stability.impact_energy import (
     fly,
     peak_number,
 )
-from squealstudy.analysis.transient.energy_drift import (
-    BLOCKS,
-    DRIFT_LIMIT,
-    EXACT_LIMIT,
-    energy_drift,
-)
-from squealstudy.study.transient.worker import _drifting
+from squealstudy.analysis.transient.doubts import BLOCKS, _drifting, energy_drift
+from squealstudy.motion.integrator import DRIFT_LIMIT
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 
 
 def at(number, shift=1.0):
@@ -106,7 +102,7 @@ def test_drift_of_short_and_resting_runs(flight):
 
 
 def test_the_row_of_a_run_says_so():
-    for limit in (DRIFT_LIMIT, EXACT_LIMIT):
+    for limit in (DRIFT_LIMIT, ExactFreeMotion.drift_limit):
         assert _drifting(0.9 * limit, 1e-6, limit) == ""
         assert "levels may be wrong" in _drifting(1.1 * limit, 1e-6, limit)
     assert _drifting(float("nan"), 1e-6, DRIFT_LIMIT) == ""

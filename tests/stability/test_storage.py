@@ -10,11 +10,11 @@ import pytest
 import squealstudy
 from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
 from squealstudy.analysis.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
-from squealstudy.analysis.transient.storage_error import storage_number
+from squealstudy.analysis.transient import doubts
+from squealstudy.analysis.transient.doubts import storage_number
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
-from squealstudy.study.transient import worker
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +78,6 @@ def test_a_run_says_so(tmp_path, monkeypatch):
     plan = Plan(parse_study(STUDY, tmp_path / "belt.toml"))
     run_study(plan, tmp_path / "calm", 1)
     assert squealstudy.open_results(tmp_path / "calm").points["message"][0] == ""
-    monkeypatch.setattr(worker, "STORAGE_LIMIT", -1.0)
+    monkeypatch.setattr(doubts, "STORAGE_LIMIT", -1.0)
     run_study(plan, tmp_path / "loud", 1)
     assert 'storage = "double"' in squealstudy.open_results(tmp_path / "loud").points["message"][0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels.hybrid_output import contact_energy, history_row
 from squealstudy.kernels.newmark_layout import HISTORY
@@ -19,9 +19,11 @@ class Recorder:
     model : HybridModel
     hybrid, state : hybrid_layout tuples
         Of the run.
-    settings : TransientSettings
-    sensors : ndarray (ns, n) or None
-        None for the modal amplitudes.
+    settings : MotionSettings
+    sensed : ndarray (ns,) of int
+        Modes of the model whose amplitudes are kept, from 1.
+    watching : ndarray (8 m, n)
+        Rows whose products with q and q' are kept beside them (GrowingModes.sensors).
     """
 
     def __init__(
@@ -29,12 +31,14 @@ class Recorder:
         model: HybridModel,
         hybrid: layout.Hybrid,
         state: layout.State,
-        settings: TransientSettings,
-        sensors: np.ndarray | None,
+        settings: MotionSettings,
+        sensed: np.ndarray,
+        watching: np.ndarray,
     ) -> None:
         self._model, self._hybrid, self._state = model, hybrid, state
-        self._settings, self._sensors = settings, sensors
-        self._seen_modes = None if sensors is None else sensors @ model.phi
+        self._settings, self._sensed_modes = settings, sensed - 1
+        self._watching = watching.reshape(-1, model.n)
+        self._watching_modes = self._watching @ model.phi
         self._rows: list[np.ndarray] = []
         self._sensed: list[np.ndarray] = []
         self._q: list[np.ndarray] = []
@@ -69,11 +73,10 @@ class Recorder:
         row[0] = step * self._settings.step
         row[11], row[10] = self.stored()
         self._rows.append(row)
-        if self._sensors is None or self._seen_modes is None:
-            self._sensed.append(self._state.modes[[layout.ALPHA, layout.RATE]])
-        else:
-            motion = self._state.vectors[[layout.Q, layout.V]]
-            self._sensed.append(motion @ self._sensors.T + self._lag() @ self._seen_modes.T)
+        amplitudes = self._state.modes[[layout.ALPHA, layout.RATE]][:, self._sensed_modes]
+        motion = self._state.vectors[[layout.Q, layout.V]]
+        watched = motion @ self._watching.T + self._lag() @ self._watching_modes.T
+        self._sensed.append(np.hstack([amplitudes, watched]))
         if self._settings.save_q:
             self._q.append(self.motion()[0])
 
@@ -83,8 +86,8 @@ class Recorder:
         return {name: rows[:, i].copy() for i, name in enumerate(HISTORY)}
 
     def sensed(self) -> np.ndarray:
-        """Sensors times q and q' (rows, 2, ns)."""
-        ns = len(self._model.omega) if self._sensors is None else len(self._sensors)
+        """Of q and q' (rows, 2, ns + 8 m): amplitudes, then what watches growing modes."""
+        ns = len(self._sensed_modes) + len(self._watching)
         return np.array(self._sensed).reshape(-1, 2, ns)
 
     def coordinates(self) -> np.ndarray:

@@ -9,17 +9,15 @@ import numpy as np
 from squealstudy.analysis.hybrid.arrays import hybrid_arrays, initial_state
 from squealstudy.analysis.hybrid.history import Recorder
 from squealstudy.analysis.hybrid.solver import StepSolver
-from squealstudy.analysis.hybrid.system import HybridDesign
-from squealstudy.analysis.transient.settings import (
-    EnergyBalance,
-    TransientResult,
-    TransientSettings,
-)
-from squealstudy.errors import ConvergenceError, ModelError, ParameterError
+from squealstudy.analysis.transient.motion import EnergyBalance, Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.system import MotionPoint
+from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels.hybrid_balance import balance
 from squealstudy.kernels.hybrid_commit import commit, start
 from squealstudy.kernels.hybrid_predict import predict
+from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.reduction.hybrid import HybridModel
 
 SINGULAR = 4
@@ -29,19 +27,13 @@ OUTCOMES = {
     layout.NOT_FINITE: ("not_finite", "the forces are not finite"),
     SINGULAR: ("singular_jacobian", "the Jacobian is singular"),
 }
-# settings of the modal kernel that have no meaning here, and the values that ask for nothing
-UNUSED = {
-    "method": "newmark",
-    "contact_factor": 1.0,
-    "contact_stiffness": None,
-    "prewarp": False,
-    "single_storage": False,
-}
+# options that have no meaning here
+UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage")
 
 
-@dataclass(frozen=True)
-class HybridResult(TransientResult):
-    """A TransientResult and what the sparse factor had to do.
+@dataclass(frozen=True, kw_only=True)
+class HybridMotion(Motion):
+    """A motion and what the sparse factor had to do.
 
     Attributes
     ----------
@@ -61,43 +53,40 @@ class HybridResult(TransientResult):
 
 def simulate_hybrid(
     model: HybridModel,
-    design: HybridDesign,
-    settings: TransientSettings,
-    q0: np.ndarray,
-    v0: np.ndarray,
-    sensors: np.ndarray | None = None,
-) -> HybridResult:
-    """Integrate one design point.
+    design: MotionPoint,
+    settings: MotionSettings,
+    sensed: np.ndarray | None = None,
+) -> HybridMotion:
+    """Integrate one design point from its start.
 
     Parameters
     ----------
     model : HybridModel
-    design : HybridDesign
-    settings : TransientSettings
-        Method ``newmark`` without the options of the modal kernel's Jacobian. The contact iteration
-        is a Gauss-Seidel iteration in the contact directions, so that `aitken` and `mockup` have
-        nothing to do.
-    q0, v0 : ndarray (n,)
-        Initial deviation and velocity (HybridBasis.restrict).
-    sensors : ndarray (ns, n) or None
-        Rows whose products with q and q' are kept; None for the modal amplitudes.
+    design : MotionPoint
+        Its vectors in coordinates of the model, `c` of its real modes.
+    settings : MotionSettings
+        Of integrator ``newmark`` without the options of the modal kernel's Jacobian. The contact
+        iteration is a Gauss-Seidel iteration in the contact directions, so that `aitken` and
+        `mockup` have nothing to do.
+    sensed : ndarray (ns,) of int or None
+        Modes of the model, from 1, whose amplitudes are kept; None for all.
 
     Raises
     ------
     ModelError
         Arrays that do not fit the model.
     ParameterError
-        A setting that the hybrid representation does not have.
+        An integrator that the hybrid representation does not have, or an option.
     """
-    for name, value in UNUSED.items():
-        if getattr(settings, name) != value:
+    method = settings.integrator
+    if not isinstance(method, Newmark):
+        raise ParameterError("integrator", f"'{method.name}' is of the modal representation")
+    for name in UNUSED:
+        if getattr(method, name) != Newmark.model_fields[name].default:
             raise ParameterError(name, "belongs to the modal representation")
-    for x in (q0, v0):
-        if np.shape(x) != (model.n,) or not np.isfinite(x).all():
-            raise ModelError(f"an initial state needs {model.n} finite values")
-    if sensors is not None and sensors.shape[1] != model.n:
-        raise ModelError(f"sensors need {model.n} columns")
-    return _Run(model, design, settings, q0, v0, sensors).result()
+    if sensed is None:
+        sensed = np.arange(len(model.omega)) + 1
+    return _Run(model, design, settings, method.max_halvings, sensed).motion()
 
 
 class _Run:
@@ -106,16 +95,17 @@ class _Run:
     def __init__(
         self,
         model: HybridModel,
-        design: HybridDesign,
-        settings: TransientSettings,
-        q0: np.ndarray,
-        v0: np.ndarray,
-        sensors: np.ndarray | None,
+        design: MotionPoint,
+        settings: MotionSettings,
+        max_halvings: int,
+        sensed: np.ndarray,
     ) -> None:
-        self._M, self._settings = model.M, settings
+        self._model, self._design, self._settings = model, design, settings
+        self._max_halvings, self._sensed = max_halvings, sensed
         self._hybrid = hybrid_arrays(model, design)
-        self._state = initial_state(model, self._hybrid, q0, v0)
-        self._recorder = Recorder(model, self._hybrid, self._state, settings, sensors)
+        self._state = initial_state(model, self._hybrid, *design.start(model.n))
+        watching = design.growing.sensors
+        self._recorder = Recorder(model, self._hybrid, self._state, settings, sensed, watching)
         self._solvers: dict[int, StepSolver] = {}
         self._equal = 0  # steps of one size behind the present
         self._position, self._level, self._step = 0, 0, 0
@@ -130,12 +120,12 @@ class _Run:
     def _integrate(self) -> None:
         """Step to the end, or to a sub-step that fails at the shortest size."""
         settings = self._settings
-        whole = 1 << settings.max_halvings
+        whole = 1 << self._max_halvings
         while self._step < settings.n_steps:
             outcome = self._advance()
             if outcome != layout.ACCEPTED:
                 self._equal = 0
-                if self._level == settings.max_halvings or outcome == SINGULAR:
+                if self._level == self._max_halvings or outcome == SINGULAR:
                     self._outcome = outcome
                     return
                 self._level += 1
@@ -165,7 +155,7 @@ class _Run:
             state,
             dv,
             settings.tolerance,
-            settings.tolerance_t,
+            settings.friction_tolerance,
             settings.max_iterations,
         )
         self._evaluations += evaluations
@@ -188,20 +178,23 @@ class _Run:
             drag = self._hybrid.law[4] * normal
             forces = np.column_stack([normal, drag, drag]).ravel()
             h = self._settings.step / (1 << self._level)
-            self._solvers[self._level] = StepSolver(self._M, self._hybrid, h, forces)
+            self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)
         return self._solvers[self._level]
 
-    def result(self) -> HybridResult:
+    def motion(self) -> HybridMotion:
         """What the run did."""
         settings, recorder = self._settings, self._recorder
         steps = max(self._step, 1)
-        time = (self._step + self._position / (1 << settings.max_halvings)) * settings.step
+        time = (self._step + self._position / (1 << self._max_halvings)) * settings.step
         outcome, reason = OUTCOMES[self._outcome]
         failed = self._outcome != layout.ACCEPTED
         q, v = recorder.motion()
         sensed = recorder.sensed()
         solvers = self._solvers.values()
-        return HybridResult(
+        return HybridMotion(
+            point=self._design,
+            sensed=self._sensed,
+            omega=self._model.omega[self._sensed - 1],
             outcome=outcome,
             message=f"t = {time:.9g} s: {reason}" if failed else "",
             time=float(time),
@@ -224,6 +217,13 @@ class _Run:
         )
 
     def _energy(self, failed: bool) -> EnergyBalance:
-        work = [float(w) for w in self._state.work]
+        load, belt, friction, damping = (float(w) for w in self._state.work)
         end = np.nan if failed else self._recorder.stored()[1]
-        return EnergyBalance(work[0], work[1], work[2], work[3], self._stored_start, end)
+        return EnergyBalance(
+            work_load=load,
+            work_belt=belt,
+            friction=friction,
+            damping=damping,
+            stored_start=self._stored_start,
+            stored_end=end,
+        )

@@ -73,4 +73,12 @@ class StepSolver:
         floor2 = ROUND_OFF**2 * float(np.diag(condensed) @ forces**2)
         ordered = np.ascontiguousarray
         shapes = ordered(G[:, nb:])
-        return layout.Level(h, ordered(condensed), shapes, X, inverse, self.fill, floor2)
+        return layout.Level(
+            h=h,
+            G=ordered(condensed),
+            G_shapes=shapes,
+            X=X,
+            shape_inverse=inverse,
+            fill=self.fill,
+            floor2=floor2,
+        )

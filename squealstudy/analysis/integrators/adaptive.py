@@ -7,32 +7,114 @@ times come from each solver's dense output.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 from scipy.integrate import BDF, DOP853, LSODA, Radau
 
-from squealstudy.analysis.integrators.fixed_step import Arrays
-from squealstudy.analysis.integrators.options import Value
-from squealstudy.analysis.transient.settings import TransientResult
-from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
+from squealstudy.analysis.integrators.fixed_step import own_arrays
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import KernelRun, OneByOne
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.modal_rate import modal_rate, point_tangents, show_state
+from squealstudy.motion.integrators.newmark import Newmark
 
-SOLVERS: Mapping[str, Any] = {"dop853": DOP853, "radau": Radau, "bdf": BDF, "lsoda": LSODA}
-IMPLICIT = ("radau", "bdf", "lsoda")
 ATOL = 1e-3  # absolute over relative tolerance, in units of each coordinate's scale
+
+
+class Adaptive(OneByOne):
+    """A solver that chooses its steps; those of the settings name the times of the rows.
+
+    A run's `steps` and `mean_iterations` are the solver's own steps and evaluations of the
+    right-hand side in one of them, `newton_steps` its Jacobians. Works and dissipations are NaN:
+    nothing integrates them.
+    """
+
+    solver: ClassVar[Any]
+    implicit: ClassVar[bool] = True  # it asks for the Jacobian
+
+    rtol: float = Field(default=1e-6, ge=1e-14, le=1, description="relative tolerance")
+    atol: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="absolute tolerance over the scale of each coordinate; 0: rtol / 1000",
+    )
+    max_evaluations: int = Field(
+        default=0, ge=0, description="of the right-hand side before giving up; 0: any"
+    )
+
+    def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
+        """Integrate a design point; a failure of the solver is an outcome."""
+        plain = Newmark(max_halvings=0, mockup="never")
+        case = own_arrays(system, design, replace(settings, integrator=plain))
+        equations = Equations(case)
+        atol = (self.atol or ATOL * self.rtol) * scales(case)
+        y0 = np.concatenate(design.start(system.n))
+        end = settings.n_steps * settings.step
+        extra = {"jac": equations.jacobian} if self.implicit else {}
+        case.work.real[0, layout.W_LOAD : layout.STORED_START] = np.nan
+        case.work.real[0, layout.STORED_START] = shown(case, y0, 0)
+        course = Course(case, y0)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
+            try:
+                made = self.solver(equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra)
+                course.march(made, self.max_evaluations)
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                course.fail("solver_failed", str(error) or "the solver raised an error")
+        return course.motion()
+
+
+class Dop853(Adaptive):
+    """Explicit Runge-Kutta, by scipy."""
+
+    name = "dop853"
+    label = "DOP853"
+    description = "explicit Runge-Kutta of order 8, adaptive (Hairer)"
+    solver = DOP853
+    implicit = False
+
+
+class RadauIIA(Adaptive):
+    """Implicit Runge-Kutta, by scipy."""
+
+    name = "radau"
+    label = "Radau"
+    description = "implicit Runge-Kutta of order 5, adaptive"
+    solver = Radau
+
+
+class BackwardDifferences(Adaptive):
+    """Backward differences, by scipy."""
+
+    name = "bdf"
+    label = "BDF"
+    description = "backward differences of orders 1 to 5, adaptive"
+    solver = BDF
+
+
+class Lsoda(Adaptive):
+    """Adams and backward differences, by scipy."""
+
+    name = "lsoda"
+    label = "LSODA"
+    description = "Adams and BDF with automatic switching, adaptive (Petzold)"
+    solver = LSODA
 
 
 class Equations:
     """f(t, y) and its Jacobian for one design, y = (q, v)."""
 
-    def __init__(self, system: ModalSystem, design: TransientDesign, case: Arrays) -> None:
-        self.case, self.n = case, case.n
+    def __init__(self, case: KernelRun) -> None:
+        system = case.system
+        self.case, self.n = case, system.n
         self.contact = np.concatenate([system.N, system.T1, system.T2])
-        modes = case.modal.modes[0, :, : case.n]
+        modes = case.modal.modes[0, :, : self.n]
         d, s = case.modal.tuned[0]
         U = system.shapes
         self.K = np.diag(modes[layout.W2]) + U.T @ (s[:, None] * U)
@@ -61,70 +143,38 @@ class Equations:
         return J
 
 
-def scales(system: ModalSystem, case: Arrays, speed: float) -> np.ndarray:
+def scales(case: KernelRun) -> np.ndarray:
     """Size (2 n,) that each coordinate may have: one velocity for all modes, over frequencies.
 
     The velocity is the largest of those of the initial state, of the load on a free mode, and of
     1/1000 of the sliding speed in the mode that moves a point most.
     """
-    n, x = case.n, case.work.x[0]
-    q0, v0 = x[layout.Q, :n], x[layout.V, :n]
+    system, design = case.system, case.designs[0]
+    n = system.n
+    q0, v0 = design.start(n)
     omega = np.sqrt(np.abs(system.omega2))
     slow = np.maximum(omega, 1.0 / case.settings.duration)
     load = case.modal.modes[0, layout.LOAD, :n]
     largest = [np.abs(v0).max(), np.abs(omega * q0).max(), np.abs(load / slow).max()]
     row = max(np.linalg.norm(T, axis=1).max(initial=0.0) for T in (system.T1, system.T2))
     if row > 0.0:
-        largest.append(1e-3 * abs(speed) / row)
+        largest.append(1e-3 * abs(design.speed) / row)
     velocity = max(largest) or 1.0
     return np.concatenate([velocity / slow, np.full(n, velocity)])
 
 
-def run_adaptive(
-    name: str,
-    system: ModalSystem,
-    design: TransientDesign,
-    case: Arrays,
-    options: Mapping[str, Value],
-) -> TransientResult:
-    """Run one of SOLVERS; a failure of it is an outcome.
-
-    `steps` and `mean_iterations` are the solver's own steps and evaluations of the right-hand side
-    in one of them, `newton_steps` its Jacobians. Works and dissipations are NaN: nothing
-    integrates them.
-    """
-    n, settings = case.n, case.settings
-    equations = Equations(system, design, case)
-    rtol = float(options["rtol"])
-    atol = (float(options["atol"]) or ATOL * rtol) * scales(system, case, design.speed)
-    y0 = np.concatenate([case.work.x[0, layout.Q, :n], case.work.x[0, layout.V, :n]])
-    end = settings.n_steps * settings.step
-    extra = {"jac": equations.jacobian} if name in IMPLICIT else {}
-    case.work.real[0, layout.W_LOAD : layout.STORED_START] = np.nan
-    case.work.real[0, layout.STORED_START] = shown(case, y0, 0)
-    course = Course(case, y0)
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
-        try:
-            solver = SOLVERS[name](equations.rate, 0.0, y0, end, rtol=rtol, atol=atol, **extra)
-            course.march(solver, int(options["max_evaluations"]))
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            course.fail("solver_failed", str(error) or "the solver raised an error")
-    return course.result()
-
-
-def shown(case: Arrays, y: np.ndarray, step: int) -> float:
+def shown(case: KernelRun, y: np.ndarray, step: int) -> float:
     """Keep y as the state after `step` steps of the settings; its stored energy, J."""
     every = case.settings.save_every
     case.work.counts[0, layout.STEP] = step
     keep = every > 0 and step % every == 0
-    return float(show_state(y, *case.kernel, keep))
+    return float(show_state(y, *case.arguments, keep))
 
 
 class Course:
     """How far a solver came."""
 
-    def __init__(self, case: Arrays, y0: np.ndarray) -> None:
+    def __init__(self, case: KernelRun, y0: np.ndarray) -> None:
         self.case, self.y, self.t = case, y0, 0.0
         self.steps = self.evaluations = self.most = self.jacobians = 0
         self.outcome, self.reason = "ok", ""
@@ -169,17 +219,17 @@ class Course:
             due += every
         return due
 
-    def result(self) -> TransientResult:
+    def motion(self) -> Motion:
         """After the end."""
         case, settings = self.case, self.case.settings
         counts, real = case.work.counts[0], case.work.real[0]
-        stored = float(show_state(self.y, *case.kernel, False))
+        stored = float(show_state(self.y, *case.arguments, False))
         counts[layout.STATUS] = layout.DONE
         if self.outcome == "ok":
             real[layout.STORED_END] = stored
         message = f"t = {self.t:.9g} s: {self.reason}" if self.reason else ""
         return replace(
-            case.result(),
+            case.motion(0),
             outcome=self.outcome,
             message=message,
             time=self.t if self.outcome != "ok" else settings.n_steps * settings.step,

@@ -5,15 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 
-import numpy as np
-
-from squealstudy.analysis.integrators.integrate import INTEGRATORS, integrate
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.warmup import alone, smallest
+from squealstudy.motion.integrator import integrator, integrators
 
 
-def warm_integrators(names: Iterable[str] = tuple(INTEGRATORS)) -> float:
-    """Compile what the integrators `names` need, or load it from the cache; seconds it took.
+def warm_integrators(names: Iterable[str] | None = None) -> float:
+    """Compile what integrators need, all by default, or load it from the cache; seconds it took.
 
     One process at a time, as transient.warmup.
 
@@ -24,8 +23,8 @@ def warm_integrators(names: Iterable[str] = tuple(INTEGRATORS)) -> float:
     """
     began = time.perf_counter()
     system, design = smallest()
-    settings = TransientSettings(duration=2e-6, step=1e-6, save_every=1)
     with alone():
-        for name in names:
-            integrate(name, system, design, settings, np.zeros(1), np.zeros(1), {})
+        for name in integrators() if names is None else names:
+            settings = MotionSettings(2e-6, 1e-6, save_every=1, integrator=integrator(name))
+            simulate(system, [design], settings)
     return time.perf_counter() - began

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.method_stability.contract import Knob
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.kernels.contact_point import POINT_NORMAL
 from squealstudy.models.law import ContactLaw
 
@@ -41,12 +41,10 @@ CONTACT_KNOBS = (
 
 @dataclass(frozen=True)
 class ContactState:
-    """A model, a design on it, and a state from which it moves on (n,), (n,)."""
+    """A model, and a design on it with the state from which it moves on."""
 
     system: ModalSystem
-    design: TransientDesign
-    q0: np.ndarray
-    v0: np.ndarray
+    design: MotionPoint
 
 
 @cache
@@ -99,7 +97,7 @@ def rough_state(values: Mapping[str, float]) -> ContactState:
     held = np.vstack([system.T1[list(STUCK)], system.T2[list(STUCK)]])
     stop = np.repeat([-values["sliding_speed"], 0.0], len(STUCK))
     v0 = np.linalg.lstsq(held, stop, rcond=None)[0]
-    return ContactState(system, design, np.zeros(system.n), v0)
+    return ContactState(system, replace(design, v0=v0))
 
 
 def sliding_state(values: Mapping[str, float]) -> ContactState:
@@ -107,26 +105,26 @@ def sliding_state(values: Mapping[str, float]) -> ContactState:
     system, p_ref = single_point()
     closer = -DISTURBED / (values["lambda"] * system.N[0, 0])
     design = _design(system, p_ref, values)
-    return ContactState(system, design, np.array([closer, 0.0]), np.zeros(2))
+    return ContactState(system, replace(design, q0=np.array([closer, 0.0])))
 
 
 def stuck_state(values: Mapping[str, float]) -> ContactState:
     """One point that moves with the belt, about a state without friction."""
     state = sliding_state(values)
     v0 = np.array([0.0, -values["sliding_speed"] / state.system.T1[0, 1]])
-    pressed = state.system.points(state.design)[POINT_NORMAL]
-    design = replace(state.design, force=np.column_stack([pressed, 0 * pressed, 0 * pressed]))
-    return ContactState(state.system, design, state.q0, v0)
+    pressed = state.design.points(state.system)[POINT_NORMAL]
+    force = np.column_stack([pressed, 0 * pressed, 0 * pressed])
+    return ContactState(state.system, replace(state.design, force=force, v0=v0))
 
 
-def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> TransientDesign:
+def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> MotionPoint:
     """Steady sliding at a multiple of the reference's pressures, under its own law."""
     law = ContactLaw("exponential", lam=values["lambda"])
     p, mu = values["preload"] * p_ref, values["friction"]
     normal = system.area * p
     speed = values["sliding_speed"]
     drag = -system.area * np.minimum(mu * p, values["kt"] * speed)
-    return TransientDesign(
+    return MotionPoint(
         law,
         FrictionLaw(mu, mu, values["kt"]),
         speed,

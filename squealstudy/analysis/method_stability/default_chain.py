@@ -23,9 +23,9 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.transient.defaults import TOLERANCE
-from squealstudy.analysis.transient.energy_drift import EXACT_LIMIT, energy_drift
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
+from squealstudy.analysis.transient.doubts import energy_drift
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
@@ -33,6 +33,7 @@ from squealstudy.analysis.transient.system import (
     closing_number,
     stick_number,
 )
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 
 STEPS = 20
 SLOW_PASSES = 10.0  # passes a step: five times those of a squealing brake
@@ -74,67 +75,67 @@ class DefaultChain:
             error = deviation(state, settings, result)
             by = help_needed(state, settings, result)
         outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
-        flagged = not energy_drift(result) <= EXACT_LIMIT
+        flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
         if error > SAME:
             outcome, by = WRONG, ENERGY if flagged else by
         return Cell(outcome, by, flagged, predicted, measured, error, cost)
 
 
-def chain_settings(step: float) -> TransientSettings:
-    """A few steps by the defaults of a study."""
-    return TransientSettings(
-        STEPS * step, step, 1, "exponential", tolerance=TOLERANCE, tolerance_t=10 * TOLERANCE
-    )
+def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionSettings:
+    """A few steps by the defaults of a study, or with less help."""
+    method = chain or ExactFreeMotion()
+    return MotionSettings(STEPS * step, step, 1, method, tolerance=method.tolerance)
 
 
-def run(state: ContactState, settings: TransientSettings) -> TransientResult:
+def run(state: ContactState, settings: MotionSettings) -> Motion:
     """Integrate from the state."""
-    return simulate(state.system, [state.design], settings, state.q0, state.v0)[0]
+    return simulate(state.system, [state.design], settings)[0]
 
 
 def predict(state: ContactState, step: float) -> float:
     """The larger of the stick and the closing number, each over its limit."""
     system, design = state.system, state.design
-    velocity = float(np.abs(system.N @ state.v0).max())
+    velocity = float(np.abs(system.N @ design.start(system.n)[1]).max())
     return max(
         stick_number(system, design, step) / STICK_LIMIT,
         closing_number(design.contact, velocity, step) / CLOSING_LIMIT,
     )
 
 
-def help_needed(state: ContactState, settings: TransientSettings, result: TransientResult) -> str:
+def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -> str:
     """What kept the run from failing: the last link of the chain that it needed, or nothing."""
     if result.newton_steps:
         return "newton"
     if result.halvings:
         return "halving"
-    unaided = replace(settings, mockup="never")
+    unaided = chain_settings(settings.step, ExactFreeMotion(mockup="never"))
     if not _whole(run(state, unaided)):
         return "mock-up"
-    return "" if _whole(run(state, replace(unaided, aitken=False))) else "aitken"
+    plain = chain_settings(settings.step, ExactFreeMotion(mockup="never", aitken=False))
+    return "" if _whole(run(state, plain)) else "aitken"
 
 
-def _whole(result: TransientResult) -> bool:
+def _whole(result: Motion) -> bool:
     return result.outcome == "ok" and not result.halvings and not result.newton_steps
 
 
-def deviation(state: ContactState, settings: TransientSettings, result: TransientResult) -> float:
+def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> float:
     """Relative distance of a run to where its steps lead if they are solved to the end.
 
     NaN where not even Newton's method solves them.
     """
-    sharp = replace(settings, tolerance=1e-10, tolerance_t=1e-9, max_iterations=400)
+    sharp = replace(settings, tolerance=1e-10, max_iterations=400)
     reference = run(state, sharp)
     if not result.halvings and not reference.halvings:
         return distance(state, result, reference)
     return distance(state, result, run(state, replace(sharp, step=settings.step / FINE)))
 
 
-def distance(state: ContactState, a: TransientResult, b: TransientResult) -> float:
+def distance(state: ContactState, a: Motion, b: Motion) -> float:
     """Of two final states in the norm of their energy, relative to b; NaN where one failed."""
     if "ok" not in (a.outcome, b.outcome) or a.outcome != b.outcome:
         return float("nan")
-    omega = np.sqrt(state.system.omega2)
+    omega = state.system.frequencies
     change = np.concatenate([a.v - b.v, omega * (a.q - b.q)])
     size = np.linalg.norm(np.concatenate([b.v, omega * b.q]))
     return float(np.linalg.norm(change) / size)

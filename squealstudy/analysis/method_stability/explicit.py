@@ -12,11 +12,11 @@ and beyond it the motion grows by a factor every step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.analysis.integrators.integrate import integrate
+from squealstudy.analysis.integrators.explicit import CentralDifference
 from squealstudy.analysis.method_stability.contract import (
     CONVERGED,
     FAILED,
@@ -26,10 +26,13 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, energy_drift
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.doubts import energy_drift
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrator import DRIFT_LIMIT
 
 STEPS = 4000
 START = 1e-6  # m/s
@@ -86,7 +89,7 @@ def limit_number(knobs: Mapping[str, float]) -> float:
     return float(np.sqrt((h * omega) ** 2 + weight * h * knobs["stick_rate"]) / 2)
 
 
-def swing(knobs: Mapping[str, float]) -> TransientResult:
+def swing(knobs: Mapping[str, float]) -> Motion:
     """The mode from a small velocity on, every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
     one, none = np.ones((1, 1)), np.zeros((1, 1))
@@ -104,14 +107,13 @@ def swing(knobs: Mapping[str, float]) -> TransientResult:
     )
     law = ContactLaw("exponential", p0=BOUND, lam=1e12)
     friction = FrictionLaw(1.0, 1.0, max(knobs["stick_rate"], np.finfo(float).tiny))
-    design = TransientDesign(law, friction, 0.0, np.array([2 * knobs["damping_ratio"] * omega]))
-    settings = TransientSettings(STEPS * knobs["step"], knobs["step"], save_every=1)
-    options = {"velocity": "lagged" if knobs["lagged"] >= 0.5 else "extrapolated"}
-    start = np.array([START])
-    return integrate("central_difference", system, design, settings, 0 * start, start, options)
+    design = MotionPoint(law, friction, 0.0, np.array([2 * knobs["damping_ratio"] * omega]))
+    method = CentralDifference(velocity="lagged" if knobs["lagged"] >= 0.5 else "extrapolated")
+    settings = MotionSettings(STEPS * knobs["step"], knobs["step"], 1, method)
+    return simulate(system, [replace(design, v0=np.array([START]))], settings)[0]
 
 
-def rate(result: TransientResult) -> float:
+def rate(result: Motion) -> float:
     """Growth of the amplitude a step, 1 where it stays bounded."""
     energy = result.history["modal_energy"]
     beyond = np.flatnonzero(~(energy < HUGE * energy[0]))

@@ -9,12 +9,12 @@ penetration d where all of E is potential, (p - p0) / lambda + w^2 d^2 / 2 = E.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from squealstudy.analysis.integrators.integrate import integrate
+from squealstudy.analysis.integrators.alpha_methods import DiscreteGradient
 from squealstudy.analysis.method_stability.contract import (
     CONVERGED,
     FAILED,
@@ -24,11 +24,15 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.transient.energy_drift import DRIFT_LIMIT, EXACT_LIMIT, energy_drift
-from squealstudy.analysis.transient.settings import TransientResult, TransientSettings
+from squealstudy.analysis.transient.doubts import energy_drift
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrator import Integrator
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.integrators.newmark import Newmark
 
 IMPACTS = 30
 LIMIT = 1.26  # h omega_peak below which 1 % of random cells gain more than GAIN, beyond 2 all
@@ -74,7 +78,7 @@ class ImpactEnergy:
         error = float(np.abs(stored[free] / stored[0] - 1.0).max())
         outcome = WRONG if error > GAIN else CONVERGED
         drift = energy_drift(result)
-        flagged = drift > (EXACT_LIMIT if knobs["exact"] >= 0.5 else DRIFT_LIMIT)
+        flagged = drift > (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
         by = f"energy drift {drift:.1e}" if flagged else ""
         return Cell(outcome, by, flagged, predicted, ratio, error, cost)
 
@@ -92,7 +96,7 @@ def peak_number(knobs: Mapping[str, float]) -> float:
     return knobs["step"] * float(np.sqrt(lam * P_0 * np.exp(lam * depth)))
 
 
-def fly(knobs: Mapping[str, float]) -> TransientResult:
+def fly(knobs: Mapping[str, float]) -> Motion:
     """Thirty half periods, every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
     one, none = np.ones((1, 1)), np.zeros((1, 1))
@@ -109,14 +113,14 @@ def fly(knobs: Mapping[str, float]) -> TransientResult:
         force=np.zeros((1, 3)),
     )
     law = ContactLaw("exponential", p0=P_0, lam=knobs["lambda"])
-    design = TransientDesign(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(1))
+    still = MotionPoint(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(1))
+    design = replace(still, v0=np.array([knobs["velocity"]]))
     duration = max(IMPACTS * np.pi / omega, 2 * knobs["step"])
-    method = "exponential" if knobs["exact"] >= 0.5 else "newmark"
-    settings = TransientSettings(duration, knobs["step"], 1, method, tolerance=1e-8)
-    start = np.zeros(1), np.array([knobs["velocity"]])
+    method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()
     if knobs["gradient"] >= 0.5:
-        return integrate("discrete_gradient", system, design, settings, *start, {})
-    return simulate(system, [design], settings, *start)[0]
+        method = DiscreteGradient()
+    settings = MotionSettings(duration, knobs["step"], 1, method, tolerance=1e-8)
+    return simulate(system, [design], settings)[0]
 
 
 IMPACT_ENERGY = ImpactEnergy()

@@ -11,18 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.analysis.method_stability.contact_models import ContactState
-from squealstudy.analysis.transient.arrays import (
-    kernel_settings,
-    modal_arrays,
-    saved_arrays,
-    work_arrays,
-)
-from squealstudy.analysis.transient.observation import observation
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.simulate import KernelRun
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.friction_laws import friction_tangent
 from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.kernels.newmark_trace import newmark_trace
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 
 MOST = 4000  # iterations: 2 % below the boundary a step takes 1,000
 SHARP = 1e-9  # tolerance of a step that counts as converged
@@ -40,20 +36,10 @@ class Trace:
     pull: np.ndarray
 
 
-def plain_settings(step: float, contact_factor: float) -> TransientSettings:
+def plain_settings(step: float, contact_factor: float) -> MotionSettings:
     """One step with every help switched off."""
-    return TransientSettings(
-        step,
-        step,
-        save_every=0,
-        tolerance=SHARP,
-        tolerance_t=SHARP,
-        max_iterations=MOST,
-        max_halvings=0,
-        aitken=False,
-        contact_factor=contact_factor,
-        mockup="never",
-    )
+    plain = Newmark(max_halvings=0, aitken=False, contact_factor=contact_factor, mockup="never")
+    return MotionSettings(step, step, 0, plain, tolerance=SHARP, max_iterations=MOST)
 
 
 @dataclass(frozen=True)
@@ -65,52 +51,28 @@ class Solution:
     pull: np.ndarray
 
 
-def iterate(state: ContactState, settings: TransientSettings, first: np.ndarray) -> Trace:
+def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) -> Trace:
     """Run the kernel's iteration of one step from a pull (n,); (0,): the predictor's."""
-    arrays = _arrays(state, settings)
-    work = arrays[3]
+    run = KernelRun.of(state.system, [state.design], settings)
+    work = run.work
     start = np.zeros(work.x.shape[2] if len(first) else 0)
     start[: len(first)] = first
     squares = np.zeros(settings.max_iterations)
-    n = newmark_trace(*arrays, start, squares)
+    n = newmark_trace(*run.arguments, start, squares)
     converged = bool(work.counts[0, layout.STATUS] == layout.DONE)
     return Trace(np.sqrt(squares[:n]), converged, work.x[0, layout.PULL, : state.system.n].copy())
 
 
 def solved(state: ContactState, step: float) -> Solution | None:
     """The end of the step by Newton's method; None where that finds none."""
-    settings = TransientSettings(
-        step,
-        step,
-        save_every=0,
-        method="newmark_newton",
-        tolerance=SHARP**0.5,
-        tolerance_t=SHARP**0.5,
-        max_iterations=400,
-        max_halvings=0,
-    )
-    arrays = _arrays(state, settings)
-    newmark_batch(*arrays)
-    work, n = arrays[3], state.system.n
+    newton = NewmarkNewton(max_halvings=0)
+    settings = MotionSettings(step, step, 0, newton, tolerance=SHARP**0.5, max_iterations=400)
+    run = KernelRun.of(state.system, [state.design], settings)
+    newmark_batch(*run.arguments)
+    work, n = run.work, state.system.n
     if work.counts[0, layout.STATUS] != layout.DONE:
         return None
     return Solution(*(work.x[0, row, :n].copy() for row in (layout.Q, layout.V, layout.PULL)))
-
-
-def _arrays(
-    state: ContactState, settings: TransientSettings
-) -> tuple[np.ndarray, layout.Modal, layout.Settings, layout.Work, layout.Saved]:
-    """Arguments of the Newmark kernels, the initial state in place."""
-    n = state.system.n
-    modal, dense = modal_arrays(state.system, [state.design], settings)
-    options = kernel_settings(settings, dense)
-    B = observation(state.system, False)
-    work = work_arrays(modal, options, B)
-    for row, initial in ((layout.Q, state.q0), (layout.V, state.v0)):
-        work.x[0, row, :n] = initial
-    for row, initial in ((layout.Q_TRIAL, state.q0), (layout.V_TRIAL, state.v0)):
-        work.x[0, row, :n] = initial
-    return B, modal, options, work, saved_arrays(modal, n, settings)
 
 
 def radius(state: ContactState, solution: Solution, step: float, contact_factor: float) -> float:
@@ -144,9 +106,7 @@ def jacobians(
     return fixed, true - hc * drag + hk * push
 
 
-def local_contraction(
-    state: ContactState, settings: TransientSettings, solution: Solution
-) -> float:
+def local_contraction(state: ContactState, settings: MotionSettings, solution: Solution) -> float:
     """Factor a time by which the iteration changes a small error of the solution.
 
     Above 1 it leaves the solution; 0 where it is there at once.
@@ -154,7 +114,7 @@ def local_contraction(
     pull = solution.pull
     direction = np.random.default_rng(1).normal(size=len(pull))
     first = pull + NUDGE * scale(state, pull) * direction / np.linalg.norm(direction)
-    endless = replace(settings, tolerance=ENDLESS, tolerance_t=ENDLESS)
+    endless = replace(settings, tolerance=ENDLESS)
     trace = iterate(state, endless, first)
     if len(trace.residuals) < 2:
         return 0.0 if trace.converged else np.inf

@@ -23,11 +23,12 @@ from squealstudy.analysis.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.doubts import STORAGE_LIMIT, storage_number
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.storage_error import STORAGE_LIMIT, storage_number
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
 
 UNIT = 2.0**-24  # round-off of single precision
 ROWS = 1.0 + UNIT * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
@@ -61,12 +62,13 @@ class Storage:
         single = knobs["single"] >= 0.5
         system, design = light_touch(knobs["lambda"])
         step = 2 * np.pi / OMEGA / STEPS
-        settings = TransientSettings(PERIODS * STEPS * step, step, 1, single_storage=single)
         q0 = knobs["amplitude"] * np.array([ROWS[1], -ROWS[0]])
+        settings = MotionSettings(PERIODS * STEPS * step, step, 1)
+        methods = Newmark(single_storage=single), Newmark()
         with np.errstate(over="ignore"):
             stored, exact = (
-                simulate(system, [design], chosen, q0, 0 * q0)[0]
-                for chosen in (settings, replace(settings, single_storage=False))
+                simulate(system, [replace(design, q0=q0)], replace(settings, integrator=method))[0]
+                for method in methods
             )
         predicted = predict(knobs) if single else 0.0
         cost = stored.mean_iterations
@@ -82,7 +84,7 @@ class Storage:
         return Cell(outcome, by, flagged, predicted, number, error, cost)
 
 
-def light_touch(lam: float) -> tuple[ModalSystem, TransientDesign]:
+def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
     """Two modes of one frequency under a contact point that they slide along."""
     law = ContactLaw("exponential", lam=lam)
     one, none = np.ones(1), np.zeros((1, 2))
@@ -99,7 +101,7 @@ def light_touch(lam: float) -> tuple[ModalSystem, TransientDesign]:
         k_ref=pressure * lam,
         force=np.column_stack([pressure, 0 * one, 0 * one]),
     )
-    return system, TransientDesign(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(2))
+    return system, MotionPoint(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(2))
 
 
 def predict(knobs: Mapping[str, float]) -> float:

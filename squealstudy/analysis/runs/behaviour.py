@@ -179,7 +179,15 @@ class Envelope:
         transient = max(_beyond(level), _beyond(fine))
         ratio = float(np.exp(level[-1] - level.max()))
         reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
-        return Envelope(found, ratio, initial <= 0, reached, growth, transient, predicted)
+        return Envelope(
+            windows=found,
+            ratio=ratio,
+            continued=initial <= 0,
+            reached=reached,
+            growth=growth,
+            transient=transient,
+            predicted=predicted,
+        )
 
     def gone(self, noise: float) -> bool:
         """Whether the last level is round-off, of the largest or of the system."""

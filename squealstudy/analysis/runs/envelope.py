@@ -93,7 +93,7 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
     time : ndarray (rows,)
         Equally spaced, s; `WINDOWS[0]` rows or more.
     energy : ndarray (rows,)
-        Of the vibration (`modal_energies.vibration_energy`), or a squared torque fluctuation.
+        Of the vibration (`energies.vibration_energy`), or a squared torque fluctuation.
     """
     few, most = WINDOWS
     rows = len(energy)
@@ -109,12 +109,12 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
     burst = count if np.isnan(line) else max(count, int(0.5 * line / BURST_PERIODS))
     return Windows(
-        time[rows % count :: rows // count][:count],
-        _levels(energy, count),
-        count - max(LEAST_WINDOWS, round(LAST * count)),
-        _levels(energy, max(count, rows // fine)),
-        _levels(energy, max(count, min(burst, rows // LEAST_ROWS))),
-        0.5 * line,
+        start=time[rows % count :: rows // count][:count],
+        level=_levels(energy, count),
+        judged=count - max(LEAST_WINDOWS, round(LAST * count)),
+        fine=_levels(energy, max(count, rows // fine)),
+        burst=_levels(energy, max(count, min(burst, rows // LEAST_ROWS))),
+        periods=0.5 * line,
     )
 
 
@@ -192,12 +192,12 @@ class Course:
         at = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)
         first, second, third = (np.diff(at) * m / (m - 1)).tolist()
         return Course(
-            2 * slope,
-            error,
-            2 * slope - 4 * bend,
-            2 * slope + 4 * bend,
-            float(np.hypot(error, bent)),
-            2 * bent,
-            (first, second, third),
-            scatter,
+            rise=2 * slope,
+            error=error,
+            begin=2 * slope - 4 * bend,
+            end=2 * slope + 4 * bend,
+            end_error=float(np.hypot(error, bent)),
+            bend_error=2 * bent,
+            thirds=(first, second, third),
+            scatter=scatter,
         )

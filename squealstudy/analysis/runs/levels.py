@@ -14,6 +14,7 @@ BLOCKS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are c
 CORRELATED = 0.1
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
+SAME = 1e-9  # relative: runs that agree so well are one run
 
 
 @dataclass(frozen=True)
@@ -37,14 +38,14 @@ class TorqueLevels:
     mean: float
     mean_low: float
     mean_high: float
-    rms: float
-    rms_low: float
-    rms_high: float
-    peak_to_peak: float
-    frequency_hz: float
-    line: float
-    harmonic_2: float
-    harmonic_3: float
+    rms: float = 0.0
+    rms_low: float = 0.0
+    rms_high: float = 0.0
+    peak_to_peak: float = 0.0
+    frequency_hz: float = np.nan
+    line: float = 0.0
+    harmonic_2: float = 0.0
+    harmonic_3: float = 0.0
 
 
 def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
@@ -78,23 +79,23 @@ def torque_levels(time: np.ndarray, torque: np.ndarray) -> TorqueLevels:
     mean = float(torque.mean())
     fluctuation = torque - mean
     if np.abs(fluctuation).max() <= FLAT * np.abs(torque).max() or len(torque) < 2:
-        none = (0.0, 0.0, 0.0)
-        return TorqueLevels(mean, mean, mean, *none, 0.0, np.nan, *none)
+        return TorqueLevels(mean=mean, mean_low=mean, mean_high=mean)
     square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in mean_interval(fluctuation**2))
     found = spectrum((time[-1] - time[0]) / (len(time) - 1), torque)
     frequency = found.peak()
-    lines = [found.level(k * frequency) for k in (1, 2, 3)]
     _, mean_low, mean_high = mean_interval(torque)
     return TorqueLevels(
-        mean,
-        float(mean_low),
-        float(mean_high),
-        float(square),
-        float(low),
-        float(high),
-        float(np.ptp(torque)),
-        frequency,
-        *lines,
+        mean=mean,
+        mean_low=float(mean_low),
+        mean_high=float(mean_high),
+        rms=float(square),
+        rms_low=float(low),
+        rms_high=float(high),
+        peak_to_peak=float(np.ptp(torque)),
+        frequency_hz=frequency,
+        line=found.level(frequency),
+        harmonic_2=found.level(2 * frequency),
+        harmonic_3=found.level(3 * frequency),
     )
 
 
@@ -184,3 +185,36 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
         half = np.where(open_, special.stdtrit(count - 1, 0.975) * error, half)
         open_ = open_ & (rho > CORRELATED)
     return mean, mean - half, mean + half
+
+
+def pooled_interval(
+    values: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[float, float, float]:
+    """Mean of levels of independent runs with 95 % bounds.
+
+    The half-width is the larger of two, so that it holds where the windows of a run are shorter
+    than its slowest bursts, and where starts end in cycles of their own: what the intervals of the
+    runs make of their mean, root of the sum of squares over k, and Student's t over the k values.
+    The bounds go no further than the outermost of the runs, which t does for two or three. Runs
+    that agree to round-off are one run seen k times, with its own bounds.
+
+    Parameters
+    ----------
+    values, low, high : ndarray (k,)
+        Of each run, with its own 95 % bounds.
+
+    Returns
+    -------
+    mean, low, high : float
+        Those of the run itself for k = 1.
+    """
+    k = len(values)
+    if k == 1:
+        return float(values[0]), float(low[0]), float(high[0])
+    mean = float(values.mean())
+    if np.ptp(values) <= SAME * abs(mean):
+        return mean, float(low.min()), float(high.max())
+    inside = np.linalg.norm(0.5 * (high - low)) / k
+    between = special.stdtrit(k - 1, 0.975) * values.std(ddof=1) / np.sqrt(k)
+    half = float(max(inside, between))
+    return mean, max(mean - half, float(low.min())), min(mean + half, float(high.max()))

@@ -10,22 +10,24 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.runs.behaviour import Verdict, too_short
-from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
-from squealstudy.analysis.runs.levels import last_window, torque_levels
-from squealstudy.analysis.runs.modal_energies import (
+from squealstudy.analysis.runs.energies import (
     ModalShares,
     energy_outside,
     first_window,
+    held_energies,
+    level_shares,
     modal_shares,
     mode_energies,
+    moving_energy,
+    round_off,
+    transfer,
 )
-from squealstudy.analysis.runs.modal_run import ModalRun, level_shares, moving_energy, round_off
-from squealstudy.analysis.runs.rising_modes import EXPRESSED
+from squealstudy.analysis.runs.growth import GrowthFit, fit_growth
+from squealstudy.analysis.runs.levels import last_window, torque_levels
 from squealstudy.analysis.runs.settling import settled
-from squealstudy.analysis.runs.transfer import transfer
-from squealstudy.analysis.runs.verdict import run_verdict
+from squealstudy.analysis.runs.verdict import EXPRESSED, run_verdict
 from squealstudy.analysis.tables.run_classes import FAILED, LEVELLED, STABLE
-from squealstudy.analysis.transient.mode_planes import DEGENERATE
+from squealstudy.analysis.transient.motion import Motion
 
 HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
 LEAST_ROWS = 10  # of a history that says anything
@@ -40,7 +42,7 @@ class Summary:
     growth: list[dict[str, Any]]
 
 
-def summarise(run: ModalRun) -> Summary:
+def summarise(run: Motion) -> Summary:
     """What a run did, in numbers.
 
     A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
@@ -48,13 +50,13 @@ def summarise(run: ModalRun) -> Summary:
     """
     energy = moving_energy(run)
     verdict = _class(run, energy)
-    if len(run.time) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
+    if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
     levels, window = run_levels(run)
     behaviour = _behaviour(run, energy, verdict)
     growth = growth_rows(run, behaviour["class"], window)
-    energies = mode_energies(run.q, run.v, run.omega)
-    shares = modal_shares(energies[window], run.energy[window])
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
+    shares = modal_shares(energies[window], run.modal_energy[window])
     point = {
         **_course(run),
         **_forecast(run),
@@ -67,24 +69,23 @@ def summarise(run: ModalRun) -> Summary:
     return Summary(point, _mode_rows(run, energies, shares), growth)
 
 
-def _course(run: ModalRun) -> dict[str, Any]:
+def _course(run: Motion) -> dict[str, Any]:
     """How the integration went."""
-    result = run.result
     return {
-        "iterations_mean": result.mean_iterations,
-        "iterations_max": result.max_iterations,
-        "halvings": result.halvings,
-        "newton_steps": result.newton_steps,
-        "contraction": result.contraction,
-        "energy_balance": result.energy.relative,
-        "time_reached": result.time,
-        "stop_reason": result.stop_reason,
+        "iterations_mean": run.mean_iterations,
+        "iterations_max": run.max_iterations,
+        "halvings": run.halvings,
+        "newton_steps": run.newton_steps,
+        "contraction": run.contraction,
+        "energy_balance": run.energy.relative,
+        "time_reached": run.time,
+        "stop_reason": run.stop_reason,
     }
 
 
-def _forecast(run: ModalRun) -> dict[str, Any]:
+def _forecast(run: Motion) -> dict[str, Any]:
     """What the complex modes of the same system say."""
-    modes = run.point.modes
+    modes = run.point.growing
     lam = modes.lam[0] if len(modes.lam) else complex(np.nan, np.nan)
     return {
         "n_unstable": modes.n_unstable,
@@ -95,27 +96,27 @@ def _forecast(run: ModalRun) -> dict[str, Any]:
     }
 
 
-def growth_rows(run: ModalRun, kind: str, window: slice) -> list[dict[str, Any]]:
+def growth_rows(run: Motion, kind: str, window: slice) -> list[dict[str, Any]]:
     """Fitted beside predicted growth of each followed complex mode, and its part in the end.
 
     Parameters
     ----------
-    run : ModalRun
+    run : Motion
     kind : str
         Its class.
     window : slice
         The rows whose levels are judged.
     """
     rows: list[dict[str, Any]] = []
-    moving = bool(run.energy.max() > round_off(run))
+    moving = bool(run.modal_energy.max() > round_off(run))
     sustained = kind in LEVELLED and moving
-    shares = level_shares(run, window) if sustained else np.full(len(run.point.modes.lam), np.nan)
+    shares = level_shares(run, window) if sustained else np.full(len(run.point.growing.lam), np.nan)
     until = np.inf
-    for k, lam in enumerate(run.point.modes.lam):
-        fit = fit_growth(run.time, run.xi(k), until=until) if moving else GrowthFit()
+    for k, lam in enumerate(run.point.growing.lam):
+        fit = fit_growth(run.times, run.xi(k), until=until) if moving else GrowthFit()
         if k == 0 and fit.status == "ok":
             until = fit.stop
-        unstable = k < run.point.modes.n_unstable
+        unstable = k < run.point.growing.n_unstable
         rows.append(
             {
                 "mode": k + 1,
@@ -146,12 +147,12 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     return kind in LEVELLED and share >= EXPRESSED
 
 
-def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _growth(run: Motion, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
-    if run.energy.max() <= round_off(run):
+    if run.modal_energy.max() <= round_off(run):
         return {}
     if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
-        fit = fit_growth(run.time, run.xi(0))
+        fit = fit_growth(run.times, run.xi(0))
         return {
             "growth_rate": fit.growth_rate,
             "growth_rate_low": fit.low,
@@ -159,7 +160,7 @@ def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
             "growth_method": "left_vector",
             "onset_time": fit.onset_time,
         }
-    fit = fit_growth(run.time, np.sqrt(moving_energy(run)))
+    fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
     return {
         "growth_rate": fit.growth_rate,
         "growth_rate_low": fit.low,
@@ -169,11 +170,11 @@ def _growth(run: ModalRun, rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
+def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
     """Torque columns of the last window, and that window."""
-    torque = run.result.history["torque"]
-    window = last_window(run.time, torque)
-    found = torque_levels(run.time[window], torque[window])
+    torque = run.history["torque"]
+    window = last_window(run.times, torque)
+    found = torque_levels(run.times[window], torque[window])
     return {
         "torque_mean": found.mean,
         "torque_mean_low": found.mean_low,
@@ -189,12 +190,12 @@ def run_levels(run: ModalRun) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _class(run: ModalRun, energy: np.ndarray) -> Verdict:
+def _class(run: Motion, energy: np.ndarray) -> Verdict:
     """Class of a run, failed ones included."""
-    if run.result.outcome != "ok" or not np.isfinite(run.energy).all():
+    if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
         return Verdict(FAILED)
-    if len(run.time) < LEAST_ROWS:
-        return too_short(run.result.time, len(run.time))
+    if len(run.times) < LEAST_ROWS:
+        return too_short(run.time, len(run.times))
     return run_verdict(run, energy)
 
 
@@ -202,11 +203,11 @@ def _class_columns(verdict: Verdict) -> dict[str, Any]:
     return {"class": verdict.name, "undecided_until": verdict.until}
 
 
-def _behaviour(run: ModalRun, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
+def _behaviour(run: Motion, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
-    torque = run.result.history["torque"]
-    calm, since = settled(run.time, energy, torque, verdict.name)
-    first, last, when = transfer(run.time, run.v**2, run.modes, held_energies(run))
+    torque = run.history["torque"]
+    calm, since = settled(run.times, energy, torque, verdict.name)
+    first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
     return {
         **_class_columns(verdict),
         "settled": calm,
@@ -217,25 +218,7 @@ def _behaviour(run: ModalRun, energy: np.ndarray, verdict: Verdict) -> dict[str,
     }
 
 
-def held_energies(run: ModalRun) -> np.ndarray:
-    """Part (rows, m) of the sensed energy v^2 whose shape is in each followed complex mode, J.
-
-    Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
-    of which the sensors see less than half holds nothing.
-    """
-    whole = run.point.modes.right
-    seen = whole[run.modes - 1]
-    held = np.zeros((len(run.time), whole.shape[1]))
-    for k, x in enumerate(seen.T):
-        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
-            continue
-        axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
-        axes = axes[:, size > DEGENERATE * size[0]]
-        held[:, k] = ((run.v @ axes) ** 2).sum(axis=1)
-    return held
-
-
-def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
+def _contact(run: Motion, window: slice) -> dict[str, Any]:
     """Shares of the contact area that stick or are open, and how fast what sticks creeps.
 
     `stick_creep` is the largest sliding speed of a point that sticks, at any kept row of the last
@@ -244,9 +227,9 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
     regularisation speed, or more where its pressure exceeds the highest of steady sliding. NaN
     where nothing sticks.
     """
-    stick, opened, creep = (run.result.history[name][window] for name in ("stick", "open", "creep"))
+    stick, opened, creep = (run.history[name][window] for name in ("stick", "open", "creep"))
     sticks = stick > 0
-    speed = abs(run.point.design.speed)
+    speed = abs(run.point.speed)
     return {
         "stick_creep": float(creep[sticks].max() / speed) if sticks.any() and speed else np.nan,
         "stick_share": float(stick.mean()),
@@ -256,21 +239,21 @@ def _contact(run: ModalRun, window: slice) -> dict[str, Any]:
     }
 
 
-def _leader(run: ModalRun, shares: ModalShares) -> dict[str, Any]:
+def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any() or run.energy.max() <= round_off(run):
+    if not shares.share.any() or run.modal_energy.max() <= round_off(run):
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {
-        "dominant_mode": int(run.modes[k]),
+        "dominant_mode": int(run.sensed[k]),
         "dominant_share": float(shares.share[k]),
         "energy_outside_share": shares.outside,
     }
 
 
-def _mode_rows(run: ModalRun, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
-    begin = first_window(len(run.time))
-    first = modal_shares(energies[begin], run.energy[begin]).share
+def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
+    begin = first_window(len(run.times))
+    first = modal_shares(energies[begin], run.modal_energy[begin]).share
     return [
         {
             "mode": int(mode),
@@ -281,21 +264,24 @@ def _mode_rows(run: ModalRun, energies: np.ndarray, shares: ModalShares) -> list
             "energy_mean": float(shares.mean[k]),
             "first_share": float(first[k]),
         }
-        for k, mode in enumerate(run.modes)
+        for k, mode in enumerate(run.sensed)
     ]
 
 
-def history_frame(run: ModalRun) -> pd.DataFrame:
+def history_frame(run: Motion) -> pd.DataFrame:
     """History of a run: torque, contact shares, energies and amplitudes of the modes heard."""
-    history = run.result.history
-    energies = mode_energies(run.q, run.v, run.omega)
+    history = run.history
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
     columns = {
         name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
     }
-    columns |= {"energy": run.energy, "energy_outside": energy_outside(energies, run.energy)}
-    heard = (energies >= HEARD * run.energy[:, None]).any(axis=0) & (energies > 0).any(axis=0)
+    columns |= {
+        "energy": run.modal_energy,
+        "energy_outside": energy_outside(energies, run.modal_energy),
+    }
+    heard = (energies >= HEARD * run.modal_energy[:, None]).any(axis=0) & (energies > 0).any(axis=0)
     for k in np.flatnonzero(heard):
-        mode, omega = run.modes[k], max(float(run.omega[k]), 1e-300)
+        mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
         columns[f"energy_mode_{mode}"] = energies[:, k]
         columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
     return pd.DataFrame(columns)

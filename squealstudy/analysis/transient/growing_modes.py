@@ -1,4 +1,13 @@
-"""The complex modes that a transient run is watched through: unstable ones, left vectors too."""
+"""The complex modes that a run is watched through: unstable ones, and the sensors that see them.
+
+Two groups of sensors: the projection on its left vector sees one mode alone, and tells how that
+grows; the plane of motion along a mode tells what share of the energy is in it.
+
+A motion along a complex mode, 2 Re(a x exp(lambda t)), has its states (q, q') in the plane that the
+real and imaginary parts of (x, lambda x) span. The energy |q'|^2 / 2 + |Omega q|^2 / 2 makes these
+states a Euclidean space: the energy of a state's orthogonal projection on a plane lies between zero
+and the energy of the state. Planes of different modes are not orthogonal to each other.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +20,7 @@ from squealstudy.linalg.dense_roots import dense_roots
 
 MOST = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3
+DEGENERATE = 1e-9  # second axis over the first, below which a plane is a line
 
 
 @dataclass(frozen=True)
@@ -29,6 +39,13 @@ class GrowingModes:
         Unstable modes above the band.
     growth_above, frequency_above : float
         Of the fastest of those, 1/s and Hz; 0 where there is none.
+    sensors : ndarray (8 m, n)
+        Rows whose products with q and q' are kept: of each mode four of `growth_sensors`, then of
+        each mode four of `mode_planes`.
+    energy : ndarray (m,)
+        Mean mechanical energy of a motion along each mode at unit projection, J.
+    overlap : ndarray (2 m, 2 m)
+        Scalar products of the axes of the planes.
     """
 
     lam: np.ndarray
@@ -38,6 +55,9 @@ class GrowingModes:
     n_above: int
     growth_above: float
     frequency_above: float
+    sensors: np.ndarray
+    energy: np.ndarray
+    overlap: np.ndarray
 
     @property
     def n_followed(self) -> int:
@@ -45,14 +65,37 @@ class GrowingModes:
         return min(self.n_unstable, len(self.lam))
 
 
+def none_growing() -> GrowingModes:
+    """Of a design point whose complex modes are not watched."""
+    none = np.zeros((0, 0))
+    return GrowingModes(
+        lam=np.zeros(0, dtype=complex),
+        right=none.astype(complex),
+        left=none.astype(complex),
+        n_unstable=0,
+        n_above=0,
+        growth_above=0.0,
+        frequency_above=0.0,
+        sensors=none,
+        energy=np.zeros(0),
+        overlap=none,
+    )
+
+
 def growing_modes(
-    C: np.ndarray, K: np.ndarray, band_hz: tuple[float, float], tolerance: float
+    C: np.ndarray,
+    K: np.ndarray,
+    omega2: np.ndarray,
+    band_hz: tuple[float, float],
+    tolerance: float,
 ) -> GrowingModes:
     """Unstable modes of lambda^2 I + lambda C + K in a band, and what grows above it.
 
     Parameters
     ----------
     C, K : ndarray (n, n)
+    omega2 : ndarray (n,)
+        Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
     band_hz : (low, high)
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
@@ -69,14 +112,21 @@ def growing_modes(
     chosen = chosen[: max(n_unstable, 1)]
     above = lam[unstable & ~inside]
     worst = above[np.argmax(above.real)] if len(above) else 0j
+    lam, right, left = lam[chosen], psi[:, chosen], left_vectors(C, K, lam[chosen])
+    seen = [growth_sensors(C, root, y) for root, y in zip(lam, left.T, strict=True)]
+    planes, overlap = mode_planes(omega2, lam, right)
+    n = len(K)
     return GrowingModes(
-        lam[chosen],
-        psi[:, chosen],
-        left_vectors(C, K, lam[chosen]),
-        n_unstable,
-        len(above),
-        float(worst.real),
-        float(abs(worst) / (2 * np.pi)),
+        lam=lam,
+        right=right,
+        left=left,
+        n_unstable=n_unstable,
+        n_above=len(above),
+        growth_above=float(worst.real),
+        frequency_above=float(abs(worst) / (2 * np.pi)),
+        sensors=np.concatenate([np.array(seen).reshape(-1, n), planes.reshape(-1, n)]),
+        energy=_energies(C, omega2, lam, right, left),
+        overlap=overlap,
     )
 
 
@@ -93,3 +143,93 @@ def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
             y = la.lu_solve(factor, y / np.linalg.norm(y))
         found[:, k] = y / np.linalg.norm(y)
     return found
+
+
+def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
+    """Sensor rows that see one complex mode alone.
+
+    The projection xi(t) = y^H ((lambda + C) q + q') on the left vector y (M = I) of a linear
+    system obeys xi' = lambda xi, whatever else is in the motion.
+
+    Parameters
+    ----------
+    C : ndarray (n, n)
+    lam : complex
+        Root, rad/s.
+    left : ndarray (n,) complex
+        Left vector: y^H (lambda^2 + lambda C + K) = 0.
+
+    Returns
+    -------
+    ndarray (4, n)
+        Real and imaginary part of y^H (for velocities), then of y^H (lambda + C) (displacements);
+        `projection` puts them together.
+    """
+    y = left.conj()
+    z = lam * y + y @ C
+    return np.stack([y.real, y.imag, z.real, z.imag])
+
+
+def projection(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Complex amplitude (rows,) from the histories (rows, 4) of `growth_sensors`."""
+    xi: np.ndarray = (
+        velocity[:, 0] + 1j * velocity[:, 1] + displacement[:, 2] + 1j * displacement[:, 3]
+    )
+    return xi
+
+
+def mode_planes(
+    omega2: np.ndarray, lam: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sensor rows of the planes of complex modes, and the scalar products of their axes.
+
+    Parameters
+    ----------
+    omega2 : ndarray (n,)
+        Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
+    lam : ndarray (m,) complex
+        rad/s.
+    right : ndarray (n, m) complex
+
+    Returns
+    -------
+    rows : ndarray (m, 4, n)
+        Of each plane two rows for velocities, then two for displacements: their products add up
+        to `coordinates`.
+    overlap : ndarray (2 m, 2 m)
+        Scalar products of all axes; zeros for the missing second axis of a line.
+    """
+    omega = np.sqrt(np.maximum(omega2, 0.0))
+    axes = [_axes(omega, root, x) for root, x in zip(lam, right.T, strict=True)]
+    n = len(omega)
+    rows = [np.vstack([u[n:].T, (omega[:, None] * u[:n]).T]) for u in axes]
+    every = np.hstack([np.zeros((2 * n, 0)), *axes])
+    return np.array(rows).reshape(len(axes), 4, n), every.T @ every
+
+
+def _axes(omega: np.ndarray, lam: complex, x: np.ndarray) -> np.ndarray:
+    """Orthonormal axes (2 n, 2) of one plane in the coordinates (Omega q, q')."""
+    state = np.concatenate([omega * x, lam * x])
+    u, s, _ = np.linalg.svd(np.column_stack([state.real, state.imag]), full_matrices=False)
+    kept: np.ndarray = u * (s > DEGENERATE * s[0])
+    return kept
+
+
+def coordinates(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Coordinates (rows, 2) on a plane from the histories (rows, 4) of its `mode_planes` rows.
+
+    Half the sum of their squares is the energy of the projection, J.
+    """
+    found: np.ndarray = velocity[:, :2] + displacement[:, 2:]
+    return found
+
+
+def _energies(
+    C: np.ndarray, omega2: np.ndarray, lam: np.ndarray, right: np.ndarray, left: np.ndarray
+) -> np.ndarray:
+    """Mean energy of the motion 2 Re(a x exp(lambda t)) whose projection on y has modulus 1."""
+    product = np.einsum("ij,ij->j", left.conj(), 2 * lam * right + C @ right)
+    size = np.abs(right) ** 2
+    energy = np.abs(lam) ** 2 * size.sum(axis=0) + omega2 @ size
+    scaled: np.ndarray = energy / np.maximum(np.abs(product) ** 2, 1e-300)
+    return scaled

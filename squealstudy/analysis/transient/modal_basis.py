@@ -78,7 +78,7 @@ def with_pod(
     model, so not diagonal, and enters by shapes.
     """
     n, k = reference.system.n, kept_modes(reference, below_hz)
-    omega = np.sqrt(np.maximum(reference.system.omega2[k:], 0.0))
+    omega = reference.system.frequencies[k:]
     growing = _growing(reference, training.modes, k)[:, :count]
     weighted = training.snapshots[:, k:] * omega
     rest = weighted - (weighted @ growing) @ growing.T
@@ -99,7 +99,7 @@ def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray
 
     Modes of neighbouring designs are nearly alike: what they have in common is there once.
     """
-    weighted = np.sqrt(np.maximum(reference.system.omega2, 0.0))[:, None] * modes
+    weighted = reference.system.frequencies[:, None] * modes
     weighted = weighted / np.linalg.norm(weighted, axis=0)
     beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
     vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
@@ -126,7 +126,6 @@ def project(reference: ReferenceModes, basis: np.ndarray) -> ReferenceModes:
         T1=system.T1 @ basis,
         T2=system.T2 @ basis,
         shapes=np.vstack([system.shapes @ basis, rows]),
-        sensors=system.sensors @ basis,
     )
     return replace(
         reference,

@@ -3,64 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.analysis.transient.growing_modes import GrowingModes, growing_modes
-from squealstudy.analysis.transient.mode_planes import mode_planes
-from squealstudy.analysis.transient.reference_modes import ReferenceModes, growth_sensors
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.growing_modes import growing_modes
+from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.errors import ParameterError
-from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
-from squealstudy.system.design_state import DesignState, ModeKey
-from squealstudy.system.linearise import (
-    ContactStructure,
-    component_frequencies,
-    structure_weights,
-)
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import ContactStructure, structure_weights
 
 TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
 
 
-@dataclass(frozen=True)
-class TransientPoint:
-    """A design point ready for time integration.
+def friction_law(
+    state: DesignState, point: WorkingPoint, slope: float, saturation: float, kind: str
+) -> FrictionLaw:
+    """Friction of a design point, regularised at zero sliding.
 
-    Attributes
+    Parameters
     ----------
-    design : TransientDesign
-        On the reference's modal system; q = 0 is the point's own steady sliding.
-    modes : GrowingModes
-        Complex modes of this same system, linearised at the point's steady sliding.
-    growth_rows : ndarray (m, 4, n)
-        Sensor rows of each of those modes (`reference_modes.growth_sensors`).
-    mode_energy : ndarray (m,)
-        Mean mechanical energy of a motion along each mode at unit projection, J.
-    static_torque : float
-        N m.
-    plane_rows : ndarray (m, 4, n)
-        Sensor rows of the plane of each of those modes (`mode_planes.mode_planes`).
-    plane_overlap : ndarray (2 m, 2 m)
-        Scalar products of the axes of these planes.
+    state : DesignState
+    point : WorkingPoint
+        Of `state`.
+    slope : float
+        k_t, N s/m3; 0 for `automatic_slope`.
+    saturation : float
+        Sliding speed that the automatic slope is of, m/s; not used with a slope.
+    kind : str
+        ``regularised`` or ``smooth``.
+
+    Raises
+    ------
+    ParameterError
+        Friction so soft that steady sliding is not steady.
     """
-
-    design: TransientDesign
-    modes: GrowingModes
-    growth_rows: np.ndarray
-    mode_energy: np.ndarray
-    static_torque: float
-    plane_rows: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 0)))
-    plane_overlap: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-
-    @property
-    def sensor_rows(self) -> np.ndarray:
-        """All rows (8 m, n) that watch the modes: those of growth, then those of the planes."""
-        n = self.growth_rows.shape[-1]
-        return np.concatenate([self.growth_rows, self.plane_rows]).reshape(-1, n)
+    operating = state.operating
+    friction = FrictionLaw(
+        operating.friction * operating.static_ratio,
+        operating.friction,
+        slope if slope > 0 else automatic_slope(state, point, saturation),
+        operating.decay_speed,
+        kind,
+    )
+    _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
+    return friction
 
 
 def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
@@ -71,87 +62,6 @@ def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> fl
     operating = state.operating
     mu = max(operating.friction * operating.static_ratio, LEAST_FRICTION)
     return float(mu * max(point.pressure.max(), 1e-300) / speed)
-
-
-def transient_point(
-    model: ReducedModel,
-    reference: ReferenceModes,
-    component_modes: Sequence[ModeKey],
-    point: WorkingPoint,
-    state: DesignState,
-    slope: float,
-    saturation: float,
-    regularisation: str,
-    band_hz: tuple[float, float],
-    tolerance: float,
-) -> TransientPoint:
-    """Bring a design to the reference's modes: nothing of the observation changes.
-
-    Parameters
-    ----------
-    model : ReducedModel
-    reference : ReferenceModes
-        Made with `component_modes` as shapes.
-    component_modes : sequence of (component, mode)
-        In the order of `reference.system.shapes`; all that the state changes must be there.
-    point : WorkingPoint
-        Of `state`.
-    state : DesignState
-    slope : float
-        k_t, N s/m3; 0 for `automatic_slope`.
-    saturation : float
-        Sliding speed that the automatic slope is of, m/s; not used with a slope.
-    regularisation : str
-        ``regularised`` or ``smooth``.
-    band_hz : (low, high)
-        Where unstable modes are followed.
-    tolerance : float
-        Damping ratio below minus which a mode counts as unstable.
-
-    Raises
-    ------
-    ParameterError
-        Damping of an assembly mode that the reference does not have; friction so soft that steady
-        sliding is not steady.
-    """
-    system, operating = reference.system, state.operating
-    friction = FrictionLaw(
-        operating.friction * operating.static_ratio,
-        operating.friction,
-        slope if slope > 0 else automatic_slope(state, point, saturation),
-        operating.decay_speed,
-        regularisation,
-    )
-    _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
-    d, s = shape_terms(model, component_modes, state)
-    basis = state.damping_ratio * reference.coupling
-    d, s = np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
-    normal = system.area * point.pressure
-    drag = -operating.mu_steady * system.frictional * normal
-    design = TransientDesign(
-        operating.law,
-        friction,
-        operating.sliding_speed,
-        modal_damping_rates(reference, state),
-        None,
-        d,
-        s,
-        point.gap,
-        np.column_stack([normal, drag, np.zeros_like(normal)]),
-    )
-    C, K = tangent(system, design, point, state)
-    modes = growing_modes(C, K, band_hz, tolerance)
-    rows = [growth_sensors(C, lam, y) for lam, y in zip(modes.lam, modes.left.T, strict=True)]
-    planes, overlap = mode_planes(system.omega2, modes.lam, modes.right)
-    return TransientPoint(
-        design,
-        modes,
-        np.array(rows).reshape(len(modes.lam), 4, system.n),
-        _energies(C, system.omega2, modes),
-        float(-(system.radius @ drag)),
-        planes,
-        overlap,
-    )
 
 
 def _check_slope(
@@ -180,6 +90,55 @@ def _check_slope(
     )
 
 
+def motion_point(
+    reference: ReferenceModes,
+    point: WorkingPoint,
+    state: DesignState,
+    friction: FrictionLaw,
+    band_hz: tuple[float, float],
+    tolerance: float,
+) -> MotionPoint:
+    """Bring a design to the reference's modes: nothing of the observation changes.
+
+    Its base state, q = 0, is its own steady sliding; it starts there.
+
+    Parameters
+    ----------
+    reference : ReferenceModes
+        Made with all component modes that the state changes.
+    point : WorkingPoint
+        Of `state`.
+    state : DesignState
+    friction : FrictionLaw
+    band_hz : (low, high)
+        Where unstable modes are followed.
+    tolerance : float
+        Damping ratio below minus which a mode counts as unstable.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the reference does not have.
+    """
+    system, operating = reference.system, state.operating
+    d, s = shape_terms(reference, state)
+    normal = system.area * point.pressure
+    drag = -operating.mu_steady * system.frictional * normal
+    made = MotionPoint(
+        contact=operating.law,
+        friction=friction,
+        speed=operating.sliding_speed,
+        c=modal_damping_rates(reference, state),
+        d=d,
+        s=s,
+        gap=point.gap,
+        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        static_torque=float(-(system.radius @ drag)),
+    )
+    C, K = tangent(system, made, point, state)
+    return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
+
+
 def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:
     """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s.
 
@@ -197,19 +156,18 @@ def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.nda
     return np.maximum(rates, 0.0)
 
 
-def shape_terms(
-    model: ReducedModel, component_modes: Sequence[ModeKey], state: DesignState
-) -> tuple[np.ndarray, np.ndarray]:
-    """Damping [rad/s] and stiffness change [(rad/s)^2] of each component mode in use."""
-    omega = component_frequencies(model)
+def shape_terms(reference: ReferenceModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
+    """Damping [rad/s] and stiffness change [(rad/s)^2] of the system's shapes (m,)."""
+    omega, keys = reference.component_frequencies, reference.component_modes
     dampers, changes = state.modal_dampers(omega), state.stiffness_changes(omega)
-    d = np.array([dampers.get(key, 0.0) for key in component_modes])
-    s = np.array([changes.get(key, 0.0) for key in component_modes])
-    return d + state.stiffness_damping * s, s
+    s = np.array([changes.get(key, 0.0) for key in keys])
+    d = np.array([dampers.get(key, 0.0) for key in keys]) + state.stiffness_damping * s
+    basis = state.damping_ratio * reference.coupling
+    return np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
 
 
 def tangent(
-    system: ModalSystem, design: TransientDesign, point: WorkingPoint, state: DesignState
+    system: ModalSystem, design: MotionPoint, point: WorkingPoint, state: DesignState
 ) -> tuple[np.ndarray, np.ndarray]:
     """Damping and stiffness of the system linearised at the design's steady sliding (n, n)."""
     contact = contact_weights(system, point, state.operating)
@@ -237,23 +195,13 @@ def tangent(
     return C, K
 
 
-def _energies(C: np.ndarray, omega2: np.ndarray, modes: GrowingModes) -> np.ndarray:
-    """Mean energy of the motion 2 Re(a x exp(lambda t)) whose projection on y has modulus 1."""
-    x, y, lam = modes.right, modes.left, modes.lam
-    product = np.einsum("ij,ij->j", y.conj(), 2 * lam * x + C @ x)
-    size = np.abs(x) ** 2
-    energy = np.abs(lam) ** 2 * size.sum(axis=0) + omega2 @ size
-    scaled: np.ndarray = energy / np.maximum(np.abs(product) ** 2, 1e-300)
-    return scaled
-
-
-def perturbed_start(
+def perturbed(
     system: ModalSystem,
-    point: TransientPoint,
+    point: MotionPoint,
     velocity: float,
     modes: Sequence[int] = (),
-) -> tuple[np.ndarray, np.ndarray]:
-    """Initial deviation and velocity (n,) whose largest velocity at a contact point is `velocity`.
+) -> MotionPoint:
+    """The point with a start whose largest velocity at a contact point is `velocity` [m/s].
 
     Spread evenly over the followed complex modes, or over the real modes `modes` (from 1), which
     start with a velocity and no displacement. The signs with which they meet are those of
@@ -261,20 +209,20 @@ def perturbed_start(
     """
     q0, v0 = np.zeros(system.n), np.zeros(system.n)
     if velocity == 0.0:
-        return q0, v0
+        return replace(point, q0=q0, v0=v0)
     if modes:
         for mode in modes:
             one = np.eye(1, system.n, mode - 1)[0]
             v0[mode - 1] = contact_sign(system, one) / contact_speed(system, one)
     else:
-        for lam, right in zip(point.modes.lam, point.modes.right.T, strict=True):
+        for lam, right in zip(point.growing.lam, point.growing.right.T, strict=True):
             # the phase at which the velocity is largest: the displacement is then small
             x = right * np.exp(-0.5j * np.angle(np.sum((lam * right) ** 2)))
             size = contact_sign(system, (lam * x).real) * contact_speed(system, lam * x)
             q0 += x.real / size
             v0 += (lam * x).real / size
     factor = velocity / contact_speed(system, v0)
-    return factor * q0, factor * v0
+    return replace(point, q0=factor * q0, v0=factor * v0)
 
 
 def contact_speed(system: ModalSystem, v: np.ndarray) -> float:

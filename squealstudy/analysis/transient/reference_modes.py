@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.energy import reduced_energy_shares
-from squealstudy.system.linearise import linearise
+from squealstudy.system.linearise import component_frequencies, linearise
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,10 @@ class ReferenceModes:
     coupling : ndarray (m,)
         Damping, for a damping ratio of one, of the last m rows of `system.shapes`: what is not
         diagonal in a reduced basis, rad/s.
+    component_modes : tuple of (component, mode)
+        In the order of the rows of `system.shapes` before those: what design points may change.
+    component_frequencies : mapping of (component, mode) -> float
+        Free-free, of every component mode of the reduced assembly, rad/s.
     """
 
     system: ModalSystem
@@ -47,6 +52,8 @@ class ReferenceModes:
     n_exact: int
     rates: np.ndarray
     coupling: np.ndarray
+    component_modes: tuple[ModeKey, ...]
+    component_frequencies: Mapping[ModeKey, float]
 
 
 def reference_modes(
@@ -54,7 +61,6 @@ def reference_modes(
     point: WorkingPoint,
     state: DesignState,
     component_modes: tuple[ModeKey, ...] = (),
-    sensors: np.ndarray | None = None,
 ) -> ReferenceModes:
     """Diagonalise the reduced assembly with the contact tangents of a working point.
 
@@ -69,8 +75,6 @@ def reference_modes(
     component_modes : tuple of (component, mode)
         Component modes that design points damp or shift: rows of `system.shapes`, exact in these
         coordinates.
-    sensors : ndarray (ns, n) or None
-        Rows on component-mode coordinates whose products are kept in histories.
     """
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
@@ -78,59 +82,27 @@ def reference_modes(
     drag = -state.operating.mu_steady * model.frictional * normal
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
-        omega2,
-        model.N @ phi,
-        model.T @ phi,
-        model.T_perp @ phi,
-        model.area,
-        model.frictional,
-        model.radius,
-        point.gap,
-        model.area * point.tangent,
-        np.column_stack([normal, drag, np.zeros_like(normal)]),
-        phi[rows],
-        np.zeros((0, model.n)) if sensors is None else sensors @ phi,
+        omega2=omega2,
+        N=model.N @ phi,
+        T1=model.T @ phi,
+        T2=model.T_perp @ phi,
+        area=model.area,
+        frictional=model.frictional,
+        radius=model.radius,
+        gap=point.gap,
+        k_ref=model.area * point.tangent,
+        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        shapes=phi[rows],
     )
     return ReferenceModes(
-        system,
-        phi,
-        phi.T @ tangent.C @ phi,
-        phi.T @ tangent.K @ phi,
-        reduced_energy_shares(model, tangent.weights, phi),
-        len(omega2),
-        2.0 * np.sqrt(np.maximum(omega2, 0.0)),
-        np.zeros(0),
+        system=system,
+        phi=phi,
+        C=phi.T @ tangent.C @ phi,
+        K=phi.T @ tangent.K @ phi,
+        energies=reduced_energy_shares(model, tangent.weights, phi),
+        n_exact=len(omega2),
+        rates=2.0 * system.frequencies,
+        coupling=np.zeros(0),
+        component_modes=component_modes,
+        component_frequencies=component_frequencies(model),
     )
-
-
-def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
-    """Sensor rows that see one complex mode alone.
-
-    The projection xi(t) = y^H ((lambda + C) q + q') on the left vector y (M = I) of a linear
-    system obeys xi' = lambda xi, whatever else is in the motion.
-
-    Parameters
-    ----------
-    C : ndarray (n, n)
-    lam : complex
-        Root, rad/s.
-    left : ndarray (n,) complex
-        Left vector: y^H (lambda^2 + lambda C + K) = 0.
-
-    Returns
-    -------
-    ndarray (4, n)
-        Real and imaginary part of y^H (for velocities), then of y^H (lambda + C) (displacements);
-        `projection` puts them together.
-    """
-    y = left.conj()
-    z = lam * y + y @ C
-    return np.stack([y.real, y.imag, z.real, z.imag])
-
-
-def projection(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Complex amplitude (rows,) from the histories (rows, 4) of `growth_sensors`."""
-    xi: np.ndarray = (
-        velocity[:, 0] + 1j * velocity[:, 1] + displacement[:, 2] + 1j * displacement[:, 3]
-    )
-    return xi

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from squealstudy.analysis.transient.arrays import (
     kernel_settings,
     modal_arrays,
+    observation,
     saved_arrays,
     work_arrays,
 )
-from squealstudy.analysis.transient.blow_up import blown_up
-from squealstudy.analysis.transient.observation import observation
-from squealstudy.analysis.transient.settings import (
-    EnergyBalance,
-    TransientResult,
-    TransientSettings,
-)
-from squealstudy.analysis.transient.system import ModalSystem, TransientDesign
-from squealstudy.analysis.transient.watch import Watch, block_steps, paused, stop
-from squealstudy.errors import ModelError
+from squealstudy.analysis.transient.motion import EnergyBalance, Motion
+from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.errors import ParameterError
 from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.contact_point import POINT_GAP
+from squealstudy.kernels.integrator_state import BLOW_UP
 from squealstudy.kernels.newmark_batch import newmark_batch
+from squealstudy.motion.integrator import Integrator, KernelIntegrator
 
 OUTCOMES = {
     layout.RUNNING: "ok",  # so far
@@ -41,26 +40,49 @@ REASONS = {
     layout.SINGULAR: "the Jacobian is singular",
     layout.BLOWN_UP: "far more energy than was ever put in",
 }
+STORED = layout.HISTORY.index("stored")
+
+
+@dataclass(frozen=True)
+class Watch:
+    """When runs are looked at, and who says that they may stop.
+
+    Attributes
+    ----------
+    steps : sequence of int
+        Each design is looked at after so many steps, again and again; rounded up to saved rows.
+    judge : callable
+        Told the design's number and what it has done so far, its histories not copied; says why
+        the run may stop, or an empty string.
+    """
+
+    steps: Sequence[int]
+    judge: Callable[[int, Motion], str]
+
+
+class OneByOne(Integrator):
+    """An integrator that takes one design point after the other, to its end."""
+
+    @abstractmethod
+    def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
+        """Integrate a design point; a failure is an outcome."""
 
 
 def simulate(
     system: ModalSystem,
-    designs: Sequence[TransientDesign],
-    settings: TransientSettings,
-    q0: np.ndarray,
-    v0: np.ndarray,
+    designs: Sequence[MotionPoint],
+    settings: MotionSettings,
     watch: Watch | None = None,
-) -> list[TransientResult]:
-    """Integrate design points together; a failed one has an outcome and does not stop the others.
+) -> list[Motion]:
+    """Integrate design points; a failed one has an outcome and does not stop the others.
 
     Parameters
     ----------
     system : ModalSystem
-    designs : sequence of TransientDesign
-        Each comes to the same result alone.
-    settings : TransientSettings
-    q0, v0 : ndarray (n,) or (nb, n)
-        Initial deviation and velocity.
+    designs : sequence of MotionPoint
+        With their starts. Those of an integrator of the kernel advance together; each comes to
+        the same result alone.
+    settings : MotionSettings
     watch : Watch or None
         None lets all run to the end. Being looked at changes nothing, to the last bit; in a batch
         a design rounds otherwise once fewer go on beside it.
@@ -68,93 +90,171 @@ def simulate(
     Raises
     ------
     ParameterError
-        A watch over runs that save no rows, or steps that are not positive.
+        A watch over runs that save no rows, or steps that are not positive, or of an integrator
+        that cannot be looked at.
     ModelError
         A design whose arrays do not fit the system, or an initial state that is not finite.
     """
+    integrator = settings.integrator
+    if isinstance(integrator, OneByOne):
+        if watch is not None:
+            raise ParameterError("integrator", f"runs of '{integrator.name}' go to their end")
+        return [integrator.run(system, design, settings) for design in designs]
     if not designs:
         return []
-    modal, dense = modal_arrays(system, designs, settings)
-    options = kernel_settings(settings, dense)
-    B = observation(system, settings.single_storage)
-    work = work_arrays(modal, options, B)
-    _set_out(work, system.n, q0, v0)
-    saved = saved_arrays(modal, system.n, settings)
+    run = KernelRun.of(system, designs, settings)
+    counts = run.work.counts
+    blocks = _block_steps(watch, len(designs), settings)
     stopped = [""] * len(designs)
-    seen = [(system.n, len(x.sensor_rows(system))) for x in designs]
-    blocks = block_steps(watch, len(designs), settings)
-    work.counts[:, layout.PAUSE] = blocks
-    newmark_batch(B, modal, options, work, saved)
-    while watch is not None and (at_pause := paused(work)):
+    counts[:, layout.PAUSE] = blocks
+    newmark_batch(*run.arguments)
+    while watch is not None and (at_pause := _paused(counts)):
         for k in at_pause:
-            stopped[k] = watch.judge(k, result_of(work, saved, settings, k, seen[k], np.asarray))
+            stopped[k] = watch.judge(k, run.motion(k, np.asarray))
             if stopped[k]:
-                stop(work, saved, k)
-            work.counts[k, layout.PAUSE] += blocks[k]
-        newmark_batch(B, modal, options, work, saved)
-    finished = [result_of(work, saved, settings, k, x) for k, x in enumerate(seen)]
-    starts = zip(*(np.broadcast_to(x, (len(designs), system.n)) for x in (q0, v0)), strict=True)
-    return [
-        _judged(replace(r, stopped=why), blown_up(r, system, design, *start))
-        for r, why, design, start in zip(finished, stopped, designs, starts, strict=True)
-    ]
+                run.stop(k)
+            counts[k, layout.PAUSE] += blocks[k]
+        newmark_batch(*run.arguments)
+    return [_judged(system, replace(run.motion(k), stopped=why)) for k, why in enumerate(stopped)]
 
 
-def _judged(result: TransientResult, blew_up: bool) -> TransientResult:
-    """The result, with its outcome and message where it blew up."""
-    if not blew_up:
-        return result
-    message = f"t = {result.time:.9g} s: {REASONS[layout.BLOWN_UP]}"
-    return replace(result, outcome=OUTCOMES[layout.BLOWN_UP], message=message, stopped="")
+@dataclass(frozen=True)
+class KernelRun:
+    """What a kernel gets for some design points, and what came of it.
 
-
-def _set_out(work: layout.Work, n: int, q0: np.ndarray, v0: np.ndarray) -> None:
-    """The initial state of all designs, also as their first trial state."""
-    for row, trial, initial in ((layout.Q, layout.Q_TRIAL, q0), (layout.V, layout.V_TRIAL, v0)):
-        shapes = ((n,), (len(work.x), n))
-        if np.shape(initial) not in shapes or not np.isfinite(initial).all():
-            raise ModelError(f"an initial state needs {n} finite values a design")
-        work.x[:, row, :n] = initial
-        work.x[:, trial, :n] = initial
-
-
-def result_of(
-    work: layout.Work,
-    saved: layout.Saved,
-    settings: TransientSettings,
-    k: int,
-    sizes: tuple[int, int],
-    take: Callable[[np.ndarray], np.ndarray] = np.copy,
-) -> TransientResult:
-    """One design's part of the working arrays, `sizes` its modes and sensors.
-
-    `take` copies it or leaves it where it is.
+    Attributes
+    ----------
+    B : ndarray (nt, n, ROWS)
+        Tiles of the observation matrix.
+    modal, options, work, saved : newmark_layout tuples
+    system : ModalSystem
+    designs : sequence of MotionPoint
+    settings : MotionSettings
+        Those that they were made for.
     """
-    n, ns = sizes
-    count, real = work.counts[k], work.real[k]
-    status = int(count[layout.STATUS])
-    done = status in (layout.DONE, layout.RUNNING)
-    steps = count[layout.STEP] + count[layout.POSITION] / 2**settings.max_halvings
-    time = float(steps * settings.step)
-    message = "" if done else f"t = {time:.9g} s: {REASONS[status]}"
-    rows = int(count[layout.SAVED])
-    history = {name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)}
-    energy = EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL]))
-    return TransientResult(
-        OUTCOMES[status],
-        message,
-        time,
-        take(work.x[k, layout.Q, :n]),
-        take(work.x[k, layout.V, :n]),
-        history,
-        take(saved.sensed[k, :rows, 0, :ns]),
-        take(saved.sensed[k, :rows, 1, :ns]),
-        take(saved.q[k, :rows]),
-        float(count[layout.PASSES] / max(count[layout.STEP], 1)),
-        int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),
-        int(count[layout.HALVINGS]),
-        int(count[layout.NEWTON_STEPS]),
-        float(real[layout.CONTRACTION]),
-        energy,
-        int(count[layout.STEP]),
-    )
+
+    B: np.ndarray
+    modal: layout.Modal
+    options: layout.Settings
+    work: layout.Work
+    saved: layout.Saved
+    system: ModalSystem
+    designs: Sequence[MotionPoint]
+    settings: MotionSettings
+
+    @staticmethod
+    def of(
+        system: ModalSystem, designs: Sequence[MotionPoint], settings: MotionSettings
+    ) -> KernelRun:
+        """The arrays at the start of a run, by an integrator of the kernel.
+
+        Raises
+        ------
+        ModelError
+            A design that does not fit the system.
+        """
+        integrator = settings.integrator
+        assert isinstance(integrator, KernelIntegrator)
+        starts = np.array([design.start(system.n) for design in designs])
+        modal, dense = modal_arrays(system, designs, settings, integrator)
+        options = kernel_settings(settings, integrator, dense)
+        B = observation(system, integrator.single_storage)
+        return KernelRun(
+            B=B,
+            modal=modal,
+            options=options,
+            work=work_arrays(modal, options, B, starts),
+            saved=saved_arrays(modal, system.n, settings),
+            system=system,
+            designs=designs,
+            settings=settings,
+        )
+
+    @property
+    def arguments(
+        self,
+    ) -> tuple[np.ndarray, layout.Modal, layout.Settings, layout.Work, layout.Saved]:
+        """The first arguments of kernels."""
+        return self.B, self.modal, self.options, self.work, self.saved
+
+    def stop(self, k: int) -> None:
+        """End design k where it is, its last step a saved row."""
+        rows = self.work.counts[k, layout.SAVED]
+        self.work.counts[k, layout.STATUS] = layout.DONE
+        self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, STORED]
+
+    def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = np.copy) -> Motion:
+        """What design k has done so far; `take` copies arrays or leaves them where they are."""
+        system, settings, saved = self.system, self.settings, self.saved
+        n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
+        count, real = self.work.counts[k], self.work.real[k]
+        status = int(count[layout.STATUS])
+        done = status in (layout.DONE, layout.RUNNING)
+        steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.max_halvings
+        time = float(steps * settings.step)
+        rows = int(count[layout.SAVED])
+        return Motion(
+            point=self.designs[k],
+            sensed=system.sensed,
+            omega=system.frequencies[system.sensed - 1],
+            outcome=OUTCOMES[status],
+            message="" if done else f"t = {time:.9g} s: {REASONS[status]}",
+            time=time,
+            q=take(self.work.x[k, layout.Q, :n]),
+            v=take(self.work.x[k, layout.V, :n]),
+            history={
+                name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)
+            },
+            displacement=take(saved.sensed[k, :rows, 0, :ns]),
+            velocity=take(saved.sensed[k, :rows, 1, :ns]),
+            q_history=take(saved.q[k, :rows]),
+            mean_iterations=float(count[layout.PASSES] / max(count[layout.STEP], 1)),
+            max_iterations=int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),
+            halvings=int(count[layout.HALVINGS]),
+            newton_steps=int(count[layout.NEWTON_STEPS]),
+            contraction=float(real[layout.CONTRACTION]),
+            energy=EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL])),
+            steps=int(count[layout.STEP]),
+        )
+
+
+def _block_steps(watch: Watch | None, count: int, settings: MotionSettings) -> np.ndarray:
+    """Steps between pauses of each design (count,): whole saved rows, or the whole run."""
+    if watch is None:
+        return np.full(count, settings.n_steps)
+    if settings.save_every == 0:
+        raise ParameterError("save_every", "a watch looks at saved rows, got 0")
+    steps = np.asarray(watch.steps, dtype=np.int64)
+    if steps.shape != (count,) or steps.min() < 1:
+        raise ParameterError("steps", "a watch needs a positive number of steps for each design")
+    return -(-steps // settings.save_every) * settings.save_every
+
+
+def _paused(counts: np.ndarray) -> list[int]:
+    """Designs that run and are at their pause."""
+    here = counts[:, layout.STEP] == counts[:, layout.PAUSE]
+    return [int(k) for k in np.flatnonzero(here & (counts[:, layout.STATUS] == layout.RUNNING))]
+
+
+def _judged(system: ModalSystem, motion: Motion) -> Motion:
+    """The motion, with its outcome and message where it blew up."""
+    if not blown_up(motion, system):
+        return motion
+    message = f"t = {motion.time:.9g} s: {REASONS[layout.BLOWN_UP]}"
+    return replace(motion, outcome=OUTCOMES[layout.BLOWN_UP], message=message, stopped="")
+
+
+def blown_up(motion: Motion, system: ModalSystem) -> bool:
+    """Whether energy came from nowhere: a step that impacts do not forgive.
+
+    Put in are the work of loads and belt, the initial motion and what the contact had stored; what
+    was dissipated came out as well, as the kernels balance their energies.
+    """
+    design, energy = motion.point, motion.energy
+    q0, v0 = design.start(system.n)
+    p, kappa = design.contact.evaluate(design.points(system)[POINT_GAP] + system.N @ q0)
+    soft = np.divide(p, kappa, out=np.zeros_like(p), where=kappa > 0)
+    put_in = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
+    put_in += 0.5 * float(v0 @ v0 + system.omega2 @ (q0 * q0)) + float(system.area @ (p * soft))
+    came_out = energy.stored_end + energy.friction + energy.damping
+    return bool(motion.outcome == "ok" and came_out > BLOW_UP * put_in)

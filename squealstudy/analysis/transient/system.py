@@ -17,12 +17,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from squealstudy.analysis.transient.growing_modes import GrowingModes, none_growing
 from squealstudy.errors import ModelError
 from squealstudy.kernels import friction_laws
 from squealstudy.models.law import ContactLaw
+
+if TYPE_CHECKING:
+    from squealstudy.reduction.hybrid import HybridModel
 
 STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
 CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
@@ -85,8 +90,8 @@ class ModalSystem:
         points are meant to balance them.
     shapes : ndarray (m, n)
         Rows U that design points damp (d) or stiffen (s).
-    sensors : ndarray (ns, n)
-        Rows whose products with q and q' are kept in the histories.
+    sensed : ndarray (ns,) of int
+        Modes (from 1) whose displacements and velocities are kept in the histories.
 
     Raises
     ------
@@ -105,22 +110,23 @@ class ModalSystem:
     k_ref: np.ndarray
     force: np.ndarray
     shapes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    sensors: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    sensed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     def __post_init__(self) -> None:
         nc, n = np.shape(self.N)
-        for name in ("shapes", "sensors"):
-            if not getattr(self, name).size:
-                object.__setattr__(self, name, np.zeros((0, n)))
+        if not self.shapes.size:
+            object.__setattr__(self, "shapes", np.zeros((0, n)))
         wanted = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
         wanted |= dict.fromkeys(("area", "frictional", "radius", "gap", "k_ref"), (nc,))
-        wanted |= {"shapes": (len(self.shapes), n), "sensors": (len(self.sensors), n)}
+        wanted |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
         for name, shape in {"N": (nc, n), **wanted}.items():
             value = getattr(self, name)
             if value.shape != shape:
                 raise ModelError(f"modal system: '{name}' has shape {value.shape}, not {shape}")
             if not np.isfinite(value).all():
                 raise ModelError(f"modal system: '{name}' has values that are not finite")
+        if len(self.sensed) and not 1 <= self.sensed.min() <= self.sensed.max() <= n:
+            raise ModelError(f"modal system: 'sensed' needs modes from 1 to {n}")
 
     @property
     def n(self) -> int:
@@ -132,27 +138,16 @@ class ModalSystem:
         """The observation matrix by precision; `observation` puts it here when needed."""
         return {}
 
-    def points(self, design: TransientDesign) -> np.ndarray:
-        """Contact points of a design (8, nc) for the kernels, at its own base state.
-
-        Raises
-        ------
-        ModelError
-            A base of the wrong shape, or with values that are not finite.
-        """
-        gap = self.gap if design.gap is None else np.asarray(design.gap, dtype=float)
-        force = self.force if design.force is None else np.asarray(design.force, dtype=float)
-        if gap.shape != self.gap.shape or force.shape != self.force.shape:
-            raise ModelError(f"transient design: 'gap', 'force' need {len(self.gap)} points")
-        if not (np.isfinite(gap).all() and np.isfinite(force).all()):
-            raise ModelError("transient design: 'gap' or 'force' has values that are not finite")
-        columns = (gap, self.area, self.frictional, self.radius, self.k_ref)
-        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Of the modes (n,), rad/s; 0 where the stiffness is negative."""
+        omega: np.ndarray = np.sqrt(np.maximum(self.omega2, 0.0))
+        return omega
 
 
 @dataclass(frozen=True)
-class TransientDesign:
-    """One design point on a modal system.
+class MotionPoint:
+    """One design point on a modal or a hybrid system: laws, base state, damping, start.
 
     Parameters
     ----------
@@ -161,7 +156,7 @@ class TransientDesign:
     speed : float
         Imposed sliding velocity along T1, m/s.
     c : ndarray (n,)
-        Modal damping 2 zeta omega, 1/s.
+        Modal damping 2 zeta omega, 1/s; on a hybrid system of its real modes (m,).
     load : ndarray (n,) or None
         Modal load beyond that of the reference state.
     d, s : ndarray (m,) or None
@@ -170,8 +165,16 @@ class TransientDesign:
         At the design's own base state, m; None for the system's.
     force : ndarray (nc, 3) or None
         Normal and friction forces that the base balances, N; None for the system's.
-    sensors : ndarray (m, n) or None
-        Rows kept in the design's histories after those of the system.
+    q0, v0 : ndarray (n,) or None
+        Initial deviation from the base state and velocity; None for none.
+    continued : bool
+        The start is the end of an earlier run; otherwise its energy is that of a perturbation.
+    beta : float
+        Of a hybrid system: stiffness-proportional damping of all that is no real mode, s.
+    static_torque : float
+        Of the base state, N m.
+    growing : GrowingModes
+        Complex modes of the system linearised at the base state, through which runs are watched.
     """
 
     contact: ContactLaw
@@ -183,16 +186,49 @@ class TransientDesign:
     s: np.ndarray | None = None
     gap: np.ndarray | None = None
     force: np.ndarray | None = None
-    sensors: np.ndarray | None = None
+    q0: np.ndarray | None = None
+    v0: np.ndarray | None = None
+    continued: bool = False
+    beta: float = 0.0
+    static_torque: float = 0.0
+    growing: GrowingModes = field(default_factory=none_growing)
 
-    def sensor_rows(self, system: ModalSystem) -> np.ndarray:
-        """Rows (ns, n) whose products with q and q' are kept; ModelError for others than finite."""
-        if self.sensors is None:
-            return system.sensors
-        own = np.asarray(self.sensors, dtype=float)
-        if own.ndim != 2 or own.shape[1] != system.n or not np.isfinite(own).all():
-            raise ModelError(f"transient design: 'sensors' needs rows of {system.n} finite values")
-        return np.vstack([system.sensors, own])
+    def start(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Initial deviation and velocity (n,).
+
+        Raises
+        ------
+        ModelError
+            One of another size, or not finite.
+        """
+        found = [
+            np.zeros(n) if x is None else np.asarray(x, dtype=float) for x in (self.q0, self.v0)
+        ]
+        if any(x.shape != (n,) or not np.isfinite(x).all() for x in found):
+            raise ModelError(f"an initial state needs {n} finite values")
+        return found[0], found[1]
+
+    def base(self, system: ModalSystem | HybridModel) -> tuple[np.ndarray, np.ndarray]:
+        """Gap (nc,) and forces (nc, 3) of the base state.
+
+        Raises
+        ------
+        ModelError
+            Of the wrong shape, or with values that are not finite.
+        """
+        gap = system.gap if self.gap is None else np.asarray(self.gap, dtype=float)
+        force = system.force if self.force is None else np.asarray(self.force, dtype=float)
+        if gap.shape != system.gap.shape or force.shape != system.force.shape:
+            raise ModelError(f"design point: 'gap', 'force' need {len(system.gap)} points")
+        if not (np.isfinite(gap).all() and np.isfinite(force).all()):
+            raise ModelError("design point: 'gap' or 'force' has values that are not finite")
+        return gap, force
+
+    def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
+        """Contact points (8, nc) for the kernels, at the base state."""
+        gap, force = self.base(system)
+        columns = (gap, system.area, system.frictional, system.radius, system.k_ref)
+        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
 
     def law_row(self) -> np.ndarray:
         """(9,) for the kernels."""
@@ -206,7 +242,7 @@ def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndar
     return np.array([*row, speed], dtype=float)
 
 
-def stick_number(system: ModalSystem, design: TransientDesign, step: float) -> float:
+def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:
     """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
 
     The whole chain of `simulate` is meant for numbers up to `STICK_LIMIT`; the largest step for a

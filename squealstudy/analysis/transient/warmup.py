@@ -9,17 +9,17 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numba
 import numpy as np
 
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, TransientDesign
+from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.models.law import ContactLaw
+from squealstudy.motion.integrators.newmark import Newmark
 
 if sys.platform != "win32":
     import fcntl
@@ -66,11 +66,11 @@ def warm_kernels(single_storage: bool = False) -> float:
     while _begun:
         _begun.pop().wait()
     system, design = smallest()
-    settings = TransientSettings(duration=2e-6, step=1e-6, save_every=1)
     with alone(), uncollected():
         for stored in (False, True) if single_storage else (False,):
-            chosen = replace(settings, single_storage=stored)
-            simulate(system, [design], chosen, np.zeros(1), np.zeros(1))
+            method = Newmark(single_storage=stored)
+            settings = MotionSettings(duration=2e-6, step=1e-6, save_every=1, integrator=method)
+            simulate(system, [design], settings)
     return time.perf_counter() - began
 
 
@@ -97,7 +97,7 @@ def alone(path: Path | None = None) -> Iterator[None]:
         yield
 
 
-def smallest() -> tuple[ModalSystem, TransientDesign]:
+def smallest() -> tuple[ModalSystem, MotionPoint]:
     """One mode under one sliding point."""
     one, row = np.ones(1), np.ones((1, 1))
     system = ModalSystem(
@@ -111,7 +111,7 @@ def smallest() -> tuple[ModalSystem, TransientDesign]:
         gap=0 * one,
         k_ref=one,
         force=np.zeros((1, 3)),
-        sensors=row,
+        sensed=np.array([1]),
     )
     law = ContactLaw("exponential", p0=1.0, lam=1.0)
-    return system, TransientDesign(law, FrictionLaw(0.5, 0.5, 1.0), 1.0, one)
+    return system, MotionPoint(law, FrictionLaw(0.5, 0.5, 1.0), 1.0, one)

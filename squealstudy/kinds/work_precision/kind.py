@@ -14,7 +14,6 @@ from squealstudy.analysis.integrators.warmup import warm_integrators
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
 from squealstudy.kinds.work_precision import rows
-from squealstudy.kinds.work_precision.integrator import chosen_integrator
 from squealstudy.kinds.work_precision.section import WorkPrecisionDefinition
 from squealstudy.kinds.work_precision.tables import measurement_tables
 from squealstudy.kinds.work_precision.variants import (
@@ -24,6 +23,7 @@ from squealstudy.kinds.work_precision.variants import (
     common_study,
     make_variants,
 )
+from squealstudy.motion.integrator import integrator
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.chunks import read_chunks
 from squealstudy.study.files import write_parquet
@@ -184,9 +184,6 @@ def _over(study: PrecisionFile) -> int:
 def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
     if not all(is_prepared(s.key) for s in variant.plan.structures):
         raise ConvergenceError("structure", "no reduction of its model can be made")
-    integrate = None
-    if variant.integrator:
-        integrate = chosen_integrator(variant.integrator, variant.options)
-    starts = study.definition.work_precision.starts
-    asked = Asked(variant.lines, integrate, starts)
+    method = integrator(variant.integrator, variant.options) if variant.integrator else None
+    asked = Asked(variant.lines, method, study.definition.work_precision.starts)
     return _measuring(study).measure(variant.plan, variant.measured, asked)

@@ -11,7 +11,6 @@ import numpy as np
 
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.methods import MethodsFile
-from squealstudy.kinds.work_precision.integrator import check_integrator
 from squealstudy.kinds.work_precision.section import (
     ONSET,
     OPTION,
@@ -20,6 +19,7 @@ from squealstudy.kinds.work_precision.section import (
     Scalar,
     WorkPrecisionDefinition,
 )
+from squealstudy.motion.integrator import integrator
 from squealstudy.study.definition import Study
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.kinds import kind_named, kind_names
@@ -291,7 +291,7 @@ def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
             'transient.representation = "modal" for all methods',
         )
     try:
-        check_integrator(variant.integrator, variant.options)
+        integrator(variant.integrator, variant.options)
     except ParameterError as error:
         own = error.key != "integrator"
         place = "options" if own else "integrator"

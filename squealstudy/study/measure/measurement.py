@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from squealstudy.motion.integrator import Integrator
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -60,14 +62,14 @@ class Asked:
     lines : mapping of int -> sequence of int
         By number of a measured point, positions of the points of the line on which its onset is
         sought.
-    integrate : callable or None
-        An integrator in place of the study's own.
+    integrator : Integrator or None
+        In place of the study's own.
     starts : int
         Runs in time of each point, from perturbations of other sizes.
     """
 
     lines: Mapping[int, Sequence[int]] = field(default_factory=dict)
-    integrate: Callable[..., Any] | None = None
+    integrator: Integrator | None = None
     starts: int = 1
 
 

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.runs.pooled import pooled_interval
+from squealstudy.analysis.runs.levels import pooled_interval
 from squealstudy.analysis.runs.summary import summarise
 from squealstudy.analysis.tables.finding_errors import run_errors
 from squealstudy.analysis.tables.run_classes import IRREGULAR, LASTING, UNDECIDED
-from squealstudy.analysis.transient.reference_modes import ReferenceModes
-from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.motion import Motion
+from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import SquealstudyError
+from squealstudy.motion.integrator import Integrator
 from squealstudy.study.measure.frequency_domain import reduction_seconds
 from squealstudy.study.measure.measurement import Measurement, Measuring
 from squealstudy.study.parallel import silent
@@ -26,11 +27,8 @@ from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient import forecast
-from squealstudy.study.transient.basis import full_choice
-from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of
-from squealstudy.study.transient.hybrid_runs import hybrid_runs
-from squealstudy.study.transient.modal_runs import Finished, Integrate, modal_runs
-from squealstudy.study.transient.ready import Ready, set_up
+from squealstudy.study.transient.batch import batch_task
+from squealstudy.study.transient.motions import integrate, set_up
 from squealstudy.study.transient.training import make_training_runs, training_seconds
 from squealstudy.study.working_points import NewGaps
 
@@ -44,7 +42,7 @@ PLAIN = {"dominant_frequency": "dominant_frequency_hz"}
 
 
 def measure_runs(
-    plan: Plan, measured: Sequence[int], integrate: Integrate = simulate, starts: int = 1
+    plan: Plan, measured: Sequence[int], integrator: Integrator | None = None, starts: int = 1
 ) -> Measurement:
     """Run chosen points of a transient study; only the integration is timed as theirs.
 
@@ -56,17 +54,17 @@ def measure_runs(
         The structures of those points are in the cache.
     measured : sequence of int
         Positions of the points among the plan's.
-    integrate : callable
-        In place of the study's own integrator (modal representation only).
+    integrator : Integrator or None
+        In place of the study's own (modal representation only).
     starts : int
         Runs of each point from perturbations of other sizes, so that bounds of levels hold what
         an irregular cycle owes to its start; seconds are those of one.
     """
-    return measure_tasks(plan, [plan.tasks[i] for i in measured], integrate, starts)
+    return measure_tasks(plan, [plan.tasks[i] for i in measured], integrator, starts)
 
 
 def measure_tasks(
-    plan: Plan, chosen: Sequence[PointTask], integrate: Integrate = simulate, starts: int = 1
+    plan: Plan, chosen: Sequence[PointTask], integrator: Integrator | None = None, starts: int = 1
 ) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
@@ -77,61 +75,64 @@ def measure_tasks(
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
-            runs = [_batch(plan, part, integrate, START_RATIO**n) for n in range(starts)]
+            runs = [_batch(plan, part, integrator, START_RATIO**n) for n in range(starts)]
             merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
             findings |= {str(first + n): one for n, one in enumerate(merged)}
             spent += sum(r[1] if r[3] else np.nan for r in runs) / starts
             memory_mb = max(memory_mb, *(r[2] for r in runs))
-            finished = [done for r in runs for done in r[3]]
-            passes += [done.run.result.mean_iterations for done in finished]
-            size = max([size, *(done.n_coordinates for done in finished)])
-    setup, reduction = training_seconds(plan), reduction_seconds(plan)
-    iterations = float(np.mean(passes)) if passes else np.nan
-    return Measurement(spent / len(chosen), setup, reduction, memory_mb, iterations, size, findings)
+            finished = [motion for r in runs for motion in r[3]]
+            passes += [motion.mean_iterations for motion in finished]
+            size = max([size, *(len(motion.q) for motion in finished)])
+    return Measurement(
+        seconds=spent / len(chosen),
+        setup_seconds=training_seconds(plan),
+        reduction_seconds=reduction_seconds(plan),
+        memory_mb=memory_mb,
+        iterations=float(np.mean(passes)) if passes else np.nan,
+        n_coordinates=size,
+        findings=findings,
+    )
 
 
 def _batch(
-    plan: Plan, part: tuple[PointTask, ...], integrate: Integrate, start: float
-) -> tuple[list[dict[str, Any]], float, float, list[Finished]]:
+    plan: Plan, part: tuple[PointTask, ...], integrator: Integrator | None, start: float
+) -> tuple[list[dict[str, Any]], float, float, list[Motion]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
-    choice = full_choice(plan, part[0].prepared_key)
-    task = batch_task(plan, part, choice)
+    task = batch_task(plan, part, integrator=integrator)
     try:
-        reference = reference_of(task)
+        _ = task.reference
     except SquealstudyError as error:
         return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
-    found = [set_up(task, reference, point, NewGaps()) for point in part]
-    ready = [
-        replace(one, q0=start * one.q0, v0=start * one.v0)
-        for one in found
-        if isinstance(one, Ready)
+    found = [set_up(task, point, NewGaps()) for point in part]
+    chosen = [
+        point for point, made in zip(part, found, strict=True) if isinstance(made, MotionPoint)
     ]
+    ready = [_scaled(made, start) for made in found if isinstance(made, MotionPoint)]
     seconds, finished, message = 0.0, [], ("failed", "")
     with memory_above() as memory:
         started = time.process_time()
         try:
-            finished = _integrated(integrate, task, reference, ready) if ready else []
+            finished = integrate(task, chosen, ready) if ready else []
         except FAILURES as error:
             message = reason(error)
         seconds = time.process_time() - started
     done = iter(finished)
     findings = [
-        _failed(one["status"], one["message"])
-        if not isinstance(one, Ready)
+        _failed(*made)
+        if not isinstance(made, MotionPoint)
         else _found(next(done))
         if finished
         else _failed(*message)
-        for one in found
+        for made in found
     ]
     return findings, seconds, memory.megabytes, finished
 
 
-def _integrated(
-    integrate: Integrate, task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
-) -> list[Finished]:
-    if task.section.representation == "hybrid":
-        return hybrid_runs(task, reference, ready)
-    return modal_runs(task, reference, ready, integrate)
+def _scaled(point: MotionPoint, start: float) -> MotionPoint:
+    """The point with a smaller perturbation."""
+    assert point.q0 is not None
+    q0, v0 = point.start(len(point.q0))
+    return replace(point, q0=start * q0, v0=start * v0)
 
 
 def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -164,11 +165,10 @@ def _failed(status: str, message: str) -> dict[str, Any]:
     return {"status": status, "message": message}
 
 
-def _found(done: Finished) -> dict[str, Any]:
-    result = done.run.result
-    if result.outcome != "ok":
-        return _failed(result.outcome, result.message)
-    summary = summarise(done.run)
+def _found(motion: Motion) -> dict[str, Any]:
+    if motion.outcome != "ok":
+        return _failed(motion.outcome, motion.message)
+    summary = summarise(motion)
     return _finding(summary.point, summary.modes)
 
 
@@ -207,7 +207,7 @@ MEASURING = Measuring(
     quantities=("growth_rate", "torque_mean", "torque_rms", "dominant_frequency", "energy_share"),
     judged=("growth_rate", "torque_rms", "torque_mean", "dominant_frequency"),
     measure=lambda plan, measured, asked: measure_runs(
-        plan, measured, asked.integrate or simulate, asked.starts
+        plan, measured, asked.integrator, asked.starts
     ),
     comparisons=(run_errors,),
     finding=run_finding,

@@ -1,27 +1,84 @@
-"""A batch of design points as a worker gets it, and the reference that its points share."""
+"""A batch of design points as a worker gets it, and the modes that its points share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
 from squealstudy.analysis.transient.reference_modes import ReferenceModes, reference_modes
-from squealstudy.analysis.transient.settings import TransientSettings
+from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.motion.integrator import Integrator
+from squealstudy.study.cache import prepared_path
+from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
-from squealstudy.study.transient.basis import ALL_MODES, BasisChoice, full_choice, mode_keys
-from squealstudy.study.transient.plan_facts import start_of
+from squealstudy.study.transient.plan_facts import (
+    TRANSIENT_SOURCES,
+    start_of,
+    training_designs,
+)
 from squealstudy.study.transient.start import StartState
 from squealstudy.study.transient_section import TransientSection
 from squealstudy.study.working_points import prepared_model
 from squealstudy.system.design_state import DesignState, ModeKey
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
+TRAINING_KEYS = {"step", "duration", "friction"}
+
+
+@dataclass(frozen=True)
+class BasisChoice:
+    """Which of the reference's modes are kept, and what repairs them.
+
+    Attributes
+    ----------
+    modes_below : float or None
+        Hz; None keeps all.
+    pod_vectors : int
+    training : Path or None
+        Snapshots and growing modes of a run with all modes, of which `pod_vectors` are taken.
+    """
+
+    modes_below: float | None = None
+    pod_vectors: int = 0
+    training: Path | None = None
+
+
+ALL_MODES = BasisChoice()
+
+
+def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
+    """Component modes that the study names, in order."""
+    keys = {(p.component, m) for p in plan.designs[0].mode_parameters() for m in p.modes}
+    return tuple(sorted(keys))
+
+
+def full_choice(plan: Plan, prepared_key: str) -> BasisChoice:
+    """The basis that the study asks for."""
+    section = plan.study.section
+    training = training_path(plan, prepared_key) if section.pod_vectors else None
+    return BasisChoice(section.modes_below, section.pod_vectors, training)
+
+
+def truncated_choice(plan: Plan) -> BasisChoice:
+    """The same without POD vectors, for which no run is needed."""
+    return BasisChoice(plan.study.section.modes_below)
+
+
+def training_path(plan: Plan, prepared_key: str) -> Path:
+    """Where what the study's training run gave is kept, there or not."""
+    section = plan.study.section.training
+    settings = section.model_dump(mode="json", include=TRAINING_KEYS)
+    values = [sorted(d.values.items()) for d in training_designs(plan)]
+    code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
+    name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
+    return prepared_path(prepared_key) / "training" / f"{name}.npz"
 
 
 @dataclass(frozen=True)
@@ -30,10 +87,19 @@ class BatchTask:
 
     Attributes
     ----------
+    points : tuple of PointTask
+    section : TransientSection
+    integrator : Integrator
     operating : OperatingPoint
         Of the study's [parameters]: where the shared reference modes are made.
     component_modes : tuple of (component, mode)
         All that any design point of the study changes.
+    basis : BasisChoice
+    band_hz : (low, high)
+        Where growing modes are followed.
+    tolerance : float
+        Damping ratio below minus which a mode is unstable.
+    start : StartState or None
     options : tuple of (name, value)
         Of the model: what its assembly is built from, beside the parameters.
     cutoff_hz : float
@@ -42,6 +108,7 @@ class BatchTask:
 
     points: tuple[PointTask, ...]
     section: TransientSection
+    integrator: Integrator
     operating: OperatingPoint
     component_modes: tuple[ModeKey, ...]
     basis: BasisChoice
@@ -51,22 +118,50 @@ class BatchTask:
     options: tuple[tuple[str, str | int], ...]
     cutoff_hz: float
 
+    @property
+    def hybrid(self) -> bool:
+        """Whether contact layers are finite elements."""
+        return self.section.representation == "hybrid"
+
+    @property
+    def reference(self) -> ReferenceModes:
+        """The modes that the points share."""
+        key = self.points[0].prepared_key
+        return shared_reference(key, self.operating, self.component_modes, self.basis)
+
+    @property
+    def perturbation(self) -> float:
+        """Initial velocity [m/s]; none at a continued state unless the study gives one."""
+        if self.start is not None and "perturbation" not in self.section.model_fields_set:
+            return 0.0
+        return self.section.perturbation
+
+    def settings(self) -> MotionSettings:
+        """How the points are integrated; rows are kept as summaries need them."""
+        every = sampling(self.section, self.band_hz)
+        return replace(settings_of(self.section, every), integrator=self.integrator)
+
 
 def batch_task(
-    plan: Plan, points: tuple[PointTask, ...], basis: BasisChoice | None = None
+    plan: Plan,
+    points: tuple[PointTask, ...],
+    basis: BasisChoice | None = None,
+    integrator: Integrator | None = None,
 ) -> BatchTask:
-    """What a worker needs to know of a batch; `basis` other than the study's where given."""
+    """What a worker needs to know of a batch; basis and integrator of the study by default."""
+    section = plan.study.section
     return BatchTask(
-        points,
-        plan.study.section,
-        plan.nominal,
-        mode_keys(plan),
-        basis or full_choice(plan, points[0].prepared_key),
-        plan.band_hz,
-        plan.study.definition.modes.stability_tolerance,
-        start_of(plan),
-        tuple(sorted(plan.study.options.items())),
-        plan.settings.assembly_cutoff,
+        points=points,
+        section=section,
+        integrator=integrator or section.integrator,
+        operating=plan.nominal,
+        component_modes=mode_keys(plan),
+        basis=basis or full_choice(plan, points[0].prepared_key),
+        band_hz=plan.band_hz,
+        tolerance=plan.study.definition.modes.stability_tolerance,
+        start=start_of(plan),
+        options=tuple(sorted(plan.study.options.items())),
+        cutoff_hz=plan.settings.assembly_cutoff,
     )
 
 
@@ -96,12 +191,6 @@ def shared_reference(
     return reference_modes(prepared.model, point, state, component_modes)
 
 
-def reference_of(task: BatchTask) -> ReferenceModes:
-    """The modes that the points of a batch share."""
-    key = task.points[0].prepared_key
-    return shared_reference(key, task.operating, task.component_modes, task.basis)
-
-
 def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
     """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
 
@@ -126,18 +215,14 @@ def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
     return best
 
 
-def settings_of(section: TransientSection, every: int) -> TransientSettings:
-    """The integrator's settings, a row kept every `every` steps."""
-    return TransientSettings(
-        section.duration,
-        section.step,
-        every,
-        section.integrator,
-        section.balance,
-        10 * section.balance,
-        contact_factor=section.contact_factor,
-        prewarp=section.prewarp,
-        single_storage=section.storage == "single",
+def settings_of(section: TransientSection, every: int) -> MotionSettings:
+    """How a section has points integrated, a row kept every `every` steps."""
+    return MotionSettings(
+        duration=section.duration,
+        step=section.step,
+        save_every=every,
+        integrator=section.integrator,
+        tolerance=section.balance,
     )
 
 

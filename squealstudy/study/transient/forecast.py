@@ -12,6 +12,7 @@ from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
     STICK_LIMIT,
+    MotionPoint,
     closing_number,
     stick_number,
 )
@@ -20,9 +21,13 @@ from squealstudy.models.operating import REGULARISATION_SPEED
 from squealstudy.study.cache import is_prepared
 from squealstudy.study.plan import Plan
 from squealstudy.study.regularisation import regularised
-from squealstudy.study.transient.basis import truncated_choice
-from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
-from squealstudy.study.transient.ready import Ready, set_up
+from squealstudy.study.transient.batch import (
+    BatchTask,
+    batch_task,
+    settings_of,
+    truncated_choice,
+)
+from squealstudy.study.transient.motions import set_up
 from squealstudy.study.transient_section import TransientSection
 from squealstudy.study.working_points import NewGaps
 
@@ -46,17 +51,16 @@ def warnings(plan: Plan) -> list[str]:
     stiff: list[tuple[float, float, float]] = []
     closing: list[float] = []
     for task in _ends(plan):
-        reference = reference_of(task)
-        ready = set_up(task, reference, task.points[0], NewGaps())
-        if isinstance(ready, Ready):
-            modes, design = ready.point.modes, ready.point.design
+        design = set_up(task, task.points[0], NewGaps())
+        if isinstance(design, MotionPoint):
+            modes, system = design.growing, task.reference.system
             if modes.n_above:
                 text = (
                     f"{in_digits(modes.frequency_above)} Hz at {in_digits(modes.growth_above)} 1/s"
                 )
                 above[text] = modes.growth_above
-            number = stick_number(reference.system, design, task.section.step)
-            own = ready.task.design
+            number = stick_number(system, design, task.section.step)
+            own = task.points[0].design
             speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
             stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
@@ -124,14 +128,13 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
 
 def time_steps(task: BatchTask) -> tuple[float, int, int] | None:
     """Seconds of the first steps of a point, their number, and that of the whole run."""
-    reference = reference_of(task)
-    ready = set_up(task, reference, task.points[0], NewGaps())
-    if not isinstance(ready, Ready):
+    design = set_up(task, task.points[0], NewGaps())
+    if not isinstance(design, MotionPoint):
         return None
     warm(task.section)
     whole = settings_of(task.section, 0)
     steps = min(TIMED_STEPS, whole.n_steps)
     settings = replace(whole, duration=steps * whole.step)
     started = time.perf_counter()
-    simulate(reference.system, [ready.point.design], settings, ready.q0, ready.v0)
+    simulate(task.reference.system, [design], settings)
     return time.perf_counter() - started, steps, whole.n_steps

@@ -25,13 +25,14 @@ from squealstudy.study.regularisation import slowest_speed, with_speed
 from squealstudy.study.sampling import design_points
 from squealstudy.study.tasks import PointTask, Solved
 from squealstudy.study.transient import forecast, rows
-from squealstudy.study.transient.basis import mode_keys, truncated_choice
 from squealstudy.study.transient.batch import (
     BatchTask,
     batch_task,
+    mode_keys,
     sampling,
     sensed_modes,
     shared_reference,
+    truncated_choice,
 )
 from squealstudy.study.transient.plan_facts import (
     motion_identity,

@@ -39,6 +39,7 @@ def motion_identity(plan: Plan) -> list[Any]:
         plan.study.definition.modes.stability_tolerance,
         [sorted(d.values.items()) for d in trained],
         source_hash(TRANSIENT_SOURCES),
+        *filter(None, [section.integrator.outside_source()]),
     ]
 
 

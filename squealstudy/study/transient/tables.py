@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.runs.outcome import DECAYED, SETTLED
+from squealstudy.analysis.runs.settling import DECAYED, SETTLED
 from squealstudy.study.files import write_parquet
 from squealstudy.study.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.study.plan import Plan

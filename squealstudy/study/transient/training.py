@@ -13,17 +13,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.analysis.transient.modal_basis import Training
-from squealstudy.analysis.transient.point import perturbed_start
+from squealstudy.analysis.transient.point import perturbed
 from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.files import write_atomic, write_json
 from squealstudy.study.parallel import Progress
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
-from squealstudy.study.transient.basis import ALL_MODES, training_path
-from squealstudy.study.transient.batch import BatchTask, batch_task, reference_of, settings_of
+from squealstudy.study.transient.batch import ALL_MODES, batch_task, settings_of, training_path
+from squealstudy.study.transient.motions import set_up
 from squealstudy.study.transient.plan_facts import training_designs
-from squealstudy.study.transient.ready import Ready, set_up
 from squealstudy.study.working_points import NewGaps
 
 TIMED = ".json"
@@ -75,27 +75,19 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     """Displacements and growing modes of the training designs, all modes kept."""
     points = tuple(PointTask("training", d, prepared_key) for d in training_designs(plan))
     task = batch_task(plan, points, ALL_MODES)
-    reference = reference_of(task)
-    ready = [r for p in points if isinstance(r := set_up(task, reference, p, NewGaps()), Ready)]
-    starts = [_start(task, r) for r in ready]
+    system = task.reference.system
+    found = [(p, set_up(task, p, NewGaps())) for p in points]
+    designs = [
+        perturbed(system, made, START * p.design.values["sliding_speed"])
+        for p, made in found
+        if isinstance(made, MotionPoint)
+    ]
     settings = settings_of(task.section.training, 0)
     settings = replace(settings, save_every=max(1, settings.n_steps // SNAPSHOTS), save_q=True)
-    results = simulate(
-        reference.system,
-        [r.point.design for r in ready],
-        settings,
-        np.array([q for q, _ in starts]),
-        np.array([v for _, v in starts]),
-    )
-    finished = [k for k, r in enumerate(results) if r.outcome == "ok"]
+    finished = [m for m in simulate(system, designs, settings) if m.outcome == "ok"]
     if not finished:
         raise SquealstudyError(f"{plan.study.path}: no training run for pod_vectors succeeded")
     return Training(
-        np.concatenate([results[k].q_history for k in finished]),
-        np.hstack([ready[k].point.modes.right for k in finished]),
+        np.concatenate([motion.q_history for motion in finished]),
+        np.hstack([motion.point.growing.right for motion in finished]),
     )
-
-
-def _start(task: BatchTask, ready: Ready) -> tuple[np.ndarray, np.ndarray]:
-    speed = START * ready.task.design.values["sliding_speed"]
-    return perturbed_start(reference_of(task).system, ready.point, speed)

@@ -1,4 +1,4 @@
-"""What a step does to the free modes and to the forces beyond them: Newmark's, and exactly."""
+"""What a step does to free modes and to forces beyond them, exactly: matrix exponentials."""
 
 from __future__ import annotations
 
@@ -6,46 +6,6 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.kernels.integrator_layout import N_COEFFICIENT
-
-
-def newmark_step(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
-    """Average acceleration of q'' + c q' + w2 q = f, its answer to f half to either end.
-
-    Parameters
-    ----------
-    w2, c : ndarray (n,)
-        Stiffness and damping.
-    h : float
-        Step, s.
-
-    Returns
-    -------
-    ndarray (N_STEP, n)
-        Rows of newmark_layout.Modal.steps.
-    """
-    hk, hc = 0.25 * h * h * w2, 0.5 * h * c
-    D = 1.0 + hc + hk
-    to_q, to_v = 0.25 * h * h / D, 0.5 * h / D
-    rows = [(1.0 + hc - hk) / D, h / D, -h * w2 / D, (1.0 - hc - hk) / D, to_q, to_v, to_q, to_v]
-    return np.array(rows)
-
-
-def step_table(
-    w2: np.ndarray, c: np.ndarray, h: float, halvings: int, limit: float | None
-) -> np.ndarray:
-    """Coefficients of steps h, h/2, ...: (halvings + 1, N_STEP, n).
-
-    With a limit, modes with omega h up to it move exactly; those that the step does not resolve
-    would resonate with changes of the contact near omega h = pi.
-    """
-    table = np.array([newmark_step(w2, c, h / 2**level) for level in range(halvings + 1)])
-    if limit is not None:
-        exact = propagator_levels(w2, c, h, halvings)
-        for level, rows in enumerate(exact):
-            slow = np.sqrt(np.maximum(w2, 0.0)) * h / 2**level <= limit
-            both = np.concatenate([rows[:4], rows[4:6] - rows[6:8], rows[6:8]])
-            table[level, :, slow] = both[:, slow].T
-    return table
 
 
 def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) -> list[np.ndarray]:

@@ -8,34 +8,33 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from squealstudy.analysis.hybrid.run import simulate_hybrid
-from squealstudy.analysis.hybrid.system import HybridDesign
 from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.runs.modal_run import ModalRun
+from squealstudy.analysis.transient.motion import Motion
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
+from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
 from squealstudy.study.cache import prepared_path
 from squealstudy.study.files import write_atomic
 from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.transient.batch import BatchTask, sampling, sensed_modes, settings_of
-from squealstudy.study.transient.modal_runs import Finished
-from squealstudy.study.transient.ready import Ready
+from squealstudy.study.tasks import PointTask
+from squealstudy.study.transient.batch import BatchTask, sensed_modes
 from squealstudy.study.working_points import prepared_model
 from squealstudy.system.design_state import DesignState
-from squealstudy.system.linearise import component_frequencies
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
 
 
-def hybrid_runs(
-    task: BatchTask, reference: ReferenceModes, ready: Sequence[Ready]
-) -> list[Finished]:
+def hybrid_motions(
+    task: BatchTask, chosen: Sequence[PointTask], points: Sequence[MotionPoint]
+) -> list[Motion]:
     """Integrate design points one by one; final states are in hybrid coordinates.
 
     Raises
@@ -43,9 +42,14 @@ def hybrid_runs(
     ModelError
         Modes of the two representations that do not correspond.
     """
-    model = _model(task)
+    reference, model = task.reference, _model(task)
     signs = common_modes(reference, model)
-    return [_run(task, reference, model, signs, one) for one in ready]
+    m = len(signs)
+    phi = np.hstack([model.phi[:, :m] * signs, model.phi[:, m:]])  # modes of the reference
+    model = replace(model, phi=phi)
+    sensed = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
+    made = [_hybrid_point(task, model, m, *one) for one in zip(chosen, points, strict=True)]
+    return [simulate_hybrid(model, point, task.settings(), sensed) for point in made]
 
 
 def _model(task: BatchTask) -> HybridModel:
@@ -105,53 +109,30 @@ def _observation(reference: ReferenceModes) -> tuple[np.ndarray, np.ndarray, np.
     return system.N, system.T1, system.T2
 
 
-def _design(task: BatchTask, model: HybridModel, one: Ready) -> HybridDesign:
-    """The design point with the damping of the modal representation."""
-    state, modal = one.task.design.state(), one.point.design
-    if any(scale != 1.0 for scale in state.frequency_scale.values()):
+def _hybrid_point(
+    task: BatchTask, model: HybridModel, m: int, chosen: PointTask, point: MotionPoint
+) -> MotionPoint:
+    """The design point in coordinates of the hybrid model, which has the first m modes too.
+
+    With the damping of the modal representation.
+    """
+    state = chosen.design.state()
+    if point.s is not None and point.s.any():
         raise ConvergenceError(
             "parameter", "the hybrid representation has no frequency_scale of component modes"
         )
-    omega = component_frequencies(prepared_model(one.task.prepared_key).model)
-    dampers = state.modal_dampers(omega)
-    beta = state.stiffness_damping
+    beta, shapes = state.stiffness_damping, model.phi[:, :m]
     zeta = state.assembly_damping_ratios(len(model.omega)) + 0.5 * beta * model.omega
-    return HybridDesign(
-        modal.contact,
-        modal.friction,
-        modal.speed,
-        zeta,
-        beta + state.damping_ratio / (np.pi * model.damping_cutoff),
-        np.array([dampers.get(key, 0.0) for key in task.component_modes]),
-        modal.gap,
-        modal.force,
-    )
-
-
-def _run(
-    task: BatchTask, reference: ReferenceModes, model: HybridModel, signs: np.ndarray, one: Ready
-) -> Finished:
-    m = len(signs)
-    amplitudes = signs[:, None] * model.sensors[:m]
-    modes = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
-    growth = one.point.sensor_rows[:, :m]
-    q0, v0 = (model.phi[:, :m] @ (signs * x[:m]) for x in (one.q0, one.v0))
+    q0, v0 = (shapes @ x[:m] for x in point.start(task.reference.system.n))
     if task.start is not None:
         q, v = task.start.read()
         q0, v0 = q0 + q, v0 + v
-    settings = settings_of(task.section, sampling(task.section, task.band_hz))
-    sensors = np.vstack([amplitudes[modes - 1], growth @ amplitudes])
-    result = simulate_hybrid(model, _design(task, model, one), settings, q0, v0, sensors)
-    k = len(modes)
-    run = ModalRun(
-        result,
-        one.point,
-        modes,
-        np.sqrt(np.maximum(reference.system.omega2[modes - 1], 0.0)),
-        result.displacement[:, :k],
-        result.velocity[:, :k],
-        result.displacement[:, k:],
-        result.velocity[:, k:],
-        task.start is not None,
+    watching = point.growing.sensors[:, :m] @ model.sensors[:m]
+    return replace(
+        point,
+        c=2.0 * zeta * model.omega,
+        beta=beta + state.damping_ratio / (np.pi * model.damping_cutoff),
+        q0=q0,
+        v0=v0,
+        growing=replace(point.growing, sensors=watching),
     )
-    return Finished(run, result.q, result.v, model.n)

@@ -1,0 +1,1 @@
+"""Design points in time."""

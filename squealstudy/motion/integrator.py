@@ -1,0 +1,202 @@
+"""What an integrator is, and the catalogue of all there are.
+
+An integrator is a class whose fields are its options. It is known by being in a folder that the
+catalogue reads, or by `register_integrator`. Those that the batched kernel runs
+(`KernelIntegrator`) are tables of coefficients: the state at the end of a sub-step is affine in
+the forces there,
+
+    (q, v)_1 = P (q, v)_0 + first pull_0 + last pull_1,
+
+with the pull all forces beyond the free modes q'' + c q' + w2 q.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from squealstudy.errors import ParameterError
+
+if TYPE_CHECKING:
+    import numpy as np  # commands that compute nothing start without it
+
+TOLERANCE = 1e-2  # imbalance at which a step's contact iteration ends: far below the step's error
+SLOW_TOLERANCE = 1e-3  # the same of the slow references
+DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to 0.1 % at 4e-4
+
+
+class Integrator(BaseModel, ABC):
+    """A way to integrate a modal system in time; its fields are its options.
+
+    Attributes
+    ----------
+    name : str
+        As study files call it.
+    label, description : str
+        For charts and messages.
+    order : int or None
+        Of convergence where motion is smooth; None for solvers that choose their steps.
+    drift_limit : float
+        Energy from nowhere, over that of the vibration, beyond which levels are doubtful.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    name: ClassVar[str]
+    label: ClassVar[str]
+    description: ClassVar[str]
+    order: ClassVar[int | None] = None
+    drift_limit: ClassVar[float] = DRIFT_LIMIT
+
+    @classmethod
+    def outside_source(cls) -> str:
+        """The text of its file where that is outside the package: part of results' identity."""
+        if cls.__module__.split(".")[0] == __name__.split(".")[0]:
+            return ""
+        return inspect.getsource(inspect.getmodule(cls) or cls)
+
+
+class KernelIntegrator(Integrator):
+    """A one-step method of the batched kernel: a table of coefficients.
+
+    Attributes
+    ----------
+    tolerance : float
+        Imbalance of forces at which a study's contact iteration ends by default, relative.
+    work_of_changes : float
+        Share of the products of changes in works: 0 sums products of means, which balance for
+        average acceleration; 1 is the trapezoidal rule of force times velocity.
+    """
+
+    tolerance: ClassVar[float] = TOLERANCE
+    work_of_changes: ClassVar[float] = 0.0
+
+    extrapolate: bool = Field(
+        default=True, description="predict the contact forces from two steps, else from one"
+    )
+    max_halvings: int = Field(
+        default=4, ge=0, le=20, description="times that a step which does not converge is halved"
+    )
+    single_storage: bool = Field(
+        default=False, description="observation matrix in single precision"
+    )
+
+    @abstractmethod
+    def step(self, w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
+        """Coefficients of one sub-step of modes q'' + c q' + w2 q = pull.
+
+        Parameters
+        ----------
+        w2, c : ndarray (n,)
+            Stiffness [1/s2] and damping [1/s].
+        h : float
+            Length, s.
+
+        Returns
+        -------
+        ndarray (8, n)
+            Rows kernels.newmark_layout.QQ, QV, VQ, VV (propagator of q and v), FIRST_Q, FIRST_V
+            and LAST_Q, LAST_V (answers to the pull at the start and at the end).
+        """
+
+    def steps(self, w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
+        """Coefficients of steps h, h/2, ... by halving level (max_halvings + 1, 8, n)."""
+        import numpy as np
+
+        return np.array([self.step(w2, c, h / 2**k) for k in range(self.max_halvings + 1)])
+
+    def modes(self, w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness and damping (n,) that are integrated in place of w2 and c at a step h."""
+        return w2, c
+
+
+class FixedJacobian(KernelIntegrator):
+    """A method of the kernel that corrects forces by a fixed Jacobian: a diagonal one by default.
+
+    Those that are no subclass make a fresh Jacobian at every iteration.
+    """
+
+    aitken: bool = Field(default=True, description="relax the contact iteration after Aitken")
+    contact_factor: float = Field(
+        default=1.0, ge=0, description="factor on the contact stiffness of the Jacobian"
+    )
+    contact_stiffness: float = Field(
+        default=0.0,
+        ge=0,
+        description="uniform contact stiffness of the Jacobian, Pa/m; 0 for the static tangents",
+    )
+    mockup: Literal["auto", "always", "never"] = Field(
+        default="auto",
+        description="tangential damping k_t/2 in the Jacobian: where points stick, everywhere, "
+        "nowhere",
+    )
+
+
+KERNEL_METHODS = "squealstudy.motion.integrators"
+_folders = [KERNEL_METHODS]
+_known: dict[str, type[Integrator]] = {}
+
+
+def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
+    """Make an integrator known to studies under its name; also a decorator.
+
+    Raises
+    ------
+    ParameterError
+        Another one has that name.
+    """
+    if _known.setdefault(integrator.name, integrator) is not integrator:
+        raise ParameterError("integrator", f"there is another '{integrator.name}'")
+    return integrator
+
+
+def read_integrators(package: str) -> None:
+    """Have the catalogue read the modules of a package for integrators, when it is next asked."""
+    _folders.append(package)
+
+
+def integrators() -> Mapping[str, type[Integrator]]:
+    """All that are known, by name."""
+    while _folders:
+        folder = importlib.import_module(_folders.pop(0))
+        for found in pkgutil.iter_modules(folder.__path__, folder.__name__ + "."):
+            for item in vars(importlib.import_module(found.name)).values():
+                if _is_method(item) and item.__module__ == found.name:
+                    register_integrator(item)
+    return _known
+
+
+def _is_method(item: object) -> bool:
+    return isinstance(item, type) and issubclass(item, Integrator) and hasattr(item, "name")
+
+
+def integrator(name: str, options: Mapping[str, Any] | None = None) -> Integrator:
+    """The integrator of a name with these options, the others by default.
+
+    Raises
+    ------
+    ParameterError
+        An unknown name (key ``integrator``), or an option that it does not have or take (key the
+        option's).
+    """
+    if name not in integrators():
+        raise ParameterError("integrator", f"'{name}' is none of {', '.join(integrators())}")
+    method = integrators()[name]
+    try:
+        return method(**(options or {}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = str(first["loc"][0])
+        if first["type"] == "extra_forbidden":
+            takes = ", ".join(method.model_fields) or "nothing"
+            message = f"{method.label} has no such option; it takes {takes}"
+        else:
+            said = first["msg"].removeprefix("Input ")
+            message = f"{said}, got {first['input']!r}"
+        raise ParameterError(key, message) from None
