@@ -14,7 +14,7 @@ from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
 from squealstudy.cli.fidelity_screen import facts
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.study.cache import is_prepared, read_scalars
+from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
 from squealstudy.study.fidelity import frequency_search
@@ -331,7 +331,7 @@ def test_structures_of_the_pilots_alone_are_made(masses):
     made = masses.measure({}, [1, 4])
     prepared = [is_prepared(s.key) for s in masses.plan.structures]
     assert prepared == [False, True, False, False, True, False]
-    spent = [read_scalars(masses.plan.structures[i].key)["timings"] for i in (1, 4)]
+    spent = [load_any(masses.plan.structures[i].key).timings for i in (1, 4)]
     own = sum(sum(timings.values()) for timings in spent)
     assert made.reduction_seconds == pytest.approx(6 / 2 * own)  # what the study will take
 

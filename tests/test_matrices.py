@@ -26,10 +26,9 @@ from squealstudy.models.expression import parse_expression
 from squealstudy.models.matrix_family import FamilyTerm, MatrixFamily
 from squealstudy.models.matrix_files import read_matrix
 from squealstudy.reduction.prepared_family import prepare_family
-from squealstudy.study.cache import is_prepared
+from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
-from squealstudy.study.family_cache import load_any
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 from squealstudy.study.schema import study_schema

@@ -1,4 +1,8 @@
-"""Prepared models on disk, named by the hash of their content, read back as memory maps."""
+"""The one cache: what can be made again, in folders that appear whole, read as memory maps.
+
+A value is a dataclass or named tuple of arrays, sparse matrices, numbers, texts and other such
+values: arrays are files of their own, all else stands in one JSON file beside them.
+"""
 
 from __future__ import annotations
 
@@ -6,131 +10,135 @@ import json
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from squealstudy.paths import cache_directory
-from squealstudy.reduction.cmt import ReducedModel
-from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.study.files import write_atomic
+from squealstudy.reduction.prepared_family import PreparedFamily
 
 META = "meta.json"
-ARRAYS = ("shape_basis", "sensor_shapes", "nominal_gap", "nominal_tangent")
-PARTS = {"space": ContactSpace, "model": ReducedModel, "finer": ReducedModel}
+CSR = ("data", "indices", "indptr")
+Prepared = PreparedModel | PreparedFamily
 
 
-def prepared_path(key: str) -> Path:
-    """Directory of the prepared model of that key, there or not."""
-    return cache_directory() / "models" / key
-
-
-def is_prepared(key: str) -> bool:
-    """Whether the cache holds that model, whole: every array there in its full size."""
-    path = prepared_path(key)
+# -- values in folders ---------------------------------------------------------------------------
+def is_whole(folder: Path) -> bool:
+    """Whether a folder holds a value, every array in its full size."""
     try:
-        sizes = json.loads((path / META).read_text(encoding="utf-8"))["files"]
-        return all((path / name).stat().st_size == size for name, size in sizes.items())
+        sizes = json.loads((folder / META).read_text(encoding="utf-8"))["files"]
+        return all((folder / name).stat().st_size == size for name, size in sizes.items())
     except (OSError, ValueError, KeyError):
         return False
 
 
-def save_prepared(key: str, prepared: PreparedModel) -> Path:
-    """Store a prepared model; the directory appears whole or not at all."""
-    scalars: dict[str, object] = {"timings": dict(prepared.timings)}
-    arrays = {name: getattr(prepared, name) for name in ARRAYS}
-    for part in PARTS:
-        value = getattr(prepared, part)
-        for f in fields(value) if value is not None else ():
-            item = getattr(value, f.name)
-            if isinstance(item, np.ndarray):
-                arrays[f"{part}.{f.name}"] = item
-            else:
-                scalars[f"{part}.{f.name}"] = item
-    return store(key, scalars, arrays)
-
-
-def store(key: str, scalars: dict[str, object], arrays: Mapping[str, np.ndarray]) -> Path:
-    """Write scalars and arrays under a key; the directory appears whole or not at all."""
-    target = prepared_path(key)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{key}.", dir=target.parent))
+def save_value(folder: Path, value: Any) -> None:
+    """Keep a value; the folder appears whole or not at all."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    arrays: dict[str, np.ndarray] = {}
+    content = {"value": _packed(value, "", arrays)}
     for name, array in arrays.items():
         np.save(temporary / f"{name}.npy", array)
-    scalars["files"] = {p.name: p.stat().st_size for p in sorted(temporary.iterdir())}
-    (temporary / META).write_text(json.dumps(scalars), encoding="utf-8")
+    sizes = {p.name: p.stat().st_size for p in sorted(temporary.iterdir())}
+    (temporary / META).write_text(json.dumps({**content, "files": sizes}), encoding="utf-8")
     try:
-        temporary.rename(target)
-    except OSError:  # another run was faster, or an unfinished directory is in the way
-        if not is_prepared(key):
-            shutil.rmtree(target, ignore_errors=True)
-            temporary.rename(target)
-        else:
+        temporary.rename(folder)
+    except OSError:  # another run was faster, or an unfinished folder is in the way
+        if is_whole(folder):
             shutil.rmtree(temporary, ignore_errors=True)
-    return target
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
+            temporary.rename(folder)
+
+
+def load_value(folder: Path) -> Any:
+    """Read a value; its arrays are read-only memory maps, which all workers share."""
+    content = json.loads((folder / META).read_text(encoding="utf-8"))
+    return _unpacked(content["value"], folder)
+
+
+def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """A value as JSON, its arrays put aside under their names."""
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return {"array": name}
+    if sp.issparse(value):
+        parts = [_packed(getattr(value, part), f"{name}.{part}", arrays) for part in CSR]
+        return {"csr": parts, "shape": value.shape}
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        kind = type(value)
+        names = [f.name for f in fields(value)] if is_dataclass(value) else value._fields
+        start = f"{name}." if name else ""
+        content = {n: _packed(getattr(value, n), f"{start}{n}", arrays) for n in names}
+        return {"class": [kind.__module__, kind.__qualname__], "fields": content}
+    if isinstance(value, tuple):
+        return {"tuple": [_packed(v, f"{name}.{i}", arrays) for i, v in enumerate(value)]}
+    if isinstance(value, Mapping):
+        return {"mapping": {str(k): _packed(v, f"{name}.{k}", arrays) for k, v in value.items()}}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _unpacked(found: Any, folder: Path) -> Any:
+    if not isinstance(found, dict):
+        return found
+    if "array" in found:
+        return np.asarray(np.load(folder / f"{found['array']}.npy", mmap_mode="r"))
+    if "csr" in found:
+        parts = tuple(_unpacked(part, folder) for part in found["csr"])
+        return sp.csr_matrix(parts, shape=found["shape"])
+    if "tuple" in found:
+        return tuple(_unpacked(v, folder) for v in found["tuple"])
+    if "mapping" in found:
+        return {k: _unpacked(v, folder) for k, v in found["mapping"].items()}
+    module, name = found["class"]
+    kind = getattr(import_module(module), name)
+    return kind(**{n: _unpacked(v, folder) for n, v in found["fields"].items()})
+
+
+# -- prepared models -----------------------------------------------------------------------------
+def prepared_path(key: str) -> Path:
+    """Folder of the prepared model of that key, there or not."""
+    return cache_directory() / "models" / key
+
+
+def is_prepared(key: str) -> bool:
+    """Whether the cache holds that model, whole."""
+    return bool(key) and is_whole(prepared_path(key))
+
+
+def save_prepared(key: str, prepared: Prepared) -> None:
+    """Keep the prepared model of a structure or of a family of matrices."""
+    save_value(prepared_path(key), prepared)
+
+
+def load_any(key: str) -> Prepared:
+    """The prepared model of a key, of an assembly or of a family of matrices."""
+    prepared: Prepared = load_value(prepared_path(key))
+    return prepared
 
 
 def load_prepared(key: str) -> PreparedModel:
-    """Read a prepared model; arrays are read-only memory maps shared by all workers."""
-    path = prepared_path(key)
-    scalars = read_scalars(key)
-
-    def part(name: str, kind: type) -> object:
-        values = {}
-        for f in fields(kind):
-            file = path / f"{name}.{f.name}.npy"
-            stored = scalars.get(f"{name}.{f.name}")
-            values[f.name] = (
-                np.load(file, mmap_mode="r")
-                if file.is_file()
-                else tuple(stored)
-                if isinstance(stored, list)
-                else stored
-            )
-        return kind(**values)
-
-    space, model = part("space", ContactSpace), part("model", ReducedModel)
-    assert isinstance(space, ContactSpace)
-    assert isinstance(model, ReducedModel)
-    finer = part("finer", ReducedModel) if (path / "finer.k_el.npy").is_file() else None
-    assert finer is None or isinstance(finer, ReducedModel)
-    return PreparedModel(
-        space,
-        model,
-        **{name: np.load(path / f"{name}.npy", mmap_mode="r") for name in ARRAYS},
-        timings=scalars["timings"],
-        finer=finer,
-    )
+    """The prepared model of a structure; TypeError where the key is a family's."""
+    prepared = load_any(key)
+    if not isinstance(prepared, PreparedModel):
+        raise TypeError(f"{key} is a family of matrices")
+    return prepared
 
 
-def read_scalars(key: str) -> dict[str, Any]:
-    """What is stored under a key beside arrays; every prepared model has its `timings` there."""
-    scalars: dict[str, Any] = json.loads((prepared_path(key) / META).read_text(encoding="utf-8"))
-    return scalars
+@lru_cache(maxsize=4)
+def prepared_any(key: str) -> Prepared:
+    """As `load_any`, read once a process."""
+    return load_any(key)
 
 
-# -- working points ------------------------------------------------------------------------------
-def load_gaps(key: str) -> dict[str, np.ndarray]:
-    """Known working points of a prepared model: gaps (nc,) by the hash of their parameters."""
-    found: dict[str, np.ndarray] = {}
-    for file in sorted((prepared_path(key) / "working_points").glob("*.npz")):
-        with np.load(file) as data:
-            found.update(zip(data["keys"].tolist(), data["gaps"], strict=True))
-    return found
-
-
-def save_gaps(key: str, name: str, gaps: dict[str, np.ndarray]) -> None:
-    """Keep working points of one chunk for later studies of the same model."""
-    if not gaps:
-        return
-    path = prepared_path(key) / "working_points" / f"{name}.npz"
-    keys, values = np.array(list(gaps)), np.stack(list(gaps.values()))
-
-    def write(temporary: Path) -> None:
-        with temporary.open("wb") as handle:
-            np.savez(handle, keys=keys, gaps=values)
-
-    write_atomic(path, write)
+@lru_cache(maxsize=4)
+def prepared_model(key: str) -> PreparedModel:
+    """As `load_prepared`, read once a process."""
+    return load_prepared(key)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from squealstudy.modes.rung import Rung
-from squealstudy.study.cache import is_prepared
-from squealstudy.study.family_cache import load_any
+from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.plan import Plan, checked_points, has_mesh
 from squealstudy.study.process import peak_memory_mb

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import SquealstudyError
-from squealstudy.study.cache import is_prepared, load_prepared, read_scalars
+from squealstudy.study.cache import is_prepared, load_any, load_prepared
 from squealstudy.study.definition import Study, resolve_study
 from squealstudy.study.kind import Kind, Warn
 from squealstudy.study.manifest import model_facts
@@ -125,7 +125,7 @@ class ModelKind(Kind):
     def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
         """Seconds of each stage of a structure when it was made, the mean over structures."""
         kept = [s.key for s in plan.structures if s.key not in failures]
-        found = [read_scalars(key)["timings"] for key in kept]
+        found = [load_any(key).timings for key in kept]
         return {
             f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
             for name in {name: None for timings in found for name in timings}

@@ -18,9 +18,8 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.prepared_family import prepare_family
-from squealstudy.study.cache import is_prepared, load_prepared, save_prepared
+from squealstudy.study.cache import is_prepared, load_any, load_prepared, save_prepared
 from squealstudy.study.family import read_family
-from squealstudy.study.family_cache import load_family, save_family
 from squealstudy.study.plan import Plan, Structure, has_mesh
 from squealstudy.study.source import SourceText
 from squealstudy.system.design_state import ModeKey
@@ -101,7 +100,7 @@ def _build_family(task: FamilyTask) -> tuple[str, str]:
             prepared = prepare_family(family, task.model.defaults(), angular_band(task.band_hz))
     except SquealstudyError as error:
         return task.key, f"at the values of [parameters]: {error}"
-    save_family(task.key, replace(prepared, timings={"read_s": read_s, **prepared.timings}))
+    save_prepared(task.key, replace(prepared, timings={"read_s": read_s, **prepared.timings}))
     return task.key, ""
 
 
@@ -139,7 +138,7 @@ def patience(plan: Plan) -> float:
         return 0.0
     key = plan.structures[0].key
     if isinstance(plan.study.model, FamilyDefinition):
-        return PATIENCE if is_prepared(key) and load_family(key).model.n <= SMALL else 0.0
+        return PATIENCE if is_prepared(key) and load_any(key).model.n <= SMALL else 0.0
     return PATIENCE
 
 

@@ -17,11 +17,10 @@ from squealstudy.analysis.tables.validity import BETWEEN
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import LIGHT_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
-from squealstudy.study.cache import is_prepared
+from squealstudy.study.cache import is_prepared, prepared_model
 from squealstudy.study.design import Design
 from squealstudy.study.plan import Plan
 from squealstudy.study.rows import FLAG, TEXT
-from squealstudy.study.working_points import prepared_model
 
 if TYPE_CHECKING:
     import pandas as pd

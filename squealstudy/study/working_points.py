@@ -1,26 +1,29 @@
-"""What a worker keeps between design points: prepared models and known working points."""
+"""Known working points: kept in the cache for later studies of the same model."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.study.cache import load_gaps, load_prepared, save_gaps
+from squealstudy.study.cache import prepared_path
 from squealstudy.study.design import Design
+from squealstudy.study.files import write_arrays
 from squealstudy.study.keys import content_hash
 
 
 @lru_cache(maxsize=4)
-def prepared_model(key: str) -> PreparedModel:
-    """The prepared model of a key, read once a process."""
-    return load_prepared(key)
-
-
-@lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
-    return load_gaps(key)
+    found: dict[str, np.ndarray] = {}
+    for file in sorted(_folder(key).glob("*.npz")):
+        with np.load(file) as data:
+            found.update(zip(data["keys"].tolist(), data["gaps"], strict=True))
+    return found
+
+
+def _folder(key: str) -> Path:
+    return prepared_path(key) / "working_points"
 
 
 def known_gap(key: str, design: Design) -> np.ndarray | None:
@@ -42,7 +45,8 @@ class NewGaps:
     def save(self, name: str) -> None:
         """Write them to the cache, under the name of the chunk."""
         for key, gaps in self._found.items():
-            save_gaps(key, name, gaps)
+            arrays = {"keys": np.array(list(gaps)), "gaps": np.stack(list(gaps.values()))}
+            write_arrays(_folder(key) / f"{name}.npz", arrays)
             _gaps(key).update(gaps)
 
 

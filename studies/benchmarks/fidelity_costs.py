@@ -32,7 +32,7 @@ from fidelity_hand_picks import hand_picks, most_accurate
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.paths import ENVIRONMENT
-from squealstudy.study.cache import read_scalars
+from squealstudy.study.cache import load_any
 from squealstudy.study.definition import load_study
 from squealstudy.study.fidelity.audit import drawn_points
 from squealstudy.study.fidelity.choice import Choice
@@ -121,7 +121,7 @@ def chosen(scene: Scene) -> Choice:
     print(f"{scene.study.path.stem}: tolerance {scene.tolerance:g}, chosen: {one.text}")
     print(f"estimated error {one.error:.1e}, {one.cost:.1f} s; {choice.reason}")
     plan = scene.variant(one.changes, None)
-    kept = sum(sum(read_scalars(s.key)["timings"].values()) for s in plan.structures)
+    kept = sum(sum(load_any(s.key).timings.values()) for s in plan.structures)
     print(
         f"choosing took {spent:.1f} s of the processor, {waited:.1f} s by the clock; of it the run "
         f"of {len(plan.tasks)} points uses again the reduction ({kept:.1f} s by the clock)\n",

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.rungs import rung_named
-from squealstudy.study.cache import is_prepared
+from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.complex_modes import rows
 from squealstudy.study.complex_modes.counts import read_roots
 from squealstudy.study.complex_modes.problems import (
@@ -25,7 +25,6 @@ from squealstudy.study.complex_modes.problems import (
 )
 from squealstudy.study.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
 from squealstudy.study.complex_modes.worker import solve_points
-from squealstudy.study.family_cache import load_any
 from squealstudy.study.model_kind import ModelKind
 from squealstudy.study.names import MODES, ONSETS, POINTS
 from squealstudy.study.parallel import Progress, Workers

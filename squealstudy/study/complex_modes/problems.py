@@ -22,12 +22,11 @@ from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.study.cache import prepared_path
+from squealstudy.study.cache import prepared_any, prepared_path
 from squealstudy.study.complex_modes.bases import load_basis, save_basis
 from squealstudy.study.complex_modes.chart import Chart, chart_of
 from squealstudy.study.complex_modes.unreduced import Unreduced
 from squealstudy.study.design import Design
-from squealstudy.study.family_cache import prepared_any
 from squealstudy.study.files import write_atomic
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.plan import Plan

@@ -17,7 +17,7 @@ import numpy as np
 
 from squealstudy.analysis.full_order.finer_model import reduction_errors
 from squealstudy.analysis.full_order.pairs import LIGHT
-from squealstudy.study.cache import prepared_path
+from squealstudy.study.cache import prepared_model, prepared_path
 from squealstudy.study.complex_modes.columns import ModeColumns
 from squealstudy.study.files import write_json
 from squealstudy.study.keys import content_hash, source_hash
@@ -26,7 +26,6 @@ from squealstudy.study.plan import Plan, has_mesh
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.sampling import farthest_points
 from squealstudy.study.tasks import PointTask
-from squealstudy.study.working_points import prepared_model
 
 SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
 CARRIED = 2.0  # on errors carried from other points, besides

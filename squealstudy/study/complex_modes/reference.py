@@ -14,8 +14,8 @@ import numpy as np
 from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.study.cache import load_any
 from squealstudy.study.complex_modes.unreduced import Unreduced
-from squealstudy.study.family_cache import load_any
 from squealstudy.study.files import write_json
 from squealstudy.study.tasks import PointTask
 

@@ -11,8 +11,8 @@ from squealstudy.analysis.point import PointModes
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
 from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.study.cache import Prepared
 from squealstudy.study.design import Design
-from squealstudy.study.family_cache import Prepared
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}

@@ -15,21 +15,19 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.full_order.finer_model import finer_modes
 from squealstudy.analysis.tables.finding_errors import onset_errors, root_errors
 from squealstudy.modes.rungs import rung_named
-from squealstudy.study.cache import is_prepared, read_scalars
+from squealstudy.study.cache import is_prepared, load_any, prepared_model
 from squealstudy.study.chunks import read_chunks, write_rows
 from squealstudy.study.complex_modes.bases import load_basis
 from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.complex_modes.problems import problem_of
 from squealstudy.study.complex_modes.rows import SCHEMA
 from squealstudy.study.complex_modes.solve_tasks import SolveTask
-from squealstudy.study.family_cache import load_any
 from squealstudy.study.measure.measurement import Measurement, Measuring
 from squealstudy.study.measure.onset_lines import LinePlan, find_onset
 from squealstudy.study.parallel import Workers
 from squealstudy.study.plan import Plan
 from squealstudy.study.process import memory_above
 from squealstudy.study.rows import FAILURES, reason
-from squealstudy.study.working_points import prepared_model
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 
@@ -130,7 +128,7 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 def reduction_seconds(plan: Plan) -> float:
     """What the structures of a study took when they were made, or will by those that are."""
     made = [s.key for s in plan.structures if is_prepared(s.key)]
-    spent = sum(sum(read_scalars(key)["timings"].values()) for key in made)
+    spent = sum(sum(load_any(key).timings.values()) for key in made)
     return float(spent) * len(plan.structures) / max(len(made), 1)
 
 

@@ -6,10 +6,10 @@ import time
 
 from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_families
 from squealstudy.analysis.sensitivity.structural import structural_sensitivities
+from squealstudy.study.cache import prepared_model
 from squealstudy.study.sensitivity.parameters import state_parameters, structural_names
 from squealstudy.study.sensitivity.worker import Request, design_structure
 from squealstudy.study.tasks import PointTask
-from squealstudy.study.working_points import prepared_model
 from squealstudy.system.linearise import component_frequencies
 
 TIMED = 3  # parameters that stand for all

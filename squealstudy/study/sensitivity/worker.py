@@ -14,12 +14,13 @@ from squealstudy.analysis.sensitivity.reduced import point_sensitivities, solve_
 from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.study.cache import prepared_model
 from squealstudy.study.design import Design
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.sensitivity.parameters import Asked, state_parameters, structural_names
 from squealstudy.study.sensitivity.rows import failed_row, solved_row
 from squealstudy.study.tasks import PointTask, Solved
-from squealstudy.study.working_points import known_gap, prepared_model
+from squealstudy.study.working_points import known_gap
 from squealstudy.system.linearise import component_frequencies
 
 

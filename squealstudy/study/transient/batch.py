@@ -14,7 +14,7 @@ from squealstudy.analysis.transient.reference_modes import ReferenceModes, refer
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.motion.integrator import Integrator
-from squealstudy.study.cache import prepared_path
+from squealstudy.study.cache import prepared_model, prepared_path
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.plan import Plan
 from squealstudy.study.tasks import PointTask
@@ -25,7 +25,6 @@ from squealstudy.study.transient.plan_facts import (
 )
 from squealstudy.study.transient.start import StartState
 from squealstudy.study.transient_section import TransientSection
-from squealstudy.study.working_points import prepared_model
 from squealstudy.system.design_state import DesignState, ModeKey
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need

@@ -21,12 +21,11 @@ from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
-from squealstudy.study.cache import prepared_path
+from squealstudy.study.cache import prepared_model, prepared_path
 from squealstudy.study.files import write_atomic
 from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.batch import BatchTask, sensed_modes
-from squealstudy.study.working_points import prepared_model
 from squealstudy.system.design_state import DesignState
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations

@@ -16,11 +16,12 @@ from squealstudy.analysis.transient.simulate import Watch, simulate
 from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
+from squealstudy.study.cache import prepared_model
 from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.tasks import PointTask
 from squealstudy.study.transient.batch import BatchTask, sensed_modes
 from squealstudy.study.transient.hybrid_motions import hybrid_motions
-from squealstudy.study.working_points import NewGaps, known_gap, prepared_model
+from squealstudy.study.working_points import NewGaps, known_gap
 
 LOOKS = 20  # at a run, evenly over its duration
 
