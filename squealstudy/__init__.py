@@ -1,21 +1,58 @@
-"""squealstudy: batch parametric studies of brake squeal."""
+"""squealstudy: batch parametric studies of brake squeal.
+
+The names are imported on first use: ``import squealstudy`` stays light.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from squealstudy.face import (
+        Model,
+        Study,
+        list_models,
+        model,
+        open_results,
+        read_study,
+        run,
+    )
+    from squealstudy.study.pictures import register_plot
     from squealstudy.study.results import Results
+    from squealstudy.study.template import new_study
 
 __version__ = "0.2.0"
-__all__ = ["__version__", "open_results"]
+__all__ = [
+    "Model",
+    "Results",
+    "Study",
+    "__version__",
+    "list_models",
+    "model",
+    "new_study",
+    "open_results",
+    "read_study",
+    "register_plot",
+    "run",
+]
 
 
-def open_results(path: Any) -> Results:
-    """Open a results directory: ``.points`` and ``.modes`` tables, ``.rank()``.
+FACE = "squealstudy.face"  # where the names are that are not elsewhere
+ELSEWHERE = {
+    "Results": "squealstudy.study.results",
+    "new_study": "squealstudy.study.template",
+    "register_plot": "squealstudy.study.pictures",
+}
 
-    Imported on first use, so that ``import squealstudy`` stays light.
-    """
-    from squealstudy.study.results import Results
 
-    return Results.open(path)
+def __getattr__(name: str) -> Any:
+    """A name of the face; AttributeError for another."""
+    if name.startswith("_") or name not in __all__:
+        raise AttributeError(f"module 'squealstudy' has no attribute '{name}'")
+    return getattr(import_module(ELSEWHERE.get(name, FACE)), name)
+
+
+def __dir__() -> list[str]:
+    """The names of the face."""
+    return __all__

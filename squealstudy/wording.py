@@ -1,8 +1,115 @@
-"""Words of screens and pictures."""
+"""Words, numbers and units as screens, pictures and tables show them."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Mapping
 
-def plural(n: int, word: str) -> str:
-    """A count with its word."""
-    return f"{n} {word}{'' if n == 1 else 's'}"
+LEAST_DIGITS = 3
+UNKNOWN = "-"  # in place of a number that is not known
+
+PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
+PREFIXED = ("Pa", "N")  # units that take a prefix
+
+TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
+TORQUE_COLUMN = re.compile(
+    r"torque|torque_(mean|rms|static|peak_to_peak|residual)(_low|_high)?|worst_torque_rms"
+    r"|dominant_level|harmonic_\d_level"
+)
+OF_THE_ONSET = "unit of the parameter along which onsets are sought"
+OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own
+# unit of a column of the result tables; the first pattern that fits it whole
+UNITS: tuple[tuple[str, str], ...] = (
+    (r"\w*frequency\w*_hz|hz", "Hz"),
+    (r"d_frequency_hz", "Hz per unit of the row"),
+    (
+        r"\w*growth_rate\w*|growth_(mean|std)|fitted_(low|high)|error_(rung|reduction|estimate)",
+        "1/s",
+    ),
+    (r"growth_per_percent|(predicted|finite)_growth_change", "1/s"),
+    (r"frequency_per_percent|(predicted|finite)_frequency_change", "Hz"),
+    (r"wall_s|\w*seconds\w*|cost(_onset)?|\w*_time|time|time_reached|fit_(start|stop)", "s"),
+    (r"undecided_until", "s"),
+    (r"perturbation", "m/s"),
+    (r"memory_mb", "MB"),
+    (r"normal_force", "N"),
+    (r"energy|energy_mean|energy_mode_\d+|energy_outside", "J"),
+    (r"amplitude_mode_\d+", "m kg^0.5"),
+    (r"variance", "1/s^2"),
+    (r"value|change|reference|truth|number", OF_THE_ROW),
+    (r"onset|bracket_(low|high)|threshold", OF_THE_ONSET),
+    (  # counts, numbers of modes and tracks, ratios
+        r"n_\w+|\w*points\w*|\w*groups|point|rounds|evaluations|iterations\w*|halvings|newton_steps"
+        r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
+        r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
+        r"|biorthogonality|validity_range|disagreement|stick|slip|open|stick_creep|stick_number"
+        r"|contraction|energy_balance|reference_frequency_error|deviation|probability\w*"
+        r"|(first|total)(_low|_high)?|predicted|measured|error\w*|(low|high|median|chance)\w*",
+        "",
+    ),
+)
+
+
+def plural(n: int, word: str, many: str = "") -> str:
+    """A count with its word; `many` where the plural has no -s."""
+    return f"{n} {word if n == 1 else many or word + 's'}"
+
+
+def in_digits(value: float, decimals: int = 0) -> str:
+    """`value` with fixed decimals; in significant digits where those would leave less than two.
+
+    A slow machine's 0.00012 Hz is not "0 Hz".
+    """
+    if value and abs(value) < 10.0 ** (1 - decimals):
+        return f"{value:.{LEAST_DIGITS}g}"
+    return f"{value:.{decimals}f}"
+
+
+def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
+    """A number by a format, or `unknown` where it is NaN."""
+    return f"{value:{form}}" if value == value else unknown
+
+
+def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
+    """Unit of each column that has one, empty for pure numbers.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Columns of a table of results.
+    known : mapping of name -> unit
+        Of parameters, and under ``torque`` the unit of the columns ``torque_*``.
+    """
+    found = {}
+    for name in names:
+        unit = known.get(name)
+        if TORQUE_COLUMN.fullmatch(name):
+            unit = known.get(TORQUE, "N m")
+        if unit is None:
+            unit = next((unit for columns, unit in UNITS if re.fullmatch(columns, name)), None)
+        if unit is not None:
+            found[name] = unit
+    return found
+
+
+def prefixed(unit: str, largest: float) -> tuple[str, float]:
+    """Unit in which values up to `largest` are shown, and the factor from SI to it."""
+    fitting = ((p, f) for p, f in PREFIXES if largest * f >= 1.0 and unit.startswith(PREFIXED))
+    prefix, factor = next(fitting, ("", 1.0))
+    return prefix + unit, factor
+
+
+def setting(name: str, value: float, unit: str, largest: float) -> str:
+    """A parameter's value with its unit, as in ``pressure = 1.2 MPa``."""
+    shown, factor = prefixed(unit, largest)
+    return f"{name} = {value * factor:.4g} {shown}".rstrip()
+
+
+def with_unit(name: str, units: Mapping[str, str]) -> str:
+    """A name with its unit, as titles of columns have it."""
+    return f"{name} {units[name]}" if units.get(name) else name
+
+
+def percent(low: float, high: float) -> str:
+    """Two shares as ``12.3 to 45.6``, in percent."""
+    return f"{100 * low:.1f} to {100 * high:.1f}"

@@ -18,13 +18,12 @@ from squealstudy.analysis.tables.boundary_map import full_points, full_tables
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.plots.files import save_figure
-from squealstudy.plots.stability_map import stability_map
 from squealstudy.study.boundary import BoundaryGrid, refine
 from squealstudy.study.cell_rule import CellRule
 from squealstudy.study.complex_modes.counts import read_unstable_counts
 from squealstudy.study.complex_modes.kind import ComplexModes
 from squealstudy.study.definition import parse_study
+from squealstudy.study.pictures import save_figure
 from squealstudy.study.plan import Plan
 from squealstudy.study.rounds import grown, most_points
 from squealstudy.study.runner import run_study
@@ -331,7 +330,7 @@ def directories(tmp_path_factory) -> tuple[Path, Path]:
 
 def test_the_study_agrees_with_the_grid_study_at_every_node(directories):
     found, grid = (squealstudy.open_results(d) for d in directories)
-    nodes, solved = found.full_points()
+    nodes, solved = found.nodes
     keys = ["friction", "damping_ratio"]
     pd.testing.assert_frame_equal(nodes[keys], grid.points[keys])
     np.testing.assert_array_equal(nodes["n_unstable"], grid.points["n_unstable"])
@@ -423,7 +422,7 @@ def test_a_structural_parameter_is_built_round_by_round(tmp_path):
     text = text.replace("levels = 3", "levels = 2")
     run_study(plan_of(text), tmp_path / "r", jobs=1)
     results = squealstudy.open_results(tmp_path / "r")
-    nodes, _ = results.full_points()
+    nodes, _ = results.nodes
     w1, w2 = 100.0, nodes["frequency_2"]
     flutters = nodes["friction"] > (w1**2 - w2**2).abs() / (2 * w1 * w2) + 1e-12
     np.testing.assert_array_equal(nodes["n_unstable"] == 1, flutters)
@@ -452,8 +451,8 @@ def test_other_designs_do_not_grow(directories):
 # -- pictures and screens --------------------------------------------------------------------------
 def test_the_map_is_drawn_with_its_cells_and_nodes(directories, tmp_path):
     results = squealstudy.open_results(directories[0])
-    nodes, solved = results.full_points()
-    figure = stability_map(nodes, results.modes, "friction", "damping_ratio", solved=solved)
+    _, solved = results.nodes
+    figure = results.plot.stability_map(x="friction", y="damping_ratio")
     axes = figure.axes[0]
     (mesh,) = [c for c in axes.collections if type(c).__name__ == "QuadMesh"]
     assert mesh.get_array().shape == (25, 41)
@@ -498,7 +497,7 @@ def test_one_and_three_sweeps_run_and_are_drawn(sweeps, monkeypatch, capsys, tmp
     monkeypatch.chdir(tmp_path)
     assert command(monkeypatch, "run", "map.toml", "-j", "1") == 0
     results = squealstudy.open_results(tmp_path / "results" / "map")
-    nodes, _ = results.full_points()
+    nodes, _ = results.nodes
     assert len(nodes) == (11 if sweeps == 1 else 11 * 5 * 3)
     maps = list((tmp_path / "results" / "map").glob("stability_map*.png"))
     assert len(maps) == (0 if sweeps == 1 else 2)

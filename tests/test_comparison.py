@@ -9,15 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from transient_tables import growth_table, modes_table, points_table
 
+from squealstudy import screen
 from squealstudy.analysis.tables.comparison import COLUMNS, _partners, compare
 from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.cli.compare import (
-    TITLES,
-    compare_command,
-    compare_results,
-    show_comparison,
-    summary,
-)
+from squealstudy.cli import app as cli
+from squealstudy.cli.compare import TITLES, comparison, summary
 from squealstudy.errors import ResultsError
 from squealstudy.study.complex_modes.onsets import onsets_arrow
 from squealstudy.study.results import Results
@@ -298,7 +294,7 @@ def studies(tmp_path):
 
 
 def test_the_command_prints_a_table_and_a_summary(studies, capsys):
-    compare_command(*studies, csv=False)
+    cli.compare(*studies)
     text = " ".join(capsys.readouterr().out.split())
     assert "2 design points compared; 4 predicted instabilities, 1 express themselves" in text
     assert "2 cannot be told" in text
@@ -313,7 +309,8 @@ def test_the_screen_cuts_neither_figures_nor_names(capsys):
     freq = freq_points()
     quiet = freq_modes(freq, ((3, 5240.0, -4.0),))
     table = compared(time_points((0.3, 0.4)), GROWTH.iloc[:0], freq, quiet)
-    show_comparison(table, ["friction"], {"friction": "a unit"})
+    table.attrs |= {"parameters": ["friction"], "units": {"friction": "a unit"}}
+    screen.show(*comparison(table))
     words = capsys.readouterr().out.split()
     assert not any("\N{HORIZONTAL ELLIPSIS}" in word for word in words)
     expected = {*" ".join(TITLES).split(), "limit_cycle,", "growing,", "followed", "0.3", "0.4"}
@@ -323,7 +320,7 @@ def test_the_screen_cuts_neither_figures_nor_names(capsys):
 def test_the_order_of_the_directories_does_not_matter(studies, capsys):
     tables = []
     for pair in (studies, studies[::-1]):
-        compare_command(*pair, csv=True)
+        cli.compare(*pair, csv=True)
         tables.append(pd.read_csv(io.StringIO(capsys.readouterr().out)))
     pd.testing.assert_frame_equal(*tables)
     assert tables[0]["track"].tolist() == [7, 9, 7, 9, 0]
@@ -332,22 +329,22 @@ def test_the_order_of_the_directories_does_not_matter(studies, capsys):
 
 def test_two_studies_of_one_kind_are_refused(studies):
     with pytest.raises(ResultsError, match=r"freq is complex_modes, .*freq is complex_modes"):
-        compare_command(studies[0], studies[0], csv=False)
+        cli.compare(studies[0], studies[0])
 
 
 def test_a_growth_table_of_an_earlier_version_is_one_clear_error(studies):
     GROWTH.drop(columns="unstable").to_parquet(studies[1] / "growth.parquet")
     with pytest.raises(ResultsError, match="earlier version of squealstudy; run the study again"):
-        compare_command(*studies, csv=False)
+        cli.compare(*studies)
 
 
 def test_two_models_are_refused(studies, tmp_path):
     manifest = json.loads((studies[1] / "manifest.json").read_text())
     (studies[1] / "manifest.json").write_text(json.dumps(manifest | {"model": "hoffmann"}))
     with pytest.raises(ResultsError, match=r"of model 'disc_brake', .* of 'hoffmann'"):
-        compare_command(*studies, csv=False)
+        cli.compare(*studies)
     with pytest.raises(ResultsError, match="no such results directory"):
-        compare_command(studies[0], tmp_path / "nothing", csv=False)
+        cli.compare(studies[0], tmp_path / "nothing")
 
 
 def test_damping_of_an_assembly_mode_stands_in_place_of_the_uniform_one(studies):
@@ -359,5 +356,6 @@ def test_damping_of_an_assembly_mode_stands_in_place_of_the_uniform_one(studies)
         manifest["nominal"] |= own
         manifest["parameters"] += [name] if name in own else []
         (directory / "manifest.json").write_text(json.dumps(manifest))
-    table = compare_results(*map(Results.open, studies))
+    first, second = map(Results.open, studies)
+    table = first.compare(second)
     assert set(table["time_point_id"]) == {"p0"}

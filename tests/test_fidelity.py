@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from squealstudy import open_results
 from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
-from squealstudy.cli.fidelity_screen import facts
+from squealstudy.cli.run import fidelity as facts
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.complex_modes.solve_tasks import SolveTask

@@ -17,9 +17,7 @@ from squealstudy.analysis.full_order.family_point import (
     family_system,
     solve_family_point,
 )
-from squealstudy.cli.check import check_command
-from squealstudy.cli.models import models_command
-from squealstudy.cli.run import run_command
+from squealstudy.cli import app as cli
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.models.expression import parse_expression
@@ -355,7 +353,7 @@ def test_a_family_equals_the_hulten_model(tmp_path):
 
 def test_a_study_end_to_end(tmp_path, monkeypatch, capsys):
     path = write_hulten(tmp_path)
-    run_command(path, tmp_path / "r", 1, yes=False, pictures=True)
+    cli.run(path, tmp_path / "r", 1)
     printed = capsys.readouterr().out
     assert "a second factorisation" in " ".join(printed.split())
     assert "nan" not in printed
@@ -530,11 +528,11 @@ def test_commands_and_schema(tmp_path, capsys):
     schema = json.dumps(study_schema())
     for word in ("matrices", "TermSection", "coefficient", "SQUEALSTUDY_DATA"):
         assert word in schema
-    models_command(None, modes=False, cutoff=1.0)
+    cli.models()
     assert "matrices" in capsys.readouterr().out
-    models_command("matrices", modes=True, cutoff=1.0)
+    cli.models("matrices")
     assert "[[model.term]]" in capsys.readouterr().out
-    check_command(write_hulten(tmp_path), tmp_path / "r", 1, build=False)
+    cli.check(write_hulten(tmp_path), tmp_path / "r", 1)
     shown = " ".join(capsys.readouterr().out.split())
     assert "3 terms read, parameters mu" in shown
     assert "2 degrees of freedom" in shown

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from squealstudy import open_results
 from squealstudy.analysis.tables.agreement import agreement
+from squealstudy.cli import app as cli
 from squealstudy.cli.app import app
-from squealstudy.cli.check import check_command
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.definition import load_plan
 from squealstudy.study.runner import run_study
@@ -50,7 +50,7 @@ def write(tmp_path):
 
 def test_a_map_of_methods_has_no_mesh_error(write):
     with pytest.raises(SquealstudyError, match=r"map\.toml: --mesh-error .* has not"):
-        check_command(write(MAP), None, 1, False, of_mesh=True)
+        cli.check(write(MAP), None, 1, mesh_error=True)
 
 
 def test_cells_of_a_map(write, tmp_path):

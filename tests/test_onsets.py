@@ -278,9 +278,8 @@ def test_the_boundary_on_the_map_is_the_closed_form(design, tmp_path):
     if design == "boundary":
         text = text.replace("num = 6", "num = 3") + '[design]\ntype = "boundary"\nlevels = 2\n'
     results = run(text, tmp_path / "r")
-    points = results.full_points()[0] if results.boundary else results.points
-    axes = ("friction", "frequency_2")
-    plane = study_plane(points, results.modes, axes, None, None, "count")
+    points, axes = results.nodes[0], ("friction", "frequency_2")
+    plane = study_plane(results, axes)
     found = stability_boundary(plane, results.onsets, results.along)
     (line,) = found.lines
     mu, hz = line.T

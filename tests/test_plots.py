@@ -6,20 +6,17 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_results import made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
-from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.errors import ResultsError
-from squealstudy.plots.evolution import evolution
-from squealstudy.plots.files import save_figure
 from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.plane import study_plane
-from squealstudy.plots.ranking_bars import mean_energies, ranking_bars
-from squealstudy.plots.stability_diagram import stability_diagram
-from squealstudy.plots.stability_map import cell_edges, stability_map
+from squealstudy.plots.ranking_bars import mean_energies
+from squealstudy.plots.stability_map import cell_edges
 from squealstudy.plots.style import (
     damping_limits,
     is_geometric,
@@ -27,9 +24,38 @@ from squealstudy.plots.style import (
     quantity,
     set_ticks,
 )
+from squealstudy.study.pictures import save_figure
 
+ENDS = ("point_before", "point_after")
+ONSETS = pd.DataFrame(columns=["track", "direction", "onset", "status", *ENDS])
 UNITS = {"friction": "", "pressure": "Pa", "sliding_speed": "m/s"}
 MU, P = np.linspace(0.0, 0.7, 8), np.array([2e5, 4e5, 8e5, 12e5, 20e5, 30e5])
+
+
+def results_of(points, modes, units=None, **facts):
+    return made(units=units, points=points, modes=modes, onsets=ONSETS, facts=facts)
+
+
+def stability_diagram(points, modes, point_id=None, colour_by=None, units=None):
+    return results_of(points, modes, units).plot.stability_diagram(
+        point_id=point_id, colour_by=colour_by
+    )
+
+
+def evolution(points, modes, along, fixed=None, units=None, show="damping_ratio"):
+    results = results_of(points, modes, units)
+    return results.plot.evolution(along=along, fixed=fixed, show=show)
+
+
+def stability_map(points, modes, x, y, fixed=None, units=None, measure="count", solved=None):
+    results = results_of(points, modes, units)
+    if solved is not None:  # a boundary design
+        vars(results)["nodes"] = (points, solved)
+    return results.plot.stability_map(x=x, y=y, fixed=fixed, measure=measure)
+
+
+def ranking(points, modes, top=12, **facts):
+    return results_of(points, modes, **facts).plot.ranking(top=top)
 
 
 def points_table(friction, pressure, failed=(), **others):
@@ -579,7 +605,7 @@ def test_the_plane_of_most_unstable_modes_is_shown():
     assert figure.axes[0]._left_title.get_window_extent().x1 <= figure.bbox.x1
     calm = stability_map(points, modes.assign(unstable=False), "friction", "pressure")
     assert "one of 2 slices, none with an unstable mode" in calm.axes[0].get_title(loc="left")
-    plane = study_plane(points, modes, ("friction", "pressure"), {"speed": 1.0}, None, "count")
+    plane = study_plane(results_of(points, modes), ("friction", "pressure"), {"speed": 1.0})
     assert plane.gridded
     assert plane.value.max() == 1.0
 
@@ -614,8 +640,7 @@ def test_bars_of_the_ranking():
         .to_numpy()
         > 2.5e6
     )
-    ranking = rank_modes(points, modes, along="friction")
-    figure = ranking_bars(ranking, modes, along="friction")
+    figure = ranking(points, modes, sweeps=["friction"])
     left, right = figure.axes
     assert [bar.get_width() for bar in left.patches] == pytest.approx([37.5, 100 / 6])
     assert [t.get_text() for t in left.get_yticklabels()] == ["T1   3036 Hz", "T3   5240 Hz"]
@@ -642,12 +667,12 @@ def test_bars_of_divergence_untracked_and_nan_energies():
     modes.loc[modes["track"] == 2, ["overdamped", "unstable"]] = True
     energies = ["energy_disc", "energy_pad", "energy_interfaces"]
     modes[energies] = np.nan
-    figure = ranking_bars(rank_modes(points, modes), modes)
+    figure = ranking(points, modes)
     names = {t.get_text().split("   ")[0] for t in figure.axes[0].get_yticklabels()}
     assert names == {"static divergence", "untracked"}
     drawn(figure)
     bare = modes.drop(columns=energies)
-    drawn(ranking_bars(rank_modes(points, bare), bare))
+    drawn(ranking(points, bare))
 
 
 def test_only_the_top_of_a_long_ranking_is_shown():
@@ -655,14 +680,14 @@ def test_only_the_top_of_a_long_ranking_is_shown():
     many = pd.concat(
         [modes[modes["track"] == 1].assign(track=k) for k in range(1, 30)], ignore_index=True
     )
-    figure = ranking_bars(rank_modes(points, many), many, top=5)
+    figure = ranking(points, many, top=5)
     assert len(figure.axes[0].patches) == 5
     assert "first 5 of 29 rows" in figure.axes[0].get_title(loc="left")
 
 
 def test_an_empty_ranking():
     points, modes = stable(one_line())
-    assert "no unstable mode" in drawn(ranking_bars(rank_modes(points, modes), modes))
+    assert "no unstable mode" in drawn(ranking(points, modes))
 
 
 # -- files
@@ -693,7 +718,7 @@ def test_pictures_leave_pyplot_alone():
     code = (
         "import sys, squealstudy.plots.evolution, squealstudy.plots.stability_map, "
         "squealstudy.plots.stability_diagram, squealstudy.plots.ranking_bars, "
-        "squealstudy.plots.files; print('matplotlib.pyplot' in sys.modules)"
+        "squealstudy.study.pictures; print('matplotlib.pyplot' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -3,16 +3,15 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_results import made
 
+from squealstudy import screen
 from squealstudy.analysis.tables.mode_ranking import (
     COLUMNS,
     frequency_text,
     parameter_columns,
-    point_codes,
     rank_modes,
-    selection,
 )
-from squealstudy.cli import mode_screen
 from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"
@@ -312,12 +311,15 @@ def test_unknown_orders_and_parameters():
 # -- what the screen says
 
 
-def screen_of(capsys, points, modes, where=None, failed=0, along="friction"):
-    table = rank_modes(points, modes, along, where=where)
-    counted = int(selection(points, modes, point_codes(points, modes), where)[0].sum())
-    mode_screen.ranking(
-        table, along, "", mode_screen.Scope(counted, failed, False, where is not None)
-    )
+NO_ONSETS = pd.DataFrame(columns=["track", "direction", "onset", "status"]).assign(
+    point_before="", point_after=""
+)
+
+
+def screen_of(capsys, points, modes, where=None, along="friction"):
+    swept = {"sweeps": [along] if along else []}
+    results = made(points=points, modes=modes, onsets=NO_ONSETS, facts=swept)
+    screen.show(*results.screen.ranking(results, where=where))
     return " ".join(capsys.readouterr().out.split())
 
 
@@ -331,8 +333,8 @@ def test_an_empty_ranking_says_over_what_it_is(capsys):
     text = screen_of(capsys, points, modes, "friction > 9")
     assert text == "No design point is solved and within the query."
     failed = points.assign(status="failed")
-    text = screen_of(capsys, failed, modes.iloc[:0], failed=24)
-    assert text == "No design point is solved. 24 design point(s) failed and count neither way"
+    text = screen_of(capsys, failed, modes.iloc[:0])
+    assert text == "No design point is solved. 24 design points failed and count neither way"
 
 
 def test_onsets_that_are_not_refined_are_marked(capsys):

@@ -13,17 +13,17 @@ from scipy import stats
 from scipy.stats import qmc
 
 import squealstudy
+from squealstudy import screen as screens
 from squealstudy.analysis.robust.probability import probability_interval, robust_table
 from squealstudy.analysis.robust.saltelli import saltelli_rows
 from squealstudy.analysis.robust.sobol_table import saltelli_estimate, sobol_table
 from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
-from squealstudy.cli.pictures import draw_pictures
-from squealstudy.cli.robust import show_indices
 from squealstudy.errors import ConvergenceError, ResultsError
-from squealstudy.plots.files import save_figure
 from squealstudy.plots.robust_bars import robust_bars
+from squealstudy.study.complex_modes.robust_screen import indices as indices_screen
 from squealstudy.study.definition import parse_study
+from squealstudy.study.pictures import save_figure
 from squealstudy.study.plan import Plan
 from squealstudy.study.runner import run_study
 
@@ -366,7 +366,7 @@ def command(monkeypatch, *arguments: str) -> int:
 def test_modes_without_indices_are_named_on_the_screen(capsys):
     x = saltelli_sample(64)
     made = tables(x, np.where(x[:, 0] > 0, ishigami(x), np.nan))
-    show_indices(sobol_table(*made, NAMES), 0.95)
+    screens.show(*indices_screen(sobol_table(*made, NAMES)))
     screen = capsys.readouterr().out
     assert "modes found at too few points for indices: 1" in screen
     assert screen.count("x1") == 1
@@ -396,7 +396,7 @@ def test_bars_show_what_the_tables_say(tmp_path):
     growth = np.where(x[:, 0] > 0, ishigami(x), np.nan)
     made = tables(x, growth)
     probabilities, indices = robust_table(*made), sobol_table(*made, NAMES)
-    figure = robust_bars(probabilities, indices)
+    figure = robust_bars(probabilities, indices.dropna(subset=["first", "total"]))
     left, *others = figure.axes
     widths = [bar.get_width() for bar in left.patches]
     np.testing.assert_allclose(widths, 100 * probabilities["probability"])
@@ -417,8 +417,6 @@ def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch
     monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail)
     with contextlib.suppress(ResultsError):  # run says that every point failed
         run(tmp_path / "r", "latin_hypercube", 8)
-    names = [
-        path.stem for path in draw_pictures(squealstudy.open_results(tmp_path / "r"), tmp_path)
-    ]
+    names = [path.stem for path in squealstudy.open_results(tmp_path / "r").draw(tmp_path)]
     assert "stability_diagram" in names
     assert "robust" not in names

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from squealstudy.cli import screen, transient_screen
+from squealstudy import screen
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results
@@ -99,7 +99,7 @@ def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):
     assert (results.rank()["points"] == 1).all()
     console = Console(width=200, record=True, file=StringIO())
     monkeypatch.setattr(screen, "console", console)
-    transient_screen.points(results.points, results.parameters)
+    screen.show(*results.screen.findings(results))
     printed = " ".join(console.export_text().split())
     until = results.points["undecided_until"].max()
     assert "1 of 2 runs are too short to tell what they come to" in printed

@@ -12,10 +12,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy
-from squealstudy.analysis.tables.sensitivity_ranking import mode_sensitivities, rank_sensitivities
+from squealstudy.analysis.tables.sensitivity_ranking import (
+    mode_sensitivities,
+    rank_sensitivities,
+    step_text,
+)
 from squealstudy.cli.app import main
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.plots.sensitivity_bars import sensitivity_bars, step_text
+from squealstudy.plots.sensitivity_bars import sensitivity_bars
 from squealstudy.study.chunks import write_rows
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
@@ -154,7 +158,7 @@ def test_stable_design_gives_no_rows(tmp_path):
     assert len(found.sensitivities) == 0
     assert (found.points["n_modes"] == 0).all()
     assert found.points["max_growth_rate"].isna().all()
-    assert isinstance(sensitivity_bars(found.sensitivities), Figure)
+    assert isinstance(found.plot.sensitivity(), Figure)
 
 
 def test_defaults_and_families_of_component_modes():

@@ -124,7 +124,7 @@ def test_robust_brake(tmp_path: Path) -> None:
 def test_stability_boundary(tmp_path: Path) -> None:
     plan = reduced("stability_boundary", 3, ("levels = 3", "levels = 1"), QUICK)
     results = results_of(plan, tmp_path / "r")
-    nodes, solved = results.full_points()
+    nodes, solved = results.nodes
     assert len(nodes) == 5 * 5
     assert len(results.points) == solved.sum() <= 25
     assert (nodes.loc[nodes["friction"] == 0, "n_unstable"] == 0).all()  # nothing drives it

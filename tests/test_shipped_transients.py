@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from squealstudy.cli.compare import compare_results
 from squealstudy.errors import ResultsError
+from squealstudy.study.comparison import compare_results
 from squealstudy.study.definition import parse_study
 from squealstudy.study.plan import Plan
 from squealstudy.study.results import Results

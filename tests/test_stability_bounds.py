@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from made_results import made
 from test_ranking import MU, STUDY, P, linear_study, modes_table, points_table
 from test_robust import tables
 
+from squealstudy import screen
 from squealstudy.analysis.robust.probability import robust_table
-from squealstudy.analysis.tables.mode_ranking import point_codes, rank_modes
-from squealstudy.analysis.tables.stability import is_uncertain, uncertain_points
-from squealstudy.cli import mode_screen, robust
+from squealstudy.analysis.tables.mode_ranking import rank_modes
+from squealstudy.analysis.tables.stability import is_uncertain
+from squealstudy.study.complex_modes import robust_screen
 
 
 def labelled(modes, error):
@@ -76,17 +78,16 @@ def test_screens_say_what_is_not_certain(error, capsys):
     x = np.random.default_rng(0).uniform(size=(40, 3))
     points, modes = tables(x, np.linspace(-20.0, 20.0, 40))
     modes = labelled(modes, error)
-    robust.show_probabilities(robust_table(points, modes), 0.95)
-    code, counted = point_codes(points, modes), np.ones(len(modes), dtype=bool)
-    doubtful = uncertain_points(modes, code, counted)
-    scope = mode_screen.Scope(40, 0, False, False, doubtful)
-    mode_screen.ranking(rank_modes(points, modes), None, "", scope)
-    none = pd.DataFrame(columns=["track"])
-    mode_screen.ranking(none, None, "", scope)
+    screen.show(*robust_screen.probabilities(robust_table(points, modes)))
+    onsets = pd.DataFrame(columns=["direction", "onset", "status", "track"])
+    onsets = onsets.assign(point_before="", point_after="")
+    for table in (modes, modes.assign(unstable=False)):
+        results = made(points=points, modes=table, onsets=onsets)
+        screen.show(*results.screen.ranking(results))
     text = " ".join(capsys.readouterr().out.split())
     if error:
         assert "50.0 (37.5 to 62.5)" in text
-        assert text.count("at 10 solved design point(s) the error of some mode") == 2
+        assert text.count("at 10 solved design points the error of some mode") == 2
     else:
         assert "(37.5" not in text
         assert "error of some mode" not in text

@@ -6,21 +6,21 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_results import made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from transient_tables import growth_table, history_table, modes_table, points_table
 
-from squealstudy.cli import transient_screen
 from squealstudy.errors import ResultsError
-from squealstudy.plots.growth_comparison import growth_comparison, growth_pairs
-from squealstudy.plots.level_sweep import design_names, level_sweep, sweep_line
-from squealstudy.plots.modal_energies import leading_modes, modal_energies
+from squealstudy.plots.growth_comparison import growth_pairs
+from squealstudy.plots.levels import bar_places, design_names, stacked_shares, sweep_line
+from squealstudy.plots.modal_energies import leading_modes
 from squealstudy.plots.over_time import EndLabel, binned, design_text, end_labels, outline, spread
-from squealstudy.plots.share_bars import bar_places, stacked_shares
-from squealstudy.plots.spectrogram import short_time_levels, spectrogram
-from squealstudy.plots.torque_history import phases, torque_history
+from squealstudy.plots.spectrogram import short_time_levels
+from squealstudy.plots.torque_history import phases
+from squealstudy.study.transient import screen
 
 UNITS = {"friction": "", "pressure": "Pa"}
 KINDS = ["stable", "limit_cycle", "irregular", "failed", "limit_cycle", "growing"]
@@ -50,6 +50,40 @@ GROWTH = growth_table(
         ("p1", 2, 6000.0, 8.0, None, np.nan),
     ]
 )
+
+
+def of_one_point(history, row, growth, units=None, band=(1.0, 8000.0), modes=None):
+    """Results in which the design point of a row is the second, and friction is varied."""
+    own = pd.DataFrame([row])
+    points = pd.concat([own.assign(friction=0.1, point_id="other"), own], ignore_index=True)
+    modes = modes_table({}) if modes is None else modes
+    tables = {"points": points, "modes": modes, "growth": growth}
+    return made("transient", units=units, history=history, facts={"band_hz": band}, **tables)
+
+
+def torque_history(history, row, growth=GROWTH.iloc[:0], units=None):
+    return of_one_point(history, row, growth, units).plot.torque_history(point=1)
+
+
+def modal_energies(history, modes, row=None):
+    row = one_point().iloc[0] if row is None else row
+    results = of_one_point(history, row, GROWTH, modes=modes)
+    return results.plot.modal_energies(point=1)
+
+
+def spectrogram(history, growth=GROWTH.iloc[:0], row=None, top=8000.0, units=None):
+    row = one_point().iloc[0] if row is None else row
+    return of_one_point(history, row, growth, units, (1.0, top)).plot.spectrogram(point=1)
+
+
+def growth_comparison(growth, points):
+    results = made("transient", points=points, modes=modes_table({}), growth=growth)
+    return results.plot.growth_comparison()
+
+
+def levels(points, modes, along=None, fixed=None, units=None):
+    results = made("transient", units=units, points=points, modes=modes, growth=GROWTH)
+    return results.plot.levels(along=along, fixed=fixed)
 
 
 def drawn(figure):
@@ -140,7 +174,7 @@ def test_a_design_is_described_with_units():
 
 def test_torque_history_shows_phases_levels_and_growth():
     row = one_point(settled_time=0.045).iloc[0]
-    figure = torque_history(history_table(), row, GROWTH, "friction = 0.5")
+    figure = torque_history(history_table(), row, GROWTH)
     assert len(figure.axes) == 6
     labels = [axes.get_ylabel() for axes in figure.axes[::2]]
     assert labels == ["Braking torque [N m]", "Contact area [%]", "Normal force [kN]"]
@@ -192,7 +226,7 @@ def test_phases_end_where_the_run_does():
 def test_the_history_of_a_failed_point_says_why():
     row = points_table({"friction": [0.5]}, ["failed"]).iloc[0]
     texts = drawn(torque_history(history_table(200, 0.01), row, GROWTH))
-    assert "failed; not_converged: t = 0.0123 s" in texts
+    assert "friction = 0.5\nfailed; not_converged: t = 0.0123 s" in texts
     none = torque_history(history_table().iloc[:0], row)
     assert said(none) == "no history of this design point; not_converged: t = 0.0123 s"
 
@@ -212,7 +246,7 @@ def test_no_history_is_said(n):
 def test_modal_energies_name_the_leading_modes():
     modes = modes_table({"p0": {44: 0.05, 45: 0.1, 51: 0.8}})
     row = one_point(transfer_from=44, transfer_to=51, transfer_time=0.07).iloc[0]
-    figure = modal_energies(history_table(), modes, row, "friction = 0.5")
+    figure = modal_energies(history_table(), modes, row)
     axes = figure.axes[0]
     assert axes.get_yscale() == "log"
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("Time [ms]", "Mechanical energy [J]")
@@ -234,10 +268,10 @@ def test_modes_of_the_transfer_are_named_whatever_their_share():
         history[f"energy_mode_{mode}"] = share
     modes = pd.DataFrame({"mode": list(shares), "energy_share": list(shares.values())})
     modes = modes.assign(point_id="p0", frequency_hz=1e3, first_share=0.0)
-    assert leading_modes(history, modes, None, list(shares)) == [10, 9, 8, 7, 6, 5]
+    assert leading_modes(history, modes, pd.Series(), list(shares)) == [10, 9, 8, 7, 6, 5]
     row = one_point(transfer_from=1, transfer_to=2).iloc[0]
     assert leading_modes(history, modes, row, list(shares)) == [10, 9, 8, 7, 2, 1]
-    assert leading_modes(history, modes.iloc[:0], None, list(shares)) == [10, 9, 8, 7, 6, 5]
+    assert leading_modes(history, modes.iloc[:0], pd.Series(), list(shares)) == [10, 9, 8, 7, 6, 5]
     texts = drawn(modal_energies(history, modes))
     assert any("grey: 4 other modes" in text for text in texts)
 
@@ -270,7 +304,7 @@ def test_the_spectrum_peaks_at_the_frequency_of_the_torque():
 
 def test_the_spectrogram_marks_predictions_up_to_the_band_top():
     growth = GROWTH.assign(point_id="p0")
-    figure = spectrogram(history_table(), growth, one_point().iloc[0], 5500.0, "friction = 0.5")
+    figure = spectrogram(history_table(), growth, top=5500.0)
     axes = next(a for a in figure.axes if a.get_xlabel())
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("Time [ms]", "Frequency [Hz]")
     assert axes.get_ylim() == (0.0, 5500.0)
@@ -287,9 +321,9 @@ def test_the_spectrogram_marks_predictions_up_to_the_band_top():
 
 def test_a_band_beyond_the_samples_is_said_and_uneven_samples_are_resampled():
     history = history_table(1001)
-    figure = spectrogram(history, None, None, 8000.0)
+    figure = spectrogram(history)
     title = next(a for a in figure.axes if a.get_xlabel()).get_title(loc="left")
-    assert title.startswith("the samples kept reach 5")
+    assert "; the samples kept reach 5" in title
     uneven = history_table().drop(index=range(100, 130))
     drawn(spectrogram(uneven, GROWTH.iloc[:0]))
     assert said(spectrogram(history.assign(torque=348.0))) == "the torque does not vary"
@@ -399,17 +433,17 @@ def test_growth_without_any_fit():
 
 
 def test_levels_are_marked_by_class():
-    figure = level_sweep(*sweep(), "friction", units=UNITS)
-    levels, means, frequencies, shares = figure.axes
-    assert levels.get_ylabel() == "Torque RMS [N m]"
+    figure = levels(*sweep(), "friction", units=UNITS)
+    rms, means, frequencies, shares = figure.axes
+    assert rms.get_ylabel() == "Torque RMS [N m]"
     assert means.get_ylabel() == "Torque [N m]"
     assert frequencies.get_ylabel() == "Frequency [Hz]"
     assert (shares.get_xlabel(), shares.get_ylabel()) == ("friction", "Energy share [%]")
-    names = [t.get_text() for t in levels.get_legend().get_texts()]
+    names = [t.get_text() for t in rms.get_legend().get_texts()]
     assert names == ["limit cycle", "irregular", "growing (not saturated)", "stable"]
-    counts = [len(bars.lines[0].get_xdata()) for bars in levels.containers]
+    counts = [len(bars.lines[0].get_xdata()) for bars in rms.containers]
     assert counts == [2, 1, 1, 1]
-    markers = [bars.lines[0].get_marker() for bars in levels.containers]
+    markers = [bars.lines[0].get_marker() for bars in rms.containers]
     assert markers == ["o", "D", "^", "o"]
     for axes in figure.axes[:3]:
         crosses = [c for c in axes.get_lines() if c.get_marker() == "x"]
@@ -420,7 +454,7 @@ def test_levels_are_marked_by_class():
 def test_what_a_failed_run_had_is_no_level():
     points, modes = sweep()
     points.loc[3, ["torque_rms", "torque_mean", "torque_static"]] = 500.0
-    figure = level_sweep(points, modes, "friction")
+    figure = levels(points, modes, "friction")
     for axes in figure.axes[:2]:
         assert axes.get_ylim()[1] < 450.0
 
@@ -432,7 +466,7 @@ def test_energy_shares_are_stacked_where_a_vibration_lasts():
     assert list(table.columns[:3]) == ["R44  3180 Hz", "R51  4950 Hz", "R45  3260 Hz"]
     assert table["R51  4950 Hz"].tolist() == pytest.approx([0.0, 0.3, 0.6, 0.6])
     assert table["outside the sensed modes"].tolist() == pytest.approx([0.05] * 4)
-    figure = level_sweep(points, modes, "friction")
+    figure = levels(points, modes, "friction")
     stacks = [[bar.get_height() for bar in bars] for bars in figure.axes[3].containers]
     assert len(stacks) == 5
     assert np.allclose(stacks[0], [80, 60, 20, 20])
@@ -456,9 +490,9 @@ def test_the_line_with_most_vibration_is_taken():
         ["stable", "stable", "stable", "limit_cycle"],
     )
     modes = modes_table({"p3": {44: 0.9}})
-    figure = level_sweep(points, modes, "friction", units=UNITS)
+    figure = levels(points, modes, "friction", units=UNITS)
     assert "pressure = 1.2 MPa" in drawn(figure)
-    fixed = level_sweep(points, modes, "friction", {"pressure": 4e5}, UNITS)
+    fixed = levels(points, modes, "friction", {"pressure": 4e5}, UNITS)
     assert "pressure = 0.4 MPa" in drawn(fixed)
     assert "no vibration lasts" in drawn(fixed)
     assert sweep_line(points.iloc[::-1], "friction")["friction"].tolist() == [0.3, 0.5]
@@ -466,7 +500,7 @@ def test_the_line_with_most_vibration_is_taken():
 
 def test_a_geometric_parameter_is_on_a_log_axis():
     points = points_table({"pressure": np.geomspace(2e5, 40e5, 6), "friction": 0.5}, KINDS)
-    figure = level_sweep(points, sweep()[1], "pressure", units=UNITS)
+    figure = levels(points, sweep()[1], "pressure", units=UNITS)
     assert [axes.get_xscale() for axes in figure.axes] == ["log"] * 4
     assert figure.axes[3].get_xlabel() == "pressure [MPa]"
 
@@ -483,7 +517,7 @@ def test_all_points_in_their_order_named_by_what_they_change():
         "pressure = 800 kPa",
         f"{name} = 0.05\npressure = 800 kPa",
     ]
-    figure = level_sweep(points, modes_table({"p0": {44: 0.9}, "p2": {51: 0.9}}), units=UNITS)
+    figure = levels(points, modes_table({"p0": {44: 0.9}, "p2": {51: 0.9}}), units=UNITS)
     drawn(figure)
     assert [t.get_text() for t in figure.axes[3].get_xticklabels()] == design_names(points, UNITS)
     assert figure.axes[3].get_xlabel() == ""
@@ -492,26 +526,26 @@ def test_all_points_in_their_order_named_by_what_they_change():
 @pytest.mark.parametrize("along", ["friction", None])
 def test_levels_of_one_point_of_failed_ones_and_of_none(along):
     points, modes = sweep()
-    figure = level_sweep(points.iloc[1:2], modes, along, units=UNITS)
+    figure = levels(points.iloc[1:2], modes, along, units=UNITS)
     drawn(figure)
     assert len(figure.axes) == 4
     failed = sweep(["failed"] * 6)
-    assert said(level_sweep(*failed, along)) == "6 points, all failed: not_converged"
-    assert said(level_sweep(points.iloc[:0], modes, along)) == "no design points"
+    assert said(levels(*failed, along)) == "6 points, all failed: not_converged"
+    assert said(levels(points.iloc[:0], modes, along)) == "no design points"
     calm = points.assign(**{"class": points["class"].where(points["status"] != "ok", "stable")})
-    assert "no vibration lasts" in drawn(level_sweep(calm, modes.iloc[:0], along))
+    assert "no vibration lasts" in drawn(levels(calm, modes.iloc[:0], along))
 
 
 def test_levels_refuse_what_is_not_there():
     points, modes = sweep()
     with pytest.raises(ResultsError, match=r"'pressure' is not varied.*friction"):
-        level_sweep(points, modes, "pressure")
+        levels(points, modes, "pressure")
     with pytest.raises(ResultsError, match="no design point has pressure = 1"):
-        level_sweep(points, modes, "friction", {"pressure": 1.0})
+        levels(points, modes, "friction", {"pressure": 1.0})
     with pytest.raises(ResultsError, match="'mu' is no parameter"):
-        level_sweep(points, modes, "friction", {"mu": 1.0})
-    with pytest.raises(ResultsError, match="no column 'class'"):
-        level_sweep(points.drop(columns="class"), modes, "friction")
+        levels(points, modes, "friction", {"mu": 1.0})
+    with pytest.raises(ResultsError, match="needs a column 'class' in the table 'points'"):
+        levels(points.drop(columns="class"), modes, "friction")
 
 
 def test_pictures_leave_pyplot_alone_and_their_tables_unchanged():
@@ -520,15 +554,15 @@ def test_pictures_leave_pyplot_alone_and_their_tables_unchanged():
     before = [table.copy() for table in (points, modes, history, growth)]
     torque_history(history, points.iloc[1], growth)
     modal_energies(history, modes, points.iloc[1])
-    spectrogram(history, growth, points.iloc[1], 8000.0)
+    spectrogram(history, growth, points.iloc[1])
     growth_comparison(growth, points)
-    level_sweep(points, modes, "friction")
+    levels(points, modes, "friction")
     for table, old in zip((points, modes, history, growth), before, strict=True):
         pd.testing.assert_frame_equal(table, old)
     code = (
         "import sys, squealstudy.plots.torque_history, squealstudy.plots.modal_energies, "
         "squealstudy.plots.spectrogram, squealstudy.plots.growth_comparison, "
-        "squealstudy.plots.level_sweep; print('matplotlib.pyplot' in sys.modules)"
+        "squealstudy.plots.levels; print('matplotlib.pyplot' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
@@ -539,7 +573,7 @@ def test_a_belt_has_a_friction_force_and_no_torque():
     row, history = one_point().iloc[0], history_table()
     figures = {
         "history": torque_history(history, row, GROWTH, units=units),
-        "levels": level_sweep(*sweep(), "friction", units=units),
+        "levels": levels(*sweep(), "friction", units=units),
         "spectrogram": spectrogram(history, GROWTH.iloc[:0], units=units),
     }
     for name, figure in figures.items():
@@ -553,7 +587,7 @@ def test_levels_of_runs_too_short_to_judge():
     told = [n for n in points if n.startswith(("torque", "dominant", "growth"))]
     short = points.assign(**{"class": "undecided", "status": "ok"}, **dict.fromkeys(told, np.nan))
     short["dominant_mode"] = short["transfer_to"] = None
-    assert "as the first" not in drawn(level_sweep(short, modes.iloc[:0], "friction"))
+    assert "as the first" not in drawn(levels(short, modes.iloc[:0], "friction"))
     row = {**short.iloc[0].to_dict()}
-    assert transient_screen._findings(row)[0] == "undecided"
-    assert set(transient_screen._findings(row)[3:]) <= {"-", ""}
+    assert screen._findings(row)[0] == "undecided"
+    assert set(screen._findings(row)[3:]) <= {"-", ""}

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from unit_scaling import Units, same_table, scaled_text, solved, study_of
 
 from squealstudy.analysis.point import solve_point, state_working_point
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.errors import ResultsError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
@@ -24,6 +23,7 @@ from squealstudy.study.results import Results
 from squealstudy.study.runner import run_study
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
+from squealstudy.wording import in_digits
 
 OTHER_UNITS = [
     Units(time=1e-6),

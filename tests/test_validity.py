@@ -12,9 +12,7 @@ import pytest
 
 import squealstudy
 from squealstudy.analysis.tables.validity import validity_counts
-from squealstudy.cli.check import check_command
-from squealstudy.cli.rank import rank_command
-from squealstudy.cli.robust import robust_command
+from squealstudy.cli import app as cli
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.study.definition import parse_study
@@ -210,19 +208,19 @@ def test_matrices_have_no_contact_to_judge(tmp_path):
 def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
     path = tmp_path / "study.toml"
     path.write_text(text_of("hulten", FRICTION))
-    check_command(path, tmp_path / "r", 1, build=False)
+    cli.check(path, tmp_path / "r", 1)
     said = " ".join(capsys.readouterr().out.split())
     wanted = (
         "1 of 3 points will be outside: 1 break 'both contacts press only for friction below 1'"
     )
     assert wanted in said
     run_study(plan_of("hulten", FRICTION), tmp_path / "r", jobs=1)
-    rank_command(tmp_path / "r", "share", None, None, csv=False)
+    cli.rank(tmp_path / "r")
     said = " ".join(capsys.readouterr().out.split())
     assert "1 of 3 solved design points are outside validity: 1 break 'both contacts" in said
-    rank_command(tmp_path / "r", "share", None, "valid", csv=True)
+    cli.rank(tmp_path / "r", where="valid", csv=True)
     assert pd.read_csv(io.StringIO(capsys.readouterr().out))["unstable_share"].tolist() == [0.5]
-    rank_command(tmp_path / "r", "share", None, None, csv=True)
+    cli.rank(tmp_path / "r", csv=True)
     assert "validity" not in capsys.readouterr().out
 
 
@@ -230,7 +228,7 @@ def test_robust_says_it_too(tmp_path, capsys):
     more = '[design]\ntype = "sobol"\nsamples = 16\n[[sweep]]\nparameter = "friction"\n'
     more += "start = 0.5\nstop = 1.5"
     run_study(plan_of("hulten", more), tmp_path / "r", jobs=1)
-    robust_command(tmp_path / "r", None, 0.95, csv=False, indices=False)
+    cli.robust(tmp_path / "r")
     said = " ".join(capsys.readouterr().out.split())
     assert "8 break 'both contacts press only for friction below 1'" in said
     assert "of 16 solved design points are outside validity: " in said

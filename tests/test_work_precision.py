@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from made_results import made
 from typer.testing import CliRunner
 
 from squealstudy import open_results
@@ -12,7 +13,6 @@ from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import app
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.work_precision import kind as kind_module
-from squealstudy.plots.work_precision import work_precision
 from squealstudy.study.complex_modes import problems
 from squealstudy.study.definition import load_plan
 from squealstudy.study.measure.time_domain import together
@@ -293,6 +293,11 @@ def table_of(**columns):
         "within_x": [True, False, False, False],
     }
     return pd.DataFrame(base | columns)
+
+
+def work_precision(table, quantities, tolerance, facts):
+    facts = facts | {"quantities": quantities, "tolerance": tolerance}
+    return made("work_precision", measurements=table, facts=facts).plot.work_precision()
 
 
 def test_picture_draws_front_failures_and_tolerance():

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from squealstudy.errors import SquealstudyError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 INTERNAL_ERROR, USAGE_ERROR = 1, 2
 DEBUG = "SQUEALSTUDY_DEBUG"
@@ -38,6 +41,7 @@ By = Annotated[
     ),
 ]
 Top = Annotated[int | None, typer.Option(min=1, help="Number of modes listed.")]
+Csv = Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")]
 Where = Annotated[
     str | None, typer.Option(help="Condition on table columns, e.g. 'pressure < 1e6'.")
 ]
@@ -52,9 +56,13 @@ def run(
     pictures: Annotated[bool, typer.Option(help="Draw the pictures at the end.")] = True,
 ) -> None:
     """Run a study, or what is left of it; print the ranking and where the tables are."""
-    from squealstudy.cli.run import run_command
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside, summary
 
-    run_command(study, output, jobs, yes, pictures)
+    with screen.interruptible():
+        results = face.run(face.read_study(study), output, jobs, yes, screen.warning)
+    screen.show(*results.screen.findings(results), *outside(results), "")
+    screen.show(screen.facts(summary(results, results.draw() if pictures else [])))
 
 
 @app.command()
@@ -75,9 +83,11 @@ def check(
     ] = False,
 ) -> None:
     """Validate a study, count its points, estimate time and memory. Writes no results."""
-    from squealstudy.cli.check import check_command
+    from squealstudy import face, screen
+    from squealstudy.cli.check import check as checked
 
-    check_command(study, output, jobs, build, mesh_error)
+    found = checked(face.read_study(study), output, jobs, build, mesh_error)
+    screen.show(screen.facts(found))
 
 
 @app.command()
@@ -86,32 +96,48 @@ def rank(
     by: By = "share",
     top: Top = None,
     where: Where = None,
-    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+    csv: Csv = False,
 ) -> None:
     """Which modes are unstable: how widely, how strongly, from where on, in which component."""
-    from squealstudy.cli.rank import rank_command
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside
 
-    rank_command(results, by, top, where, csv)
+    found = face.open_results(results)
+    if csv:
+        _print_csv(found.rank(by, top, where))
+        return
+    screen.show(*found.screen.ranking(found, by, top, where))
+    screen.show(*outside(found, "of the whole study: " if where else ""))
 
 
 @app.command()
 def robust(
     results: ResultsPath,
     top: Top = None,
-    confidence: Annotated[
-        float, typer.Option(min=0.5, max=0.9999, help="Of the intervals.")
-    ] = 0.95,
-    csv: Annotated[
-        bool, typer.Option("--csv", help="Print all columns as CSV; indices with --indices.")
-    ] = False,
+    csv: Csv = False,
     indices: Annotated[
         bool, typer.Option("--indices", help="Print the Sobol indices alone.")
     ] = False,
 ) -> None:
     """Probability of instability of a random design, and its Sobol indices."""
-    from squealstudy.cli.robust import robust_command
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside
+    from squealstudy.study.complex_modes import robust_screen
+    from squealstudy.study.design_rules import SOBOL_INDICES
+    from squealstudy.study.kind_screen import LISTED
 
-    robust_command(results, top, confidence, csv, indices)
+    found = face.open_results(results)
+    if csv:
+        _print_csv(found.sobol_indices(top) if indices else found.robust())
+        return
+    kept, sampled = top or LISTED, found.design == SOBOL_INDICES
+    if not indices:
+        screen.show(*robust_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
+    if not indices and sampled:
+        screen.show("")
+    if indices or sampled:
+        screen.show(*robust_screen.indices(found.sobol_indices(kept)))
+    screen.show(*outside(found))
 
 
 @app.command()
@@ -123,13 +149,27 @@ def sensitivity(
         float | None, typer.Option(min=0.0, help="Mode nearest this frequency, Hz.")
     ] = None,
     top: Annotated[int | None, typer.Option(min=1, help="Number of parameters listed.")] = 20,
-    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+    csv: Csv = False,
     jobs: Jobs = None,
 ) -> None:
     """Which component modes and parameters move the most unstable mode, beside a reanalysis."""
-    from squealstudy.cli.sensitivity import sensitivity_command
+    from squealstudy import face, screen
+    from squealstudy.analysis.tables.sensitivity_ranking import (
+        mode_sensitivities,
+        rank_sensitivities,
+    )
+    from squealstudy.cli.run import outside
+    from squealstudy.study.sensitivity.screen import sensitivities
 
-    sensitivity_command(path, mode, top, csv, jobs)
+    if path.is_dir():
+        found = face.open_results(path)
+    else:
+        study = face.read_study(path).sensitivities()
+        found = face.run(study, jobs=jobs, warn=screen.warning)
+    if csv:
+        _print_csv(rank_sensitivities(mode_sensitivities(found.sensitivities, mode), top))
+        return
+    screen.show(*sensitivities(found, mode, top), *outside(found))
 
 
 @app.command()
@@ -138,24 +178,37 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Directory of the pictures.")
     ] = None,
-    along: Annotated[str | None, typer.Option(help="Parameter of the evolution picture.")] = None,
 ) -> None:
-    """Draw stability diagram, evolution along a parameter, stability map and ranking."""
-    from squealstudy.cli.pictures import plot_command
+    """Draw every picture that the tables of the results allow."""
+    from squealstudy import face, screen
 
-    plot_command(results, output, along)
+    screen.show(*map(str, face.open_results(results).draw(output)))
 
 
 @app.command()
 def compare(
     frequency: Annotated[Path, typer.Argument(metavar="FREQ_RESULTS", help="Complex modes.")],
     time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],
-    csv: Annotated[bool, typer.Option("--csv", help="Print all columns as CSV.")] = False,
+    csv: Csv = False,
 ) -> None:
     """Predicted against fitted growth, and which predicted instabilities express themselves."""
-    from squealstudy.cli.compare import compare_command
+    from squealstudy import face, screen
+    from squealstudy.cli.compare import comparison
+    from squealstudy.cli.run import outside
+    from squealstudy.study.comparison import in_order
+    from squealstudy.study.manifest import outdated
 
-    compare_command(frequency, time, csv)
+    found = in_order(face.open_results(frequency), face.open_results(time))
+    for results in found:
+        if text := outdated(results.directory, results.manifest):
+            screen.warning(f"{text}; run that study again")
+    table = found[0].compare(found[1])
+    if csv:
+        _print_csv(table)
+        return
+    screen.show(*comparison(table))
+    for name, results in zip(("frequency", "time"), found, strict=True):
+        screen.show(*outside(results, f"{name} study: "))
 
 
 @app.command()
@@ -163,9 +216,13 @@ def warmup(
     single: Annotated[bool, typer.Option("--single", help="Single-precision storage too.")] = False,
 ) -> None:
     """Compile the kernels of transient studies once, into the cache."""
-    from squealstudy.cli.warmup import warmup_command
+    from squealstudy import screen
+    from squealstudy.analysis.transient.warmup import warm_kernels
+    from squealstudy.kernels.jit import compiled_directory
 
-    warmup_command(single)
+    seconds = warm_kernels(single)
+    text = f"ready after {seconds:.1f} s, in {compiled_directory()}"
+    screen.show(screen.facts([("kernels", text)]))
 
 
 @app.command()
@@ -174,12 +231,36 @@ def models(
     modes: Annotated[
         bool, typer.Option(help="Build the model and list its components' free-free modes.")
     ] = True,
-    cutoff: Annotated[float, typer.Option(min=1.0, help="Highest frequency listed, Hz.")] = 8000.0,
 ) -> None:
     """List models, or one model's parameters with units and defaults, components and modes."""
-    from squealstudy.cli.models import models_command
+    from squealstudy import face, screen
+    from squealstudy.cli.models import CONTRACT, described
+    from squealstudy.models.matrix_family import NAME as MATRICES
 
-    models_command(name, modes, cutoff)
+    listed = face.list_models()
+    if name is None:
+        screen.show(screen.facts(listed.items()))
+        screen.show("\nsquealstudy models NAME lists parameters, components and modes.")
+    elif name == MATRICES:
+        screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
+    else:
+        screen.show(*described(face.model(name), modes))
+
+
+@app.command()
+def new(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="Study file to write.")],
+    model: Annotated[str, typer.Option(help="Model; 'squealstudy models' lists them.")],
+    kind: Annotated[
+        str, typer.Option(help="complex_modes, transient or sensitivity.")
+    ] = "complex_modes",
+) -> None:
+    """Write a commented study file to start from: every key with its default and meaning."""
+    from squealstudy import screen
+    from squealstudy.study.template import new_study
+
+    written = new_study(path, kind, model)
+    screen.show(f"{written}: now change it, then squealstudy check {written}")
 
 
 @app.command()
@@ -189,9 +270,13 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of study files, for editors."""
-    from squealstudy.cli.check import schema_command
+    from squealstudy.cli.check import schema as found
 
-    schema_command(kind)
+    sys.stdout.write(found(kind) + "\n")
+
+
+def _print_csv(table: pd.DataFrame) -> None:
+    table.to_csv(sys.stdout, index=False)
 
 
 def main() -> None:

@@ -2,58 +2,84 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.line import StudyLine, study_line
-from squealstudy.plots.locus import draw_locus
 from squealstudy.plots.style import (
     COLOURS,
     DARK,
     GREY,
     MARKERS,
     UNSTABLE,
+    cross_out,
     damping_limits,
     finish,
     growth_limits,
+    head,
+    joined,
+    legend_below,
     new_figure,
-    plural,
+    set_scales,
     set_ticks,
     shade_unstable,
     track_name,
 )
+from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 LOCI = 2
+NEAR = 0.03  # relative distance in frequency within which other tracks are shown in a locus
+LEFT = 2.0  # of the fastest growth: how far the stable side of a locus reaches
+LONGEST_NAME = 36  # characters that fit the title of a locus
 VERTICAL = {
     "damping_ratio": ("Damping ratio [%]", 100.0),
     "growth_rate": ("Growth rate [1/s]", 1.0),
 }
+COLUMNS = ("track", "track_ambiguous", "frequency_hz", "damping_ratio", "growth_rate", "unstable")
 
 
+def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
+    """A picture a parameter of a grid; one more where two parameters share their values."""
+    points = results.points
+    varied = parameter_columns(points, varied=True)
+    for name in varied if results.manifest["grid_shape"] else []:
+        yield f"_{results.file_word(name)}", {"along": name, "fixed": results.nominal_others(name)}
+    if len(varied) == 2 and set(points[varied[0]]) == set(points[varied[1]]):
+        yield "_together", {"along": tuple(varied)}
+
+
+@register_plot(_lines, points=("status",), modes=COLUMNS)
 def evolution(
-    points: pd.DataFrame,
-    modes: pd.DataFrame,
-    along: str,
+    results: Results,
+    along: str | tuple[str, str] | None = None,
     fixed: Mapping[str, float] | None = None,
-    units: Mapping[str, str] | None = None,
     show: str = "damping_ratio",
 ) -> Figure:
     """Evolution of all tracks along one parameter, the unstable ones in colour.
 
     Parameters
     ----------
-    along : str
-        A varied parameter.
+    results : Results
+        Of a complex-mode study.
+    along : str or tuple of two str or None
+        A varied parameter, or two with the same values, along which both are equal; by default that
+        of the onsets.
     fixed : mapping of parameter -> value or None
         The line to show; of what is left open, the line with most unstable modes is taken.
-    units : mapping of parameter -> unit, or None
     show : str
         "damping_ratio" or "growth_rate".
 
@@ -64,21 +90,34 @@ def evolution(
     """
     if show not in VERTICAL:
         raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(VERTICAL)}")
-    line = study_line(points, modes, along, fixed, units)
+    if isinstance(along, tuple):
+        results, along = _together(results, *along)
+    line = study_line(results, along or results.along or "", fixed)
     tracks = line.unstable_tracks
     figure = new_figure(11.5 if tracks else 8.0, 7.0)
     widths = [1.6, 1.0] if tracks else [1.0]
     left, *right = figure.subfigures(1, len(widths), squeeze=False, width_ratios=widths)[0]
     upper, lower = left.subplots(2, 1, sharex=True)
+    set_scales(upper, line.shown)
     _draw(upper, line, "frequency_hz", 1.0)
     _draw(lower, line, show, VERTICAL[show][1])
     _finish(upper, lower, line, show)
     rows = min(LOCI, len(tracks))
     for place, track in enumerate(tracks[:rows]):
-        draw_locus(right[0].add_subplot(rows, 1, place + 1), line, track)
+        _locus(right[0].add_subplot(rows, 1, place + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
-    _legend(figure, line)
+    legend_below(figure, _handles(line), 5)
     return figure
+
+
+def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
+    """The design points at which two parameters are equal, as one parameter."""
+    name, points = f"{first} = {second}", results.points
+    points = points[points[first] == points[second]]
+    modes = results.modes[results.modes["point_id"].isin(points["point_id"])]
+    points = points.drop(columns=second).rename(columns={first: name})
+    facts = results.manifest | {"units": {**results.units, name: results.units.get(first, "")}}
+    return replace(results, manifest=facts).with_tables(points=points, modes=modes), name
 
 
 def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
@@ -103,9 +142,7 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
 
 
 def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
-    """Scales, limits and labels of both axes, and what failed."""
-    if line.shown.log:
-        upper.set_xscale("log")
+    """Limits and labels of both axes, and what failed."""
     set_ticks(lower.xaxis, line.shown, pd.Series(line.x / line.shown.factor))
     values = np.append(getattr(line, show).to_numpy(dtype=float), line.untracked[show])
     if show == "damping_ratio":
@@ -113,28 +150,24 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
     else:
         lower.set_ylim(growth_limits(values))
     shade_unstable(lower, above=show == "growth_rate")
-    place: dict[str, Any] = {
-        "clip_on": False,
-        "transform": lower.get_xaxis_transform(),
-        "color": "0.2",
-    }
-    if line.failed.any():  # an unclipped curve without points would push the axes away
-        lower.plot(line.x[line.failed], np.zeros(line.failed.sum()), "x", **place)
+    cross_out(lower, line.x[line.failed])
     finish(upper, "", "Frequency [Hz]")
     finish(lower, line.shown.label, VERTICAL[show][0])
 
 
 def _title(line: StudyLine) -> str:
     n = len(line.unstable_tracks)
-    loose = int(line.untracked["unstable"].sum())
-    parts = [line.elsewhere, plural(n, "unstable track") if n or loose else "no unstable mode"]
-    parts += [f"{plural(loose, 'unstable mode')} without track (x)"] if loose else []
-    parts += [f"{plural(int(line.failed.sum()), 'point')} failed (x)"] if line.failed.any() else []
-    return "; ".join(part for part in parts if part)
+    loose, failed = int(line.untracked["unstable"].sum()), int(line.failed.sum())
+    return joined(
+        line.elsewhere,
+        plural(n, "unstable track") if n or loose else "no unstable mode",
+        f"{plural(loose, 'unstable mode')} without track (x)" if loose else "",
+        f"{plural(failed, 'point')} failed (x)" if failed else "",
+    )
 
 
-def _legend(figure: Figure, line: StudyLine) -> None:
-    """The coloured tracks with their frequency at fastest growth."""
+def _handles(line: StudyLine) -> list[Line2D]:
+    """The coloured tracks with their frequency at fastest growth, for the legend."""
     named = line.worst.iloc[: len(COLOURS)]
     handles = [
         Line2D([], [], color=COLOURS[k], marker=MARKERS[k], label=track_name(t, f))
@@ -147,6 +180,36 @@ def _legend(figure: Figure, line: StudyLine) -> None:
         handles.append(Line2D([], [], linestyle="", color="0.2", label="ambiguous label", **ring))
     if handles:
         handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable tracks"))
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=5, fontsize=9, frameon=False
-        )
+    return handles
+
+
+def _locus(axes: Axes, line: StudyLine, track: int) -> None:
+    """Growth rate against frequency of one track; arrows point to a rising parameter."""
+    frequency, growth = line.frequency_hz[track], line.growth_rate[track]
+    low, high = frequency.min() * (1 - NEAR), frequency.max() * (1 + NEAR)
+    fastest = float(growth.max()) if growth.max() > 0 else float(growth.abs().max()) or 1.0
+    within = ((line.frequency_hz > low) & (line.frequency_hz < high)).any()
+    for other in [*within.index[within].drop(track), track]:
+        x, y = line.growth_rate[other].to_numpy(), line.frequency_hz[other].to_numpy()
+        _path(axes, x, y, line.colour(int(other)), 2.0 if other == track else 1.0)
+    axes.set_xlim(-LEFT * fastest, 1.2 * fastest)
+    axes.set_ylim(low, high)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.axvspan(0.0, 1.2 * fastest, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)
+    axes.axvline(0.0, color="0.2", linewidth=1.0, zorder=1)
+    finish(axes, "Growth rate [1/s]", "Frequency [Hz]")
+    name = line.shown.name if len(line.shown.name) <= LONGEST_NAME else "values"
+    head(axes, f"T{track}, arrows: rising {name}")
+
+
+def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:
+    """A curve from a hollow dot to an arrow head."""
+    axes.plot(x, y, color=colour, linewidth=width, marker=".", markersize=3 * width, zorder=width)
+    known = np.flatnonzero(np.isfinite(x))
+    axes.plot(x[known[:1]], y[known[:1]], "o", color=colour, markerfacecolor="white", zorder=3)
+    moved = np.flatnonzero(np.hypot(np.diff(x), np.diff(y)) > 0)
+    if len(moved):
+        k = moved[-1]
+        arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": width, "mutation_scale": 14}
+        tip = axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=arrow)
+        tip.set_in_layout(False)

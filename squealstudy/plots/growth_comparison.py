@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from squealstudy.plots.style import COLOURS, DARK, GREY, empty_figure, finish, new_figure, plural
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    empty_figure,
+    finish,
+    labelled,
+    legend_below,
+    new_figure,
+    reach,
+)
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 SMALL = 0.05  # of the fastest growth: below, a relative deviation says nothing
 BOUNDS = 5.0  # largest deviations that the scale shows of wider bounds
@@ -25,15 +40,18 @@ KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is d
 }
 
 
-def growth_comparison(growth: pd.DataFrame, points: pd.DataFrame) -> Figure:
+@register_plot(points=("class", "status"), growth=("fitted_growth_rate", "expressed"))
+def growth_comparison(results: Results) -> Figure:
     """Fitted growth rates over predicted ones with 95 % bounds, their deviation beneath.
+
+    Of points without an unstable mode the decay of the least stable one is shown.
 
     Parameters
     ----------
-    growth, points : DataFrame
-        Tables of a transient study. Of points without an unstable mode the decay of the least
-        stable one is shown.
+    results : Results
+        Of a transient study.
     """
+    growth, points = results.growth, results.points
     table = growth_pairs(growth, points)
     if not len(table):
         return empty_figure(_nothing(growth, points))
@@ -46,7 +64,7 @@ def growth_comparison(growth: pd.DataFrame, points: pd.DataFrame) -> Figure:
     _diagonal(upper, table)
     _deviations(lower, table)
     figure.suptitle(_title(table, growth), fontsize=9.5)
-    figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    legend_below(figure, labelled(upper))
     return figure
 
 
@@ -92,11 +110,10 @@ def _bars(
     axes: Axes, own: pd.DataFrame, names: tuple[str, str, str], style: dict[str, Any], label: str
 ) -> None:
     value, low, high = (own[n].to_numpy(dtype=float) for n in names)
-    reach = np.nan_to_num(np.abs([value - low, high - value]))
     axes.errorbar(
         own["predicted"],
         value,
-        reach,
+        reach(value, low, high),
         linestyle="",
         markersize=5.5,
         elinewidth=1.1,

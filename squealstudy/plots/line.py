@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.analysis.tables.mode_ranking import parameter_columns
-from squealstudy.plots.style import COLOURS, DARK, GREY, Quantity, quantity
+from squealstudy.plots.style import COLOURS, DARK, GREY, Quantity, joined, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 
 @dataclass(frozen=True)
@@ -60,17 +64,12 @@ class StudyLine:
         return COLOURS[tracks.index(track)] if track in tracks[: len(COLOURS)] else DARK
 
 
-def study_line(
-    points: pd.DataFrame,
-    modes: pd.DataFrame,
-    along: str,
-    fixed: Mapping[str, float] | None = None,
-    units: Mapping[str, str] | None = None,
-) -> StudyLine:
+def study_line(results: Results, along: str, fixed: Mapping[str, float] | None = None) -> StudyLine:
     """The line along a parameter; of what `fixed` leaves open, that with most unstable modes.
 
     Overdamped roots are left out. Raises ResultsError for an unknown parameter or value.
     """
+    points, modes, units = results.points, results.modes, results.units
     line, why = slice_points(points, modes, (along,), fixed)
     line = line.sort_values(along, kind="stable")
     shown = quantity(along, points[along], units)
@@ -86,14 +85,14 @@ def study_line(
 
     others = [n for n in parameter_columns(points, varied=True) if n != along]
     return StudyLine(
-        shown,
-        shown.scaled(line[along]),
-        (line["status"] != "ok").to_numpy(bool),
-        wide("frequency_hz"),
-        wide("growth_rate"),
-        wide("damping_ratio"),
-        wide("doubtful") == 1.0,
-        rows[(rows["track"] <= 0).to_numpy()],
-        worst_tracks(rows),
-        ", ".join(t for t in (describe(line.iloc[0], points, others, units), why) if t),
+        shown=shown,
+        x=shown.scaled(line[along]),
+        failed=(line["status"] != "ok").to_numpy(bool),
+        frequency_hz=wide("frequency_hz"),
+        growth_rate=wide("growth_rate"),
+        damping_ratio=wide("damping_ratio"),
+        doubtful=wide("doubtful") == 1.0,
+        untracked=rows[(rows["track"] <= 0).to_numpy()],
+        worst=worst_tracks(rows),
+        elsewhere=joined(describe(line.iloc[0], points, others, units), why, by=", "),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke, withTickedStroke
 
+from squealstudy.analysis.tables.agreement import WORKS
 from squealstudy.errors import ResultsError
 from squealstudy.plots.stability_map import STABLE, cell_edges
 from squealstudy.plots.style import (
@@ -24,11 +25,18 @@ from squealstudy.plots.style import (
     UNSTABLE,
     Quantity,
     finish,
+    head,
+    joined,
     new_figure,
-    plural,
     quantity,
+    set_scales,
     set_ticks,
 )
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 # outcome class: its colour and what it is called, from good to bad
 CLASSES = {
@@ -38,12 +46,10 @@ CLASSES = {
     "wrong": (UNSTABLE, "wrong, flagged"),
     "failed": (DARK, "failed, said so"),
 }
-WORKS = ("converged", "slow", "recovered")
 ALARM = "#CC0066"
 FAR = 6.0  # decades of the prediction that the contour tells apart
 WIDE = 48  # characters of a line in the legend
 FINER = 8
-COLUMNS = ("outcome", "flagged", "predicted")
 
 
 @dataclass(frozen=True)
@@ -64,60 +70,47 @@ class Grid:
         return table
 
 
-def method_stability_map(
-    cells: pd.DataFrame,
-    x: str,
-    y: str,
-    units: Mapping[str, str] | None = None,
-    title: str = "",
-    boundary: str = "",
-    words: Mapping[str, str] | None = None,
-) -> Figure:
+@register_plot(cells=("outcome", "flagged", "predicted"))
+def method_stability(results: Results) -> Figure:
     """Cells of a grid coloured by outcome class; the predicted boundary as a line over them.
+
+    An axis is logarithmic where the values of its knob are.
 
     Parameters
     ----------
-    cells : DataFrame
-        Columns `x`, `y`, `outcome`, `flagged`, `predicted`; one row a cell of a grid.
-    x, y : str
-        The two knobs; an axis is logarithmic where the values are.
-    units : mapping of knob -> unit, or None
-    title : str
-        The method.
-    boundary : str
-        What the line means, in words.
-    words : mapping of knob -> str, or None
-        What the knobs are.
+    results : Results
+        Of a method-stability study.
 
     Raises
     ------
     ResultsError
-        A missing column, the same knob twice, or an outcome that is no class.
+        An outcome that is no class.
     """
-    _check(cells, x, y)
+    cells, facts = results.cells, results.manifest
+    unknown = sorted(set(cells["outcome"]) - set(CLASSES))
+    if unknown:
+        raise ResultsError(f"outcome '{unknown[0]}' is none of {', '.join(CLASSES)}")
     figure = new_figure(8.5, 6.4)
     axes = figure.add_subplot()
-    grid = _grid(cells, x, y, units)
-    if grid.across.log:
-        axes.set_xscale("log")
-    if grid.up.log:
-        axes.set_yscale("log")
+    first, second = facts["knobs"]
+    grid = _grid(cells, first, second, results.units)
+    set_scales(axes, grid.across, grid.up)
     for axis, shown in ((axes.xaxis, grid.across), (axes.yaxis, grid.up)):
         set_ticks(axis, shown, cells[shown.name])
     handles = _draw_classes(axes, grid, cells)
     handles += _draw_alarm(axes, grid, cells)
-    handles += _draw_boundary(axes, grid, cells["predicted"], boundary)
-    labels = (_label(shown, words or {}) for shown in (grid.across, grid.up))
+    handles += _draw_boundary(axes, grid, cells["predicted"], facts["boundary"])
+    labels = (_label(shown, facts["words"]) for shown in (grid.across, grid.up))
     finish(axes, *labels)
     axes.grid(False)
-    axes.set_title("\n".join(t for t in (title, tally(cells)) if t), fontsize=10, loc="left")
+    head(axes, facts["title"], tally(cells))
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
     return figure
 
 
 def _label(shown: Quantity, words: Mapping[str, str]) -> str:
     """The knob with its unit, and what it is."""
-    return ": ".join(text for text in (shown.label, words.get(shown.name, "")) if text)
+    return joined(shown.label, words.get(shown.name, ""), by=": ")
 
 
 def tally(cells: pd.DataFrame) -> str:
@@ -131,17 +124,6 @@ def tally(cells: pd.DataFrame) -> str:
     return f"{text}; {alarms} wrong without a word" if alarms else text
 
 
-def _check(cells: pd.DataFrame, x: str, y: str) -> None:
-    missing = [name for name in (x, y, *COLUMNS) if name not in cells]
-    if missing:
-        raise ResultsError(f"a map of method stability needs the columns {', '.join(missing)}")
-    if x == y:
-        raise ResultsError(f"a map needs two knobs, got '{x}' twice")
-    unknown = sorted(set(cells["outcome"]) - set(CLASSES))
-    if unknown:
-        raise ResultsError(f"outcome '{unknown[0]}' is none of {', '.join(CLASSES)}")
-
-
 def _unflagged(cells: pd.DataFrame) -> np.ndarray:
     """Rows (n,) that are wrong, and nothing said so."""
     wrong = (cells["outcome"] == "wrong").to_numpy(dtype=bool)
@@ -149,11 +131,11 @@ def _unflagged(cells: pd.DataFrame) -> np.ndarray:
     return silent
 
 
-def _grid(cells: pd.DataFrame, x: str, y: str, units: Mapping[str, str] | None) -> Grid:
+def _grid(cells: pd.DataFrame, x: str, y: str, units: Mapping[str, str]) -> Grid:
     across, up = (quantity(name, cells[name], units) for name in (x, y))
     columns, column = np.unique(across.scaled(cells[x]), return_inverse=True)
     rows, row = np.unique(up.scaled(cells[y]), return_inverse=True)
-    return Grid(across, up, columns, rows, column, row)
+    return Grid(across=across, up=up, x=columns, y=rows, column=column, row=row)
 
 
 def _draw_classes(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:

@@ -3,54 +3,58 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import (
     MS,
+    PALETTE,
     EndLabel,
     binned,
     column,
     end_labels,
+    histories,
     main_components,
     number,
     outline,
     own_rows,
+    point_row,
 )
-from squealstudy.plots.style import COLOURS, DARK, GREY, empty_figure, finish, new_figure, plural
+from squealstudy.plots.style import DARK, GREY, empty_figure, finish, joined, new_figure
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import in_digits, plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
 NAMED = 6  # modes in colour
 BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
 DECADES = 8  # below the largest energy that are shown
-PALETTE = [c for c in COLOURS if c != "#000000"]
 
 
-def modal_energies(
-    history: pd.DataFrame,
-    modes: pd.DataFrame,
-    row: pd.Series | None = None,
-    title: str = "",
-) -> Figure:
-    """Energy of the sensed modes on a logarithmic axis, the leading ones named.
+@register_plot(histories, points=("class",), modes=("energy_share",))
+def modal_energies(results: Results, point: str | int = 0) -> Figure:
+    """Energy of the sensed modes on a logarithmic axis over time, the leading ones named.
 
     Parameters
     ----------
-    history : DataFrame
-        As kept of a design point.
-    modes : DataFrame
-        The modes table; without `row` only the rows of this point.
-    row : Series or None
-        Its row of the points table: which mode takes over, and when.
-    title : str
-        What the design point is.
+    results : Results
+        Of a transient study.
+    point : str or int
+        Design point, as of ``Results.history``.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or its history was not kept.
     """
-    modes = own_rows(modes, row)
+    history, (row, title) = results.history(point), point_row(results, point)
+    modes = own_rows(results.modes, row)
     known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, history)) if m]
     if len(history) < 2 or not known:
         return empty_figure("no modal energies of this design point")
@@ -72,16 +76,14 @@ def modal_energies(
     axes.set_xlim(time[0], time[-1] if time[-1] > time[0] else time[0] + 1.0)
     axes.set_ylim(*_limits(axes, history))
     _mark_transfer(axes, row)
-    heads = [text for text in (title, _transfer_text(row)) if text]
-    figure.suptitle(
-        "\n".join(["; ".join(heads), _note(modes, len(known) - len(leading))]).strip(), fontsize=9.5
-    )
+    texts = joined(title, _transfer_text(row)), _note(modes, len(known) - len(leading))
+    figure.suptitle(joined(*texts, by="\n"), fontsize=9.5)
     end_labels(figure, axes, [label for label in labels if label is not None])
     return figure
 
 
 def leading_modes(
-    history: pd.DataFrame, modes: pd.DataFrame, row: pd.Series | None, known: list[int]
+    history: pd.DataFrame, modes: pd.DataFrame, row: pd.Series, known: list[int]
 ) -> list[int]:
     """The modes to name: those of a transfer, then by the larger of first and last share."""
     score = pd.Series(0.0, index=known)
@@ -146,13 +148,13 @@ def _note(modes: pd.DataFrame, rest: int) -> str:
     return "; ".join(parts)
 
 
-def _mark_transfer(axes: Axes, row: pd.Series | None) -> None:
+def _mark_transfer(axes: Axes, row: pd.Series) -> None:
     if number(row, "transfer_to") > 0 and np.isfinite(at := number(row, "transfer_time")):
         style: dict[str, Any] = {"color": "0.3", "linewidth": 1.0, "linestyle": (0, (4, 3))}
         axes.axvline(MS * at, **style)
 
 
-def _transfer_text(row: pd.Series | None) -> str:
+def _transfer_text(row: pd.Series) -> str:
     before, after = (number(row, f"transfer_{n}") for n in ("from", "to"))
     if not after > 0:
         return ""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -13,8 +13,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.analysis.tables.energy_ranking import component_columns, transient_parameters
+from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
+from squealstudy.study.pictures import Choices
+from squealstudy.study.transient.histories import kept_histories
+from squealstudy.wording import TORQUE
 
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
+
+PALETTE = [c for c in COLOURS if c != "#000000"]  # of modes; black is all of them together
+MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other
 BINS = 1500  # of a long signal: about the pixels of an axis
 MS = 1e3
 MOST_NAMED = 2  # varied parameters that are all named in a title
@@ -30,9 +39,22 @@ class EndLabel:
     colour: str = "black"
 
 
-def friction_label(units: Mapping[str, str] | None) -> tuple[str, str]:
+def histories(results: Results) -> Iterator[tuple[str, Choices]]:
+    """A picture of each of the first design points that kept a history, numbered from 1."""
+    kept = results.points["point_id"].isin(kept_histories(results.directory)).to_numpy()
+    for row in np.flatnonzero(kept)[:MOST_HISTORIES].tolist():
+        yield f"_{row + 1}", {"point": row}
+
+
+def point_row(results: Results, point: str | int) -> tuple[pd.Series, str]:
+    """The row of a design point, and what it is in words."""
+    row = results.points.iloc[results.row_of(point)]
+    return row, design_text(results.points, row, results.units)
+
+
+def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
     """What the columns ``torque_*`` are, and their unit: a braking torque, or a friction force."""
-    unit = (units or {}).get("torque", "N m")
+    unit = units.get(TORQUE, "N m")
     return ("torque" if unit == "N m" else "friction force"), unit
 
 
@@ -123,20 +145,18 @@ def column(history: pd.DataFrame, name: str) -> np.ndarray:
     return values
 
 
-def number(row: Mapping[Any, Any] | pd.Series | None, name: str) -> float:
+def number(row: Mapping[Any, Any] | pd.Series, name: str) -> float:
     """A number of a row, NaN where there is none."""
-    value = np.nan if row is None else row.get(name, np.nan)
+    value = row.get(name, np.nan)
     return np.nan if pd.isna(value) else float(value)
 
 
-def own_rows(table: pd.DataFrame, row: pd.Series | None) -> pd.DataFrame:
-    """Rows of a table that belong to the design point; all of them where none is given."""
-    if row is None or "point_id" not in row:
-        return table
+def own_rows(table: pd.DataFrame, row: pd.Series) -> pd.DataFrame:
+    """Rows of a table that belong to the design point."""
     return table[(table["point_id"] == row["point_id"]).to_numpy()]
 
 
-def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str] | None) -> str:
+def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) -> str:
     """What a design point is, with units, in lines that fit over a picture.
 
     One or two varied parameters with their values; of more, those that differ from the first

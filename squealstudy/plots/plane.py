@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -11,8 +12,11 @@ from matplotlib.tri import Triangulation
 
 from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
-from squealstudy.plots.style import Quantity, quantity
+from squealstudy.plots.style import Quantity, joined, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid
@@ -101,12 +105,10 @@ def _centred(place: list[np.ndarray]) -> np.ndarray:
 
 
 def study_plane(
-    points: pd.DataFrame,
-    modes: pd.DataFrame,
+    results: Results,
     along: tuple[str, str],
-    fixed: Mapping[str, float] | None,
-    units: Mapping[str, str] | None,
-    measure: str,
+    fixed: Mapping[str, float] | None = None,
+    measure: str = "count",
 ) -> StudyPlane:
     """The plane of two parameters; of what `fixed` leaves open, that with most unstable modes.
 
@@ -116,6 +118,7 @@ def study_plane(
         raise ResultsError(f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}")
     if along[0] == along[1]:
         raise ResultsError(f"a map needs two parameters, got '{along[0]}' twice")
+    points, modes, units = results.nodes[0], results.modes, results.units
     plane, why = slice_points(points, modes, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= FILLED * counts[0] * counts[1]
@@ -130,19 +133,19 @@ def study_plane(
     count = _measured(plane, rows, "count")
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
-        points.index.get_indexer(plane.index),
-        across,
-        up,
-        across.scaled(plane[along[0]]),
-        up.scaled(plane[along[1]]),
-        count if measure == "count" else _measured(plane, rows, measure),
-        plane["point_id"].to_numpy(dtype=object),
-        np.isfinite(count),
-        count > 0,
-        _least_damping(plane, rows),
-        gridded,
-        ", ".join(part for part in (held, why, besides) if part),
-        bool(vary),
+        rows=points.index.get_indexer(plane.index),
+        across=across,
+        up=up,
+        x=across.scaled(plane[along[0]]),
+        y=up.scaled(plane[along[1]]),
+        value=count if measure == "count" else _measured(plane, rows, measure),
+        point_ids=plane["point_id"].to_numpy(dtype=object),
+        known=np.isfinite(count),
+        unstable=count > 0,
+        damping_ratio=_least_damping(plane, rows),
+        gridded=gridded,
+        elsewhere=joined(held, why, besides, by=", "),
+        others_vary=bool(vary),
     )
 
 

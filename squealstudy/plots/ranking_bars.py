@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.mode_ranking import (
     energy_columns,
     frequency_text,
     unstable_groups,
 )
-from squealstudy.plots.style import UNSTABLE, empty_figure, finish, new_figure
+from squealstudy.plots.style import (
+    UNSTABLE,
+    empty_figure,
+    finish,
+    head,
+    joined,
+    labelled,
+    legend_below,
+    name_rows,
+    new_figure,
+)
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import in_digits
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
@@ -24,39 +38,45 @@ LEGIBLE = 8.0  # percent: narrower bars carry no number
 HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
 
 
-def ranking_bars(
-    ranking: pd.DataFrame, modes: pd.DataFrame, top: int = 12, along: str | None = None
-) -> Figure:
+@register_plot(points=("status",), modes=("track", "unstable", "overdamped"))
+def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     """Unstable share of each ranked track, and mean energy shares where the model has them.
 
     Parameters
     ----------
-    ranking : DataFrame
-        As `rank_modes` gives it, in the order to show.
-    modes : DataFrame
-        The table that was ranked.
+    results : Results
+        Of a complex-mode study.
+    by : str
+        As of ``Results.rank``.
     top : int
         Rows to show.
-    along : str or None
-        Parameter of the thresholds in `ranking`, named in the title.
+
+    Raises
+    ------
+    ResultsError
+        For an unknown `by`.
     """
-    shown = ranking.iloc[:top]
+    table, along = results.rank(by), results.along
+    shown = table.iloc[:top]
     if not len(shown):
         return empty_figure("no unstable mode")
-    energies = mean_energies(modes, shown["track"].tolist())
+    energies = mean_energies(results.modes, shown["track"].tolist())
     figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
-    place = np.arange(len(shown))
     if len(energies.columns):
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
-        _energies(right, place, energies)
+        _energies(right, energies)
+        legend_below(figure, labelled(right), 5, "right")
     else:  # a family of matrices has no components
         left = figure.subplots()
-    _shares(left, place, shown)
-    left.set_yticks(place, [_name(row) for row in shown.to_dict("records")])
-    left.set_ylim(len(shown) - 0.4, -0.6)
-    parts = [f"first {len(shown)} of {len(ranking)} rows"] if len(ranking) > len(shown) else []
-    parts += [f"largest growth rate, and the {along} from which on unstable"] if along else []
-    left.set_title("; ".join(parts), fontsize=9, loc="left")
+    _shares(left, shown)
+    name_rows(left, [_name(row) for row in shown.to_dict("records")])
+    head(
+        left,
+        joined(
+            f"first {len(shown)} of {len(table)} rows" if len(table) > len(shown) else "",
+            f"largest growth rate, and the {along} from which on unstable" if along else "",
+        ),
+    )
     return figure
 
 
@@ -76,9 +96,9 @@ def _name(row: Mapping[Hashable, Any]) -> str:
     return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 
 
-def _shares(axes: Axes, place: np.ndarray, shown: pd.DataFrame) -> None:
+def _shares(axes: Axes, shown: pd.DataFrame) -> None:
     """Bars of the unstable share with growth and threshold beside them."""
-    share = 100 * shown["unstable_share"].to_numpy()
+    share, place = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
     axes.barh(place, share, height=0.62, color=UNSTABLE)
     for y, x, row in zip(place, share, shown.to_dict("records"), strict=True):
         text = f"{row['max_growth_rate']:+.3g} 1/s"
@@ -90,12 +110,11 @@ def _shares(axes: Axes, place: np.ndarray, shown: pd.DataFrame) -> None:
     axes.set_xlim(0.0, 1.55 * max(share.max(), 1.0))
     axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 100])
     finish(axes, "Share of design points where unstable [%]", "")
-    axes.grid(False, axis="y")
 
 
-def _energies(axes: Axes, place: np.ndarray, energies: pd.DataFrame) -> None:
+def _energies(axes: Axes, energies: pd.DataFrame) -> None:
     """Stacked bars, a component each; the share is written where it fits."""
-    left = np.zeros(len(place))
+    place, left = np.arange(len(energies)), np.zeros(len(energies))
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()
         shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
@@ -107,4 +126,3 @@ def _energies(axes: Axes, place: np.ndarray, energies: pd.DataFrame) -> None:
     finish(axes, "Elastic energy, mean over unstable points [%]", "")
     axes.set_xlim(min(left.min(), 0.0), 100)
     axes.grid(False, axis="y")
-    axes.figure.legend(loc="outside lower right", ncols=5, fontsize=9, frameon=False)

@@ -2,37 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from squealstudy.analysis.tables.digits import in_digits
-from squealstudy.analysis.tables.sensitivity_ranking import rank_sensitivities
-from squealstudy.plots.style import COLOURS, UNSTABLE, empty_figure, finish, new_figure
+from squealstudy.analysis.tables.sensitivity_ranking import (
+    mode_sensitivities,
+    parameter_text,
+    rank_sensitivities,
+    step_text,
+)
+from squealstudy.plots.style import (
+    COLOURS,
+    UNSTABLE,
+    empty_figure,
+    finish,
+    head,
+    legend_below,
+    name_rows,
+    new_figure,
+)
+from squealstudy.plots.tables import describe
+from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.wording import in_digits
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 HEIGHT = 0.36
 HATCH = "////"
-PREDICTED = "predicted_growth_change"
+PREDICTED, FINITE = "predicted_growth_change", "finite_growth_change"
+MOST_PICTURES = 8  # modes that get a picture, the fastest growing first
 
 
-def sensitivity_bars(mode: pd.DataFrame, top: int = 20, title: str = "") -> Figure:
+def _modes(results: Results) -> Iterator[tuple[str, Choices]]:
+    """A picture of each mode of the design point of largest growth."""
+    table = results.sensitivities
+    if not len(table):
+        yield "", {}
+        return
+    point = str(mode_sensitivities(table)["point_id"].iloc[0])
+    own = table[table["point_id"] == point]
+    for number in sorted(own["mode"].unique())[:MOST_PICTURES]:
+        hz = float(own.loc[own["mode"] == number, "frequency_hz"].iloc[0])
+        yield f"_{in_digits(hz)}_hz", {"mode": hz, "point_id": point}
+
+
+@register_plot(_modes, points=(), sensitivities=(PREDICTED, FINITE))
+def sensitivity(
+    results: Results, mode: float | None = None, point_id: str | None = None, top: int = 20
+) -> Figure:
     """Predicted and finite change of the growth rate at each parameter's step, largest first.
 
     Parameters
     ----------
-    mode : DataFrame
-        Rows of one mode, `analysis.tables.sensitivity_ranking.mode_sensitivities`.
+    results : Results
+        Of a sensitivity study.
+    mode : float or None
+        The mode nearest this frequency [Hz]; without, that of largest growth rate.
+    point_id : str or None
+        The design point; without, that at which the mode grows fastest.
     top : int
         Parameters to show.
-    title : str
-        Second line, of the design point.
+
+    Raises
+    ------
+    ResultsError
+        No mode within 10 % of the frequency.
     """
-    if not len(mode):
+    if not len(results.sensitivities):
         return empty_figure("no mode, no sensitivities")
+    rows = mode_sensitivities(results.sensitivities, mode, point_id)
+    points = results.points
+    point = points[points["point_id"] == rows["point_id"].iloc[0]].iloc[0]
+    return sensitivity_bars(rows, describe(point, points, results.parameters, results.units), top)
+
+
+def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figure:
+    """The figure of the rows of one mode; `title` says what the design point is."""
     shown = rank_sensitivities(mode, top)
     figure = new_figure(10.0, 1.9 + 0.36 * len(shown))
     axes = figure.add_subplot()
@@ -40,7 +91,7 @@ def sensitivity_bars(mode: pd.DataFrame, top: int = 20, title: str = "") -> Figu
     hatches = [HATCH if near else "" for near in shown["near_coalescence"]]
     for offset, column, colour in (
         (-HEIGHT / 2, PREDICTED, COLOURS[1]),
-        (HEIGHT / 2, "finite_growth_change", UNSTABLE),
+        (HEIGHT / 2, FINITE, UNSTABLE),
     ):
         bars = axes.barh(place + offset, shown[column], height=HEIGHT, color=colour)
         for bar, hatch in zip(bars, hatches, strict=True):
@@ -48,18 +99,14 @@ def sensitivity_bars(mode: pd.DataFrame, top: int = 20, title: str = "") -> Figu
                 bar.set_hatch(hatch)
                 bar.set_edgecolor("white")
     axes.axvline(0.0, color="0.2", linewidth=1.0)
-    names = [f"{parameter_text(r)}   {step_text(r)}" for r in shown.to_dict("records")]
-    axes.set_yticks(place, names)
-    axes.set_ylim(len(shown) - 0.4, -0.6)
     finish(axes, "Change of the growth rate [1/s]", "")
-    axes.grid(False, axis="y")
+    name_rows(axes, [f"{parameter_text(r)}   {step_text(r)}" for r in shown.to_dict("records")])
     first = shown.iloc[0]
-    head = f"mode at {in_digits(first['frequency_hz'])} Hz, growth rate "
-    head += f"{in_digits(first['growth_rate'], 1)} 1/s, "
-    head += f"condition {first['condition']:.1f}"
+    text = f"mode at {in_digits(first['frequency_hz'])} Hz, growth rate "
+    text += f"{in_digits(first['growth_rate'], 1)} 1/s, condition {first['condition']:.1f}"
     if len(mode) > len(shown):
-        head += f"; first {len(shown)} of {len(mode)} parameters"
-    axes.set_title("\n".join(t for t in (head, title) if t), fontsize=9.5, loc="left")
+        text += f"; first {len(shown)} of {len(mode)} parameters"
+    head(axes, text, title)
     _legend(figure, any(hatches))
     return figure
 
@@ -72,18 +119,4 @@ def _legend(figure: Figure, hatched: bool) -> None:
     if hatched:
         label = "near coalescence: the derivative means nothing"
         handles.append(Patch(facecolor=COLOURS[1], edgecolor="white", hatch=HATCH, label=label))
-    figure.legend(handles=handles, loc="outside lower right", ncols=3, fontsize=9, frameon=False)
-
-
-def parameter_text(row: Mapping[Hashable, Any]) -> str:
-    """A parameter, with the frequency of its component mode."""
-    name, frequency = str(row["parameter"]), float(row["component_frequency_hz"])
-    return f"{name} ({in_digits(frequency)} Hz)" if np.isfinite(frequency) else name
-
-
-def step_text(row: Mapping[Hashable, Any]) -> str:
-    """A step in percent of the value; of damping ratios and from zero as it is."""
-    change, value = float(row["change"]), float(row["value"])
-    if value and not str(row["parameter"]).endswith("damping_ratio"):
-        return f"{100 * change / abs(value):+.3g} %"
-    return f"{change:+.3g} {row['unit']}".rstrip()
+    legend_below(figure, handles, 3, "right")

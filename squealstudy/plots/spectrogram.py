@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.plots.over_time import (
     MS,
     EndLabel,
     column,
     end_labels,
     friction_label,
+    histories,
     number,
     own_rows,
+    point_row,
 )
-from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
+from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, head, joined, new_figure
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import in_digits
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 WINDOWS = 12.5  # in a run: lines are told apart from about twice their number a run on (Hann)
 FEWEST_SAMPLES = 32  # of a run
@@ -29,32 +35,27 @@ RANGE = 60.0  # dB below the maximum
 UNEVEN = 1e-3  # relative deviation of steps from which on a history is resampled
 
 
-def spectrogram(
-    history: pd.DataFrame,
-    growth: pd.DataFrame | None = None,
-    row: pd.Series | None = None,
-    band_top: float | None = None,
-    title: str = "",
-    units: Mapping[str, str] | None = None,
-) -> Figure:
-    """Short-time amplitude of the torque in dB of its maximum.
+@register_plot(histories, points=("class",), growth=("level_share",))
+def spectrogram(results: Results, point: str | int = 0) -> Figure:
+    """Short-time amplitude of the torque in dB of its maximum, up to the top of the band.
+
+    Predicted instabilities are marked at the right edge.
 
     Parameters
     ----------
-    history : DataFrame
-        As kept of a design point.
-    growth : DataFrame or None
-        Predicted instabilities, marked at the right edge; without `row` only those of this point.
-    row : Series or None
-        Its row of the points table: the dominant frequency found.
-    band_top : float or None
-        Highest frequency shown [Hz], at most half the sampling rate.
-    title : str
-        What the design point is.
-    units : mapping or None
-        ``torque``: N m, or N of a friction force.
+    results : Results
+        Of a transient study.
+    point : str or int
+        Design point, as of ``Results.history``.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or its history was not kept.
     """
-    what, _ = friction_label(units)
+    history, (row, title) = results.history(point), point_row(results, point)
+    band_top = float(results.manifest["band_hz"][1])
+    what, _ = friction_label(results.units)
     if len(history) < FEWEST_SAMPLES:
         return empty_figure("no history of this design point to take spectra of")
     time, torque = _even(column(history, "time"), column(history, "torque"))
@@ -64,7 +65,7 @@ def spectrogram(
     figure = new_figure(10.0, 5.6)
     axes = figure.add_subplot()
     nyquist = float(frequency[-1])
-    top = min(band_top or nyquist, nyquist)
+    top = min(band_top, nyquist)
     shown = frequency <= top * (1 + 1e-9)
     drawn = axes.pcolormesh(
         MS * centres,
@@ -82,10 +83,8 @@ def spectrogram(
     finish(axes, "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)
-    below = "; ".join(part for part in (_dominant(row), _cut(band_top, nyquist)) if part)
-    axes.set_title("\n".join(part for part in (title, below) if part), fontsize=9, loc="left")
-    if growth is not None:
-        _predictions(figure, axes, own_rows(growth, row), top)
+    head(axes, title, joined(_dominant(row), _cut(band_top, nyquist)))
+    _predictions(figure, axes, own_rows(results.growth, row), top)
     return figure
 
 
@@ -148,12 +147,12 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
     end_labels(figure, axes, labels)
 
 
-def _dominant(row: pd.Series | None) -> str:
+def _dominant(row: pd.Series) -> str:
     f = number(row, "dominant_frequency_hz")
     return f"dominant {in_digits(f)} Hz" if f > 0 else ""
 
 
-def _cut(band_top: float | None, nyquist: float) -> str:
-    if band_top is None or band_top <= nyquist:
+def _cut(band_top: float, nyquist: float) -> str:
+    if band_top <= nyquist:
         return ""
     return f"the samples kept reach {in_digits(nyquist)} Hz only"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -19,43 +19,57 @@ from squealstudy.plots.style import (
     COLOURS,
     GREY,
     UNSTABLE,
-    colour_bar,
     damping_limits,
     finish,
+    head,
+    joined,
     new_figure,
-    plural,
     quantity,
+    set_ticks,
     shade_unstable,
     track_name,
 )
 from squealstudy.plots.tables import describe, oscillating, worst_tracks
+from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 LABELS = 10  # tracks named in one picture
 STABLE_DOTS = 60_000  # more are thinned out
 
 
+def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
+    """All design points, and the one of fastest growth."""
+    yield "", {}
+    modes = results.modes
+    if modes["unstable"].any() and len(results.points) > 1:
+        fastest = int(modes["growth_rate"].to_numpy().argmax())
+        yield "_worst", {"point_id": str(modes["point_id"].iloc[fastest])}
+
+
+@register_plot(_all_and_worst, points=("status",), modes=("overdamped", "damping_ratio", "track"))
 def stability_diagram(
-    points: pd.DataFrame,
-    modes: pd.DataFrame,
-    point_id: str | None = None,
-    colour_by: str | None = None,
-    units: Mapping[str, str] | None = None,
+    results: Results, point_id: str | None = None, colour_by: str | None = None
 ) -> Figure:
     """Frequency against damping ratio; unstable modes are highlighted and named by track.
 
     Parameters
     ----------
+    results : Results
+        Of a complex-mode study.
     point_id : str or None
         One design point; None: all of them, coloured by a parameter.
     colour_by : str or None
         That parameter; None: the first that is varied.
-    units : mapping of parameter -> unit, or None
 
     Raises
     ------
     ResultsError
         For an unknown point or parameter.
     """
+    points, modes, units = results.points, results.modes, results.units
     shown = points if point_id is None else points[points["point_id"] == point_id]
     if not len(shown):
         raise ResultsError(f"the study has no design point '{point_id}'")
@@ -75,11 +89,12 @@ def stability_diagram(
         values = points[colour].to_numpy()[point_codes(points, drawn)]
         shade = quantity(colour, points[colour], units)
         dots = _all_points(axes, drawn, values * shade.factor, shade.norm(points[colour]))
-        colour_bar(figure, axes, dots, shade, points[colour])
+        bar = figure.colorbar(dots, ax=axes, label=shade.label, pad=0.015)
+        set_ticks(bar.ax.yaxis, shade, points[colour])
         title = plural(len(shown), "design point")
     shade_unstable(axes)
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
-    axes.set_title(f"{title}\n{_summary(shown, table)}", fontsize=9, loc="left")
+    head(axes, title, _summary(shown, table))
     _edge_marks(axes, drawn)
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
@@ -155,9 +170,10 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
     failed = int((points["status"] != "ok").sum())
     overdamped = len(modes) - len(drawn)
     diverging = int(modes["unstable"].sum()) - len(unstable)
-    parts = [text]
-    parts += [f"{heavy} above {high:.2g} % (▲)"] if heavy else []
-    parts += [f"{plural(overdamped, 'overdamped root')} not shown"] if overdamped else []
-    parts += [f"{diverging} of them unstable"] if diverging else []
-    parts += [f"{plural(failed, 'point')} failed"] if failed else []
-    return "; ".join(parts)
+    return joined(
+        text,
+        f"{heavy} above {high:.2g} % (▲)" if heavy else "",
+        f"{plural(overdamped, 'overdamped root')} not shown" if overdamped else "",
+        f"{diverging} of them unstable" if diverging else "",
+        f"{plural(failed, 'point')} failed" if failed else "",
+    )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -16,9 +15,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withTickedStroke
 
+from squealstudy.analysis.tables.mode_ranking import parameter_columns
+from squealstudy.errors import ResultsError
 from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
 from squealstudy.plots.stability_boundary import Boundary, stability_boundary
-from squealstudy.plots.style import COLOURS, finish, new_figure, plural, set_ticks
+from squealstudy.plots.style import (
+    COLOURS,
+    finish,
+    joined,
+    legend_below,
+    new_figure,
+    set_scales,
+    set_ticks,
+)
+from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
@@ -27,48 +41,51 @@ MOST_CLASSES = 12  # counts beyond share colours
 TITLE = 90  # characters in a line of the title
 
 
+def _measures(results: Results) -> Iterator[tuple[str, Choices]]:
+    """Two pictures of a study in which two parameters or more vary."""
+    if len(parameter_columns(results.points, varied=True)) > 1:
+        for measure in MEASURES:
+            yield f"_{measure}", {"measure": measure}
+
+
+@register_plot(_measures, points=("status",), modes=("overdamped",), onsets=("onset",))
 def stability_map(
-    points: pd.DataFrame,
-    modes: pd.DataFrame,
-    x: str,
-    y: str,
+    results: Results,
+    x: str | None = None,
+    y: str | None = None,
     fixed: Mapping[str, float] | None = None,
-    units: Mapping[str, str] | None = None,
     measure: str = "count",
-    onsets: pd.DataFrame | None = None,
-    along: str | None = None,
-    solved: np.ndarray | None = None,
 ) -> Figure:
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
     A line parts the points at which any mode is unstable from those at which none is; ticks point
-    to the unstable side (plots.stability_boundary).
+    to the unstable side (plots.stability_boundary). The nodes of a boundary design that were solved
+    are marked.
 
     Parameters
     ----------
-    x, y : str
-        Two varied parameters.
+    results : Results
+        Of a complex-mode study.
+    x, y : str or None
+        Two varied parameters; by default the first two.
     fixed : mapping of parameter -> value or None
         The plane to show; of what is left open, the plane with most unstable modes is taken.
-    units : mapping of parameter -> unit, or None
     measure : str
         "count" of unstable modes, or "growth" of the fastest.
-    onsets : DataFrame or None
-        Table of onsets, by which the line is placed.
-    along : str or None
-        Their parameter.
-    solved : ndarray (n_points,) of bool or None
-        The rows of `points` that were solved, where it is the full grid of a boundary design: they
-        are marked.
 
     Raises
     ------
     ResultsError
         For an unknown parameter, measure or value.
     """
-    plane = study_plane(points, modes, (x, y), fixed, units, measure)
+    free = [n for n in parameter_columns(results.points, varied=True) if n not in (x, y)]
+    if [x, y].count(None) > len(free):
+        raise ResultsError(f"{results.directory}: a map needs two parameters that vary")
+    across = x or free.pop(0)
+    plane = study_plane(results, (across, y or free.pop(0)), fixed, measure)
     figure = new_figure(8.5, 6.2)
     axes = figure.add_subplot()
+    set_scales(axes, plane.across, plane.up)
     colours, norm = _colours(plane.value, measure)
     draw = _cells if plane.gridded else _scattered
     drawn = draw(axes, plane, colours, norm)
@@ -78,22 +95,21 @@ def stability_map(
         bar.set_ticks(range(0, highest + 1, 1 + highest // MOST_CLASSES))
         bar.minorticks_off()
     for axis, shown in ((axes.xaxis, plane.across), (axes.yaxis, plane.up)):
-        set_ticks(axis, shown, points[shown.name])
+        set_ticks(axis, shown, results.nodes[0][shown.name])
     if not plane.others_vary:
-        _boundary(figure, axes, stability_boundary(plane, onsets, along), along)
-    shares = _mark_solved(axes, plane, solved)
+        found = stability_boundary(plane, results.onsets, results.along)
+        _boundary(figure, axes, found, results.along)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     failed = int((~plane.known).sum())
     mark = "hatched" if plane.gridded else "x"
-    parts = [
+    title = joined(
         plane.elsewhere,
-        shares,
+        _mark_solved(axes, plane, results.nodes[1]),
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
-    ]
-    parts += [] if plane.unstable.any() else ["no unstable mode"]
-    title = fill("; ".join(part for part in parts if part), TITLE)
-    axes.set_title(title, fontsize=10, loc="left")
+        "" if plane.unstable.any() else "no unstable mode",
+    )
+    axes.set_title(fill(title, TITLE), fontsize=10, loc="left")
     return figure
 
 
@@ -126,13 +142,11 @@ def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) ->
     axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
     x, y, table = plane.cells(plane.value)
     edges = cell_edges(x, plane.across.log), cell_edges(y, plane.up.log)
-    _scales(axes, plane)
     return axes.pcolormesh(*edges, np.ma.masked_invalid(table), cmap=colours, norm=norm)
 
 
 def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:
     """Triangles between the points where that means something, and the points."""
-    _scales(axes, plane)
     known = np.isfinite(plane.value)
     triangles = plane.triangles(plane.value)
     style: dict[str, Any] = {"cmap": colours, "norm": norm}
@@ -152,13 +166,6 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
     return f"{here.sum()} of {len(here)} nodes solved (dots)"
 
 
-def _scales(axes: Axes, plane: StudyPlane) -> None:
-    if plane.across.log:
-        axes.set_xscale("log")
-    if plane.up.log:
-        axes.set_yscale("log")
-
-
 def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None) -> None:
     """The lines, ticks to the unstable side, and a legend that says how they were placed."""
     for line in boundary.lines:
@@ -173,4 +180,4 @@ def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None)
         how += f" at {refined} of {crossings} crossings" if refined < crossings else ""
     label = f"boundary of stability of any mode, ticks to the unstable side; {how}"
     handle = Line2D([], [], color=BOUNDARY, linewidth=1.8, label=label)
-    figure.legend(handles=[handle], loc="outside lower center", fontsize=9, frameon=False)
+    legend_below(figure, [handle])

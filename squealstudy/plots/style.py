@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from squealstudy.analysis.tables.digits import in_digits
-from squealstudy.wording import plural as plural
+from squealstudy.wording import in_digits, prefixed
 
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
@@ -25,8 +24,6 @@ UNSTABLE = COLOURS[0]
 GREY = "#9A9A9A"
 DARK = "#505050"
 TWO_DECADES = 100.0  # below that powers of ten alone are too few labels
-PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
-PREFIXED = ("Pa", "N")  # units that take a prefix
 GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
 
 
@@ -74,14 +71,13 @@ class Quantity:
         return LogNorm(low, high) if self.log else Normalize(low, high)
 
 
-def quantity(name: str, values: pd.Series, units: Mapping[str, str] | None) -> Quantity:
+def quantity(name: str, values: pd.Series, units: Mapping[str, str]) -> Quantity:
     """How to show a parameter of these values; `units` maps names to SI units."""
-    unit = (units or {}).get(name, "")
+    unit = units.get(name, "")
     x = np.unique(values.dropna().to_numpy(dtype=float))
     size = float(np.abs(x).max(initial=0.0))
-    fitting = ((p, f) for p, f in PREFIXES if size * f >= 1.0 and unit.startswith(PREFIXED))
-    prefix, factor = next(fitting, ("", 1.0))
-    return Quantity(name, prefix + unit, factor, is_geometric(x))
+    shown, factor = prefixed(unit, size)
+    return Quantity(name, shown, factor, is_geometric(x))
 
 
 def is_geometric(x: np.ndarray) -> bool:
@@ -92,12 +88,12 @@ def is_geometric(x: np.ndarray) -> bool:
     return bool(np.std(factors) / np.mean(factors) < GEOMETRIC * np.std(steps) / np.mean(steps))
 
 
-def colour_bar(
-    figure: Figure, axes: Axes, drawn: ScalarMappable, shown: Quantity, values: pd.Series
-) -> None:
-    """A colour bar of a parameter, its few values as ticks."""
-    bar = figure.colorbar(drawn, ax=axes, label=shown.label, pad=0.015)
-    set_ticks(bar.ax.yaxis, shown, values)
+def set_scales(axes: Axes, across: Quantity, up: Quantity | None = None) -> None:
+    """Logarithmic axes where parameters are spaced so; to be called before anything is drawn."""
+    if across.log:
+        axes.set_xscale("log")
+    if up is not None and up.log:
+        axes.set_yscale("log")
 
 
 def set_ticks(axis: Axis, shown: Quantity, values: pd.Series) -> None:
@@ -134,6 +130,50 @@ def finish(axes: Axes, x: str, y: str) -> None:
     axes.grid(True, color="0.9", linewidth=0.7)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def head(axes: Axes, *lines: str) -> None:
+    """Lines above the axes; empty ones are left out."""
+    axes.set_title("\n".join(line for line in lines if line), fontsize=9, loc="left")
+
+
+def legend_below(
+    figure: Figure, handles: Sequence[Artist], ncols: int = 4, place: str = "center"
+) -> None:
+    """A legend beneath all axes; none without handles."""
+    if handles:
+        style: dict[str, Any] = {"ncols": ncols, "fontsize": 9, "frameon": False}
+        figure.legend(handles=handles, loc=f"outside lower {place}", **style)
+
+
+def labelled(axes: Axes) -> list[Artist]:
+    """What is drawn in the axes under a label, for a legend."""
+    return list(axes.get_legend_handles_labels()[0])
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Names of horizontal bars, the first on top; no grid between them."""
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.grid(False, axis="y")
+
+
+def reach(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Lengths (2, n) of error bars between bounds; none where a bound is not known."""
+    lengths: np.ndarray = np.maximum(np.nan_to_num([value - low, high - value]), 0.0)
+    return lengths
+
+
+def cross_out(axes: Axes, x: np.ndarray) -> None:
+    """Crosses at the foot of the axes where design points failed."""
+    if len(x):  # an unclipped curve without points would push the axes away
+        place: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
+        axes.plot(x, np.zeros(len(x)), "x", color="0.2", **place)
+
+
+def joined(*parts: str, by: str = "; ") -> str:
+    """The parts that are not empty, as one line."""
+    return by.join(part for part in parts if part)
 
 
 def shade_unstable(axes: Axes, above: bool = False) -> None:

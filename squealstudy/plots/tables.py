@@ -84,7 +84,7 @@ def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
 
 
 def describe(
-    point: pd.Series, points: pd.DataFrame, names: list[str], units: Mapping[str, str] | None
+    point: pd.Series, points: pd.DataFrame, names: list[str], units: Mapping[str, str]
 ) -> str:
     """Parameters of a point with units, in one line."""
     return ", ".join(quantity(name, points[name], units).text(point[name]) for name in names)

@@ -4,17 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.run_classes import GROWING, STABLE, UNDECIDED
-from squealstudy.plots.over_time import MS, column, friction_label, number, outline, own_rows
-from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, new_figure
+from squealstudy.plots.over_time import (
+    MS,
+    column,
+    friction_label,
+    histories,
+    number,
+    outline,
+    own_rows,
+    point_row,
+)
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    empty_figure,
+    finish,
+    head,
+    joined,
+    labelled,
+    legend_below,
+    new_figure,
+)
+from squealstudy.study.pictures import register_plot
+from squealstudy.wording import in_digits
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 PERIODS = 10  # of the dominant frequency that the zoom shows
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}
@@ -31,30 +54,26 @@ class Phase:
     stop: float
 
 
-def torque_history(
-    history: pd.DataFrame,
-    row: pd.Series,
-    growth: pd.DataFrame | None = None,
-    title: str = "",
-    units: Mapping[str, str] | None = None,
-) -> Figure:
+@register_plot(histories, points=("class",), growth=("fit_start", "fit_stop"))
+def torque_history(results: Results, point: str | int = 0) -> Figure:
     """Torque (or friction force), contact states and normal force of one run.
 
     Its last periods stand beside them.
 
     Parameters
     ----------
-    history : DataFrame
-        As kept of the design point; empty where none was.
-    row : Series
-        Its row of the points table.
-    growth : DataFrame or None
-        The growth table: the window of the fit.
-    title : str
-        What the design point is.
-    units : mapping or None
-        ``torque``: N m, or N of a friction force.
+    results : Results
+        Of a transient study.
+    point : str or int
+        Design point, as of ``Results.history``.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or its history was not kept.
     """
+    history, (row, title) = results.history(point), point_row(results, point)
+    growth, units = results.growth, results.units
     if len(history) < 2:
         return empty_figure(f"no history of this design point{_status(row, '; ')}")
     figure = new_figure(11.5, 7.4)
@@ -74,12 +93,12 @@ def torque_history(
         axis.tick_params(labelleft=False)
         axis.set_ylabel("")
     _zoom_title(axes[0, 1], row, friction_label(units)[1])
-    figure.suptitle("\n".join(t for t in (title, _growth_text(row)) if t), fontsize=9.5)
-    figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    figure.suptitle(joined(title, _growth_text(row), by="\n"), fontsize=9.5)
+    legend_below(figure, [handle for panel in axes[:, 0] for handle in labelled(panel)])
     return figure
 
 
-def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame | None) -> list[Phase]:
+def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame) -> list[Phase]:
     """Exponential growth, saturation and limit cycle, as far as the run got."""
     end = float(column(history, "time")[-1])
     start, stop = _fit_window(row, growth)
@@ -99,10 +118,8 @@ def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame | None) -
     return found
 
 
-def _fit_window(row: pd.Series, growth: pd.DataFrame | None) -> tuple[float, float]:
+def _fit_window(row: pd.Series, growth: pd.DataFrame) -> tuple[float, float]:
     """Start and end [s] of the fit of the fastest mode that has one; NaN without."""
-    if growth is None:
-        return np.nan, np.nan
     own = own_rows(growth, row)
     own = own[own["fitted_growth_rate"].notna().to_numpy()].sort_values("mode", kind="stable")
     if not len(own):
@@ -122,7 +139,7 @@ def _torque(
     history: pd.DataFrame,
     row: pd.Series,
     named: bool,
-    units: Mapping[str, str] | None,
+    units: Mapping[str, str],
 ) -> None:
     what, unit = friction_label(units)
     time, torque = column(history, "time"), column(history, "torque")
@@ -173,7 +190,7 @@ def _zoom_title(axes: Axes, row: pd.Series, unit: str) -> None:
     text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
     rms = number(row, "torque_rms")
     text += f"; RMS {rms:.3g} {unit}" if np.isfinite(rms) else ""
-    axes.set_title(text, fontsize=9, loc="left")
+    head(axes, text)
 
 
 def _growth_text(row: pd.Series) -> str:

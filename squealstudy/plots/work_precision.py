@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,20 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from squealstudy.analysis.tables.fronts import cost_of, on_front, usable
-from squealstudy.plots.style import COLOURS, DARK, GREY, MARKERS, finish, new_figure
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    MARKERS,
+    finish,
+    labelled,
+    legend_below,
+    new_figure,
+)
+from squealstudy.study.pictures import register_plot
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
 
 LEAST = 1e-16  # errors below are drawn there: a logarithm needs one
 NAMES = {
@@ -30,31 +43,22 @@ NAMES = {
 }
 
 
-def work_precision(
-    measurements: pd.DataFrame,
-    quantities: Sequence[str],
-    tolerance: float,
-    facts: Mapping[str, Any],
-) -> Figure:
+@register_plot(measurements=("method", "cost"))
+def work_precision(results: Results) -> Figure:
     """Largest error over cost on logarithmic axes, with the front that no measurement beats.
+
+    A panel a quantity; the reference is not drawn but as a line at its cost. Measurements with
+    failed points, missed or spurious instabilities are crosses on top: they have no error that
+    means anything. Bars are the bounds of errors that have some, ticks across them what the 95 %
+    intervals of both values explain: an error below its tick is none.
 
     Parameters
     ----------
-    measurements : DataFrame
-        Of a work-precision study; the reference is not drawn but as a line at its cost.
-    quantities : sequence of str
-        A panel each.
-    tolerance : float
-        Drawn as a line.
-    facts : mapping
-        ``over`` and ``reference`` of the manifest.
-
-    Notes
-    -----
-    Measurements with failed points, missed or spurious instabilities are crosses on top: they
-    have no error that means anything. Bars are the bounds of errors that have some, ticks across
-    them what the 95 % intervals of both values explain: an error below its tick is none.
+    results : Results
+        Of a work-precision study.
     """
+    measurements, facts = results.measurements, results.manifest
+    quantities, tolerance = facts["quantities"], facts["tolerance"]
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
     figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
@@ -78,18 +82,11 @@ def work_precision(
         "tolerance",
         fontsize=9.5,
     )
-    handles, labels = panels[0].get_legend_handles_labels()
+    handles = labelled(panels[0])
     if any(methods[f"within_{q}"].any() for q in quantities):
-        handles.append(Line2D([], [], ls="", marker="_", ms=10, mew=1.6, color=DARK))
-        labels.append("what 95 % bounds explain")
-    figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=min(4, len(labels)),
-        fontsize=8.5,
-        frameon=False,
-    )
+        tick: dict[str, Any] = {"marker": "_", "ms": 10, "mew": 1.6, "color": DARK}
+        handles.append(Line2D([], [], ls="", label="what 95 % bounds explain", **tick))
+    legend_below(figure, handles, min(4, len(handles)))
     return figure
 
 

@@ -14,7 +14,8 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:
     from squealstudy.study.sweeps import Sweep
 
-RANDOM_DESIGNS = ("sobol", "latin_hypercube", "sobol_indices")
+SOBOL_INDICES = "sobol_indices"
+RANDOM_DESIGNS = ("sobol", "latin_hypercube", SOBOL_INDICES)
 BOUNDARY = "boundary"
 LEAST_GROUPS = 8  # base points of sobol_indices: fewer tell nothing
 LEAST_SWEEPS = {"sobol": 1, "latin_hypercube": 1, "sobol_indices": 2, BOUNDARY: 1}

@@ -16,6 +16,7 @@ from squealstudy.study.tasks import Solved
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.study.kind_screen import KindScreen
     from squealstudy.study.measure.measurement import Measuring
 
 Warn = Callable[[str], None]
@@ -162,6 +163,13 @@ class Kind:
     def measuring(self) -> Measuring | None:
         """How methods are timed on studies of this kind; None where they cannot be."""
         return None
+
+    @property
+    def screen(self) -> KindScreen:
+        """What is shown of its results; without more than this, its first table."""
+        from squealstudy.study.kind_screen import KindScreen
+
+        return KindScreen(tuple(Path(name).stem for name in self.tables), self.rows_word)
 
     # -- what is said of it ----------------------------------------------------------------------
     def manifest(self, plan: Any) -> dict[str, Any]:

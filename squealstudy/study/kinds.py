@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from squealstudy.study.kind import Kind
+    from squealstudy.study.kind_screen import KindScreen
     from squealstudy.study.model_kind import ModelKind
 
 # module and class of each: imported when it is asked for, a study pays for what it uses
@@ -73,6 +74,12 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
     return kind_named(name)
 
 
-def is_of_methods(name: Any) -> bool:
-    """Whether the results of a kind of study have runs or cells in place of design points."""
-    return name in kind_names() and kind_named(name).of_methods
+def screen_of(name: str) -> KindScreen:
+    """What is shown of results of a kind; KeyError for another.
+
+    It is imported without what solves the kind's design points.
+    """
+    if name not in PLACES:
+        return kind_named(name).screen
+    module = PLACES[name][0].removesuffix("kind") + "screen"
+    return cast("KindScreen", import_module(module).SCREEN)

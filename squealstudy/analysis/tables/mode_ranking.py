@@ -18,9 +18,9 @@ from squealstudy.analysis.tables.crossings import (
     INTO,
     line_crossings,
 )
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.tables.stability import unstable_bounds
 from squealstudy.errors import ResultsError
+from squealstudy.wording import in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
@@ -197,6 +197,12 @@ def frequency_text(row: Mapping[Hashable, Any]) -> str:
     hz = in_digits(row["frequency_hz"]) if row["frequency_hz"] == row["frequency_hz"] else ""
     low, high = (in_digits(row[f"frequency_{end}_hz"]) for end in ("min", "max"))
     return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
+
+
+def settings_of(at: object) -> list[tuple[str, str]]:
+    """Names and values of a design point from its text in a ranking, ``friction=0.5, ...``."""
+    parts = [part.rpartition("=") for part in str(at).split(", ") if "=" in part]
+    return [(name, value) for name, _, value in parts]
 
 
 def energy_columns(modes: pd.DataFrame) -> list[str]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.errors import ResultsError
+from squealstudy.wording import in_digits
 
 FAR = 0.1  # relative distance of a mode from the frequency asked for that is no match
 
@@ -53,3 +56,17 @@ def rank_sensitivities(mode: pd.DataFrame, top: int | None = None) -> pd.DataFra
     """The rows of `mode_sensitivities`, largest change of growth rate for +1 % first."""
     order = np.argsort(-mode["growth_per_percent"].abs().to_numpy(), kind="stable")
     return mode.iloc[order[:top]].reset_index(drop=True)
+
+
+def parameter_text(row: Mapping[Hashable, Any]) -> str:
+    """A parameter, with the frequency of its component mode."""
+    name, frequency = str(row["parameter"]), float(row["component_frequency_hz"])
+    return f"{name} ({in_digits(frequency)} Hz)" if np.isfinite(frequency) else name
+
+
+def step_text(row: Mapping[Hashable, Any]) -> str:
+    """A step in percent of the value; of damping ratios and from zero as it is."""
+    change, value = float(row["change"]), float(row["value"])
+    if value and not str(row["parameter"]).endswith("damping_ratio"):
+        return f"{100 * change / abs(value):+.3g} %"
+    return f"{change:+.3g} {row['unit']}".rstrip()

@@ -33,3 +33,17 @@ def rule_counts(reasons: Iterable[str]) -> list[tuple[str, int]]:
         for rule in dict.fromkeys(part.partition(": ")[0] for part in str(text).split(BETWEEN)):
             rules[rule] = rules.get(rule, 0) + 1
     return sorted(rules.items(), key=lambda item: -item[1])
+
+
+def broken_rules(rules: Iterable[tuple[str, int]]) -> str:
+    """What should hold, and how many design points break it."""
+    return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
+
+
+def outside_validity(points: pd.DataFrame, head: str = "") -> str:
+    """How many design points break an assumption of the model or the method, and which."""
+    outside, solved, rules = validity_counts(points)
+    if not outside:
+        return ""
+    text = f"{head}{outside} of {solved} solved design points are outside validity"
+    return f"{text}: {broken_rules(rules)}"

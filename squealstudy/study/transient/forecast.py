@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.analysis.tables.digits import in_digits
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
     CLOSING_LIMIT,
@@ -30,6 +29,7 @@ from squealstudy.study.transient.batch import (
 from squealstudy.study.transient.motions import set_up
 from squealstudy.study.transient_section import TransientSection
 from squealstudy.study.working_points import NewGaps
+from squealstudy.wording import in_digits
 
 TIMED_STEPS = 300
 MOST_ENDS = 6  # design points looked at for warnings

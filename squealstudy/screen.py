@@ -1,13 +1,17 @@
-"""What all commands print: facts, warnings, a progress bar with ETA."""
+"""What all screens share: tables of one style, name-value lines, notes, warnings, progress bars.
+
+Functions return what `rich` renders, on a terminal as in a notebook; `show` prints it.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -19,14 +23,28 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
+Rows = list[tuple[str, str]]
 INTERRUPTED = 130
 NARROW = 6  # least width of a column: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
+COLUMNS: dict[str, dict[str, Any]] = {
+    "number": {"justify": "right", "no_wrap": True, "min_width": NARROW},
+    "value": {"justify": "right", "overflow": "fold", "min_width": NARROW},  # of a parameter
+    "word": {"no_wrap": True},
+    "text": {"overflow": "fold"},
+}
 console = Console(
     width=max(shutil.get_terminal_size().columns, LEAST_WIDTH), markup=False, highlight=False
 )
 messages = Console(stderr=True, markup=False)
+
+
+def show(*parts: RenderableType) -> None:
+    """Print to stdout."""
+    for part in parts:
+        console.print(part)
 
 
 def warning(text: str) -> None:
@@ -34,19 +52,38 @@ def warning(text: str) -> None:
     messages.print(f"warning: {text}", highlight=False, soft_wrap=True)
 
 
-def facts(rows: Sequence[tuple[str, str]]) -> None:
-    """Print name-value lines, aligned."""
+def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
+    """A table of texts.
+
+    Parameters
+    ----------
+    *columns : str
+        Titles, each after its kind (a key of COLUMNS) and a colon, as ``word:energy in``; without
+        one a number.
+    rows : iterable of iterable of str
+    """
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        kind, _, title = column.rpartition(":")
+        table.add_column(title, **COLUMNS[kind or "number"])
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
+    """Name-value lines, aligned."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
         table.add_row(name, value)
-    console.print(table)
+    return table
 
 
-def broken_rules(rules: Sequence[tuple[str, int]]) -> str:
-    """What should hold, and how many design points break it."""
-    return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
+def notes(*texts: str) -> Text:
+    """What stands beneath a table, a line each; empty ones are left out."""
+    return Text("\n".join(text for text in texts if text), style="dim")
 
 
 @contextlib.contextmanager
@@ -61,7 +98,7 @@ def interruptible() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each stage, with the expected remaining time, on stderr."""
+    """A bar for each stage with the expected remaining time, on stderr or in a notebook."""
     with Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -72,7 +109,7 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
         TimeRemainingColumn(),
         console=messages,
         transient=True,
-        disable=not messages.is_terminal,
+        disable=not (messages.is_terminal or messages.is_jupyter),
     ) as bars:
         tasks: dict[str, TaskID] = {}
 

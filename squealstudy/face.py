@@ -1,0 +1,372 @@
+"""The Python face: models, studies, results; the command does what it does through the same names.
+
+import squealstudy as sq
+
+sq.model("hulten", friction=0.5).modes()
+study = sq.read_study("study.toml").with_({"modes.method": "dense"})
+results = sq.run(study)
+results.rank(), results.plot.evolution(along="friction")
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from squealstudy import screen
+from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.models.catalogue import MODEL_NAMES, MODELS
+from squealstudy.models.matrix_family import DESCRIPTION as OF_MATRICES
+from squealstudy.models.matrix_family import NAME as MATRICES
+from squealstudy.study.definition import Study as ResolvedStudy
+from squealstudy.study.definition import resolve_study
+from squealstudy.study.kinds import kind_of_file
+from squealstudy.study.parameters import did_you_mean, parse_parameter
+from squealstudy.study.source import SourceText, parse_toml, read_text
+from squealstudy.study.toml_text import toml_text
+from squealstudy.study.variants import changed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from squealstudy.models.parameter import ModelDefinition
+    from squealstudy.study.parallel import Progress
+    from squealstudy.study.results import Results
+    from squealstudy.study.runner import RunReport
+
+SENSITIVITY = "sensitivity"
+LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study file, checked; or one with some keys changed.
+
+    Attributes
+    ----------
+    source : SourceText
+        The file as it was read, and its path.
+    tables : mapping
+        What it says, changes included.
+    resolved : object
+        The same as its kind has read it: of a model a `study.definition.Study`.
+    """
+
+    source: SourceText
+    tables: Mapping[str, Any]
+    resolved: Any
+
+    def __repr__(self) -> str:
+        """Name, kind and model on one line."""
+        name, kind, model = self.owner
+        return f"<Study {name!r}: {kind} of {model}, {self.source.path}>"
+
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model (of a method-stability study the case)."""
+        return self.plan().owner
+
+    def plan(self) -> Any:
+        """Its design points, or runs; StudyFileError for what only they show."""
+        return self.resolved.kind.plan(self.resolved)
+
+    @property
+    def directory(self) -> Path:
+        """Where its results go unless told otherwise: results/NAME in the current directory."""
+        return Path("results") / self.tables["study"]["name"]
+
+    @property
+    def text(self) -> str:
+        """The file that says what this study is, changes included."""
+        return toml_text(self.tables)
+
+    def with_(self, changes: Mapping[str, Any]) -> Study:
+        """The study with other values of some keys.
+
+        Parameters
+        ----------
+        changes : mapping of str -> value
+            By dotted key, ``{"modes.method": "dense", "sweep[1].num": 5}``; None takes a key out.
+
+        Raises
+        ------
+        StudyFileError
+            With file and key, where the study cannot take one.
+        """
+        tables = changed(self.source, self.tables, changes)
+        return _resolved(self.source, tables, toml_text(tables))
+
+    def sensitivities(self) -> Study:
+        """The study of sensitivities at the [parameters] of a complex-mode study; itself if it is.
+
+        It has no sweeps, all defaults of [sensitivity], and a name of its own. StudyFileError for
+        studies of other kinds.
+        """
+        kind, name = self.resolved.kind, self.tables["study"]["name"]
+        if kind.name == SENSITIVITY:
+            return self
+        if kind.of_methods or not kind.chooses_rung:
+            raise self.source.error(
+                ("study", "kind"), f"expected {SENSITIVITY} or complex_modes, got {kind.name}"
+            )
+        gone = dict.fromkeys(("sweep", "design", "fidelity"))
+        named = {"study.kind": SENSITIVITY, "study.name": f"{name}_{SENSITIVITY}"}
+        return self.with_(gone | named)
+
+
+def read_study(path: str | Path) -> Study:
+    """Read and check a study file, of any kind.
+
+    Raises
+    ------
+    StudyFileError
+        With file, line, key and what was expected, whatever is wrong with the file.
+    """
+    source = SourceText(Path(path), read_text(Path(path)))
+    return _resolved(source, parse_toml(source.path, source.text), source.text)
+
+
+def _resolved(source: SourceText, tables: Mapping[str, Any], text: str) -> Study:
+    """The study of a file's tables; `text` says the same as they do."""
+    kind = kind_of_file(source, tables)
+    if kind is None:
+        resolved: Any = resolve_study(source, tables)  # which says what is wrong in [study]
+    else:
+        resolved = kind.read(source, tables)
+    if isinstance(resolved, ResolvedStudy):
+        return Study(source, tables, replace(resolved, text=text))
+    return Study(source, tables, replace(resolved, source=SourceText(source.path, text)))
+
+
+def open_results(path: str | Path) -> Results:
+    """Open a results directory.
+
+    Raises
+    ------
+    ResultsError
+        Missing, not of squealstudy, or not finished.
+    """
+    from squealstudy.study.results import Results
+
+    return Results.open(path)
+
+
+def run(
+    study: Study | str | Path,
+    output: str | Path | None = None,
+    jobs: int | None = None,
+    yes: bool = False,
+    warn: Callable[[str], None] = warnings.warn,
+) -> Results:
+    """Run a study, or what is left of it, with a progress bar on a terminal or in a notebook.
+
+    Parameters
+    ----------
+    study : Study or path of a study file
+    output : path or None
+        Results directory; results/NAME by default.
+    jobs : int or None
+        Worker processes; by default as many as there are cores.
+    yes : bool
+        Accept more design points than the study's limit.
+    warn : callable
+        Told what may go wrong, before design points are solved.
+
+    Raises
+    ------
+    StudyFileError, ResultsError
+        Invalid study; directory of another study, or in use.
+    """
+    if not isinstance(study, Study):
+        study = read_study(study)
+    directory, jobs = Path(output or study.directory), jobs or os.cpu_count() or 1
+    with screen.progress_bars() as progress:
+        report = _run(study, directory, jobs, yes, progress, warn)
+    return replace(open_results(directory), solved=report.n_solved)
+
+
+def _run(
+    study: Study,
+    directory: Path,
+    jobs: int,
+    yes: bool,
+    progress: Progress,
+    warn: Callable[[str], None],
+) -> RunReport:
+    """Run a study as it is, or with the settings that its [fidelity] section has chosen."""
+    from squealstudy.study.manifest import check_owner
+    from squealstudy.study.runner import run_study
+
+    plan, resolved = study.plan(), study.resolved
+    if not isinstance(resolved, ResolvedStudy) or resolved.definition.fidelity is None:
+        return run_study(plan, directory, jobs, yes, progress, warn)
+    from squealstudy.study.fidelity.run import resolve, run_resolved
+
+    resolved.kind.check_limit(plan, yes)
+    check_owner(directory, plan.owner)
+    return run_resolved(resolve(resolved, jobs, progress), directory, yes, progress, warn)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of the catalogue at one design point.
+
+    Attributes
+    ----------
+    definition : ModelDefinition
+    given : mapping of str -> value
+        Parameters and options that are not at their defaults.
+    """
+
+    definition: ModelDefinition
+    given: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        """Name, description and what was given, on one line."""
+        given = ", ".join(f"{name} = {value}" for name, value in self.given.items())
+        return f"<Model {self.definition.name!r}: {given or 'defaults'}>"
+
+    def __post_init__(self) -> None:
+        """Check names, bounds and options; ParameterError."""
+        options = {option.name: option.choices for option in self.definition.options}
+        for name, value in self.given.items():
+            if name not in options:
+                parse_parameter(name, self.definition).check(value)
+            elif value not in options[name]:
+                choices = ", ".join(map(str, options[name]))
+                raise ParameterError(name, f"expected one of {choices}, got {value!r}")
+
+    def with_(self, **values: Any) -> Model:
+        """The model with other values of parameters or options, as of `model`."""
+        return replace(self, given={**self.given, **values})
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """Value, default, unit and description of every parameter, a row each, by name.
+
+        A `structural` one changes masses or stiffnesses: each value costs a new reduction.
+        """
+        import pandas as pd
+
+        rows = {
+            p.name: {
+                "value": self.given.get(p.name, p.default),
+                "default": p.default,
+                "unit": p.unit,
+                "structural": p.structural,
+                "description": p.description,
+            }
+            for p in self.definition.parameters
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index")
+        table.index.name = "parameter"
+        return table
+
+    @property
+    def options(self) -> pd.DataFrame:
+        """Value, choices (the first is the default) and description of every option, by name."""
+        import pandas as pd
+
+        rows = [
+            (o.name, self.given.get(o.name, o.choices[0]), o.choices, o.description)
+            for o in self.definition.options
+        ]
+        return pd.DataFrame(rows, columns=["option", "value", "choices", "description"]).set_index(
+            "option"
+        )
+
+    def study(self, name: str = "model", band: tuple[float, float] | None = None) -> Study:
+        """The complex-mode study of this one design point; `band` [Hz] as of study files."""
+        options = {option.name for option in self.definition.options}
+        tables = {
+            "study": {"name": name, "kind": "complex_modes"},
+            "model": {"name": self.definition.name}
+            | {k: v for k, v in self.given.items() if k in options},
+            "parameters": {k: v for k, v in self.given.items() if k not in options},
+            "modes": {"reference_points": 0} | ({} if band is None else {"band": list(band)}),
+        }
+        text = toml_text(tables)
+        return _resolved(SourceText(Path(f"{name}.toml"), text), tables, text)
+
+    def modes(self, band: tuple[float, float] | None = None) -> pd.DataFrame:
+        """Complex modes of the design point, one row each, with their errors.
+
+        Units are in ``attrs["units"]``; columns as those of the modes table of a study. A meshed
+        model is reduced first, once for each structure: the cache keeps it.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Lowest and highest frequency [Hz]; by default that of study files.
+
+        Raises
+        ------
+        ResultsError
+            Where the design point has no working point.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            found = run(self.study(band=band), Path(folder) / "results", jobs=1).modes
+        return found.drop(columns=[name for name in LEFT_OUT if name in found])
+
+    def component_modes(self, cutoff_hz: float = 8000.0) -> pd.DataFrame:
+        """Free-free modes of the components up to a frequency, as study files number them.
+
+        Columns ``component``, ``n_dof``, ``mode`` (from 1, rigid ones first), ``frequency_hz`` [Hz]
+        and ``rigid``. The model is meshed for this.
+        """
+        import numpy as np
+        import pandas as pd
+
+        from squealstudy.linalg.real_modes import real_modes, rigid_modes
+
+        defaults = self.definition.defaults()
+        options = {str(name): value for name, value in self.options["value"].items()}
+        values = defaults | {k: v for k, v in self.given.items() if k in defaults}
+        assembly = self.definition.build(options, values)
+        rows = []
+        for c in assembly.components:
+            omega, _ = real_modes(c.M, c.K, cutoff_hz)
+            rigid = rigid_modes(c.M, c.K, omega)
+            rows += [
+                (c.name, c.n_dof, j + 1, float(w / (2 * np.pi)), j < rigid)
+                for j, w in enumerate(omega)
+            ]
+        names = ["component", "n_dof", "mode", "frequency_hz", "rigid"]
+        table = pd.DataFrame(rows, columns=names)
+        table.attrs["units"] = {"n_dof": "", "mode": "", "frequency_hz": "Hz"}
+        return table
+
+
+def model(name: str, **values: Any) -> Model:
+    """A model of the catalogue: ``model("disc_brake", mesh="coarse", friction=0.4)``.
+
+    Parameters
+    ----------
+    name : str
+        One of `list_models`.
+    **values
+        Parameters (SI units) and options; names with dots as ``**{"contact.lambda": 1e6}``.
+
+    Raises
+    ------
+    SquealstudyError
+        An unknown model; a parameter that it does not have, or a value that it cannot take.
+    """
+    if name == MATRICES:
+        raise SquealstudyError(f"model '{MATRICES}' is made of the files that its study names")
+    if name not in MODELS:
+        raise SquealstudyError(
+            f"unknown model '{name}', expected {', '.join(MODEL_NAMES)}"
+            + did_you_mean(name, MODEL_NAMES)
+        )
+    return Model(MODELS[name], values)
+
+
+def list_models() -> dict[str, str]:
+    """Descriptions of the models by name."""
+    return {m.name: m.description for m in MODELS.values()} | {MATRICES: OF_MATRICES}

@@ -1,0 +1,38 @@
+"""What is shown of method-stability studies: outcomes, and how far they are as predicted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import RenderableType
+
+from squealstudy.screen import facts
+from squealstudy.study.kind_screen import KindScreen
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
+
+
+class MethodStabilityScreen(KindScreen):
+    """Where a method works, and where it fails."""
+
+    tables = ("cells",)
+    rows_word = "cells"
+    unfinished = False
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """Outcomes, how many cells are as predicted, and the cells that nothing warns of."""
+        found = results.manifest
+        share, silent = found["agreement"], found["unflagged_wrong"]
+        agreed = "-" if share is None else f"{100 * share:.2f} % of {found['judged']}"
+        rows = [
+            ("case", found["title"]),
+            ("boundary", found["boundary"]),
+            ("outcomes", ", ".join(f"{k} {n}" for k, n in found["counts"].items())),
+            ("as predicted", f"{agreed} cells that are 2 % or more away from the boundary"),
+            ("wrong, unflagged", str(silent) if silent else "none"),
+        ]
+        return [facts(rows)]
+
+
+SCREEN = MethodStabilityScreen()

@@ -1,0 +1,300 @@
+"""Level, frequency and modal energies of the vibration over a swept parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.analysis.tables.energy_ranking import transient_parameters
+from squealstudy.analysis.tables.run_classes import LASTING, UNDECIDED
+from squealstudy.plots.over_time import PALETTE, friction_label
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    Quantity,
+    cross_out,
+    empty_figure,
+    finish,
+    joined,
+    labelled,
+    legend_below,
+    new_figure,
+    quantity,
+    reach,
+    set_scales,
+    set_ticks,
+)
+from squealstudy.plots.tables import describe, slice_points
+from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.wording import in_digits, plural
+
+if TYPE_CHECKING:
+    from squealstudy.study.results import Results
+
+NAMED = 36  # design points that have room for their names
+STACKED = 6  # modes with a colour of their own
+LEAST = 0.02  # energy share somewhere of a mode that has one
+FILL = 0.8  # of the least distance between design points that a bar takes
+OTHERS, OUTSIDE = "other sensed modes", "outside the sensed modes"
+PALE = {OTHERS: "#C8C8C8", OUTSIDE: "white"}
+CLASSES: dict[str, dict[str, Any]] = {
+    "limit_cycle": {"marker": "o", "color": COLOURS[1]},
+    "irregular": {"marker": "D", "color": COLOURS[3]},
+    "growing": {"marker": "^", "color": COLOURS[0]},
+    "undecided": {"marker": "s", "color": GREY, "markerfacecolor": "white"},
+    "stable": {"marker": "o", "color": COLOURS[2], "markerfacecolor": "white"},
+}
+REMARKS = {"growing": " (not saturated)", "undecided": " (may decay or last)"}
+ENDS = ("low", "high")
+
+
+def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
+    """All design points where several parameters vary, and a line along each."""
+    varied = transient_parameters(results.points, varied=True)
+    if len(varied) > 1:
+        yield "", {}
+    for name in varied:
+        fixed = results.nominal_others(name)
+        if len(sweep_line(results.points, name, fixed)) > 1:
+            yield f"_{results.file_word(name)}", {"along": name, "fixed": fixed}
+
+
+@register_plot(_lines, points=("class", "torque_rms"), modes=("energy_share",))
+def levels(
+    results: Results, along: str | None = None, fixed: Mapping[str, float] | None = None
+) -> Figure:
+    """RMS, mean and frequency of the torque over a study, and which modes have the energy.
+
+    Parameters
+    ----------
+    results : Results
+        Of a transient study.
+    along : str or None
+        A varied parameter; None: all design points in their order, named by what they change of
+        the first.
+    fixed : mapping of parameter -> value or None
+        The line to show; of what is left open, the line with most vibrating points is taken.
+
+    Raises
+    ------
+    ResultsError
+        For an unknown parameter, or a value that the study does not have.
+    """
+    points, modes, units = results.points, results.modes, results.units
+    if not len(points):
+        return empty_figure("no design points")
+    line = points if along is None else sweep_line(points, along, fixed)
+    failed = (line["status"] != "ok").to_numpy(bool)
+    if failed.all():
+        reasons = ", ".join(sorted(set(line["status"])))
+        return empty_figure(f"{plural(len(line), 'point')}, all failed: {reasons}")
+    width = 9.0 if along is not None else float(np.clip(2.0 + 0.6 * len(line), 9.0, 24.0))
+    figure = new_figure(width, 9.2)
+    axes = figure.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.7])
+    shown = None if along is None else quantity(along, points[along], units)
+    x = np.arange(1.0, len(line) + 1) if shown is None else shown.scaled(line[shown.name])
+    log = shown is not None and shown.log
+    if shown is not None:
+        set_scales(axes[0], shown)
+    _levels(axes[0], x, line, shown is not None, units)
+    _means(axes[1], x, line, shown is not None, units)
+    _frequencies(axes[2], x, line)
+    share_bars(axes[3], x, line, modes, log)
+    for panel in axes[:3]:
+        cross_out(panel, x[failed])
+    _abscissa(axes[3], x, line, shown, units)
+    legend_below(figure, labelled(axes[3]))
+    others = [n for n in transient_parameters(points, varied=True) if n != along]
+    where = "" if along is None else describe(line.iloc[0], points, others, units)
+    figure.suptitle(_title(where, line), fontsize=9.5)
+    return figure
+
+
+def sweep_line(
+    points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None = None
+) -> pd.DataFrame:
+    """Rows of the points table along a parameter, ascending; ResultsError."""
+    names = transient_parameters(points)
+    if len(points) == 1 and along in names:
+        return points
+    lasting = points.loc[points["class"].isin(LASTING), ["point_id"]].assign(unstable=True)
+    chosen, _ = slice_points(points[["point_id", "status", *names]], lasting, (along,), fixed)
+    return points.loc[chosen.index].sort_values(along, kind="stable")
+
+
+def design_names(points: pd.DataFrame, units: Mapping[str, str]) -> list[str]:
+    """What each design point changes of the first, a line a parameter."""
+    names, first = transient_parameters(points, varied=True), points.iloc[0]
+    texts = []
+    for _, row in points.iterrows():
+        changed = [n for n in names if row[n] != first[n]]
+        shown = [quantity(n, points[n], units).text(row[n]) for n in changed]
+        texts.append("\n".join(shown) or "as the first")
+    return ["first", *texts[1:]]
+
+
+def _abscissa(
+    axes: Axes,
+    x: np.ndarray,
+    line: pd.DataFrame,
+    shown: Quantity | None,
+    units: Mapping[str, str],
+) -> None:
+    """Ticks and label of what the picture is drawn over."""
+    if shown is None:
+        style: dict[str, Any] = {"rotation": 90, "fontsize": 7.5}
+        every = -(-len(x) // NAMED)
+        axes.set_xticks(x[::every], design_names(line, units)[::every], **style)
+    else:
+        set_ticks(axes.xaxis, shown, line[shown.name])
+    if len(x) == 1 and not (shown is not None and shown.log):
+        axes.set_xlim(x[0] - 1.5, x[0] + 1.5)
+    finish(axes, "" if shown is None else shown.label, "Energy share [%]")
+    axes.grid(False, axis="x")
+
+
+def _title(where: str, line: pd.DataFrame) -> str:
+    failed = line[(line["status"] != "ok").to_numpy()]
+    reasons = ", ".join(sorted(set(failed["status"])))
+    return joined(
+        where, f"{plural(len(failed), 'point')} failed (x): {reasons}" if len(failed) else ""
+    )
+
+
+def _levels(
+    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str]
+) -> None:
+    """RMS of torque or friction force with bounds, marked by class.
+
+    Joined by a line where `x` is a scale.
+    """
+    rms = _where_ok(line, "torque_rms")
+    if joined:
+        axes.plot(x, rms, color=GREY, linewidth=0.9, zorder=1)
+    for name, style in CLASSES.items():
+        own = (line["class"] == name).to_numpy()
+        if own.any():
+            low, high = (line.loc[own, f"torque_rms_{end}"].to_numpy(float) for end in ENDS)
+            label = name.replace("_", " ") + REMARKS.get(name, "")
+            bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
+            axes.errorbar(x[own], rms[own], reach(rms[own], low, high), **bar, **style)
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    what, unit = friction_label(units)
+    finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
+
+
+def _means(
+    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str]
+) -> None:
+    """Mean torque or friction force beside that of steady sliding."""
+    static, mean = (_where_ok(line, f"torque_{n}") for n in ("static", "mean"))
+    joint = {"linestyle": "-.", "linewidth": 1.0} if joined else {"linestyle": "", "marker": "_"}
+    own: dict[str, Any] = {"marker": "o", "markersize": 4, "color": COLOURS[1], "label": "mean"}
+    axes.plot(x, static, color=DARK, markersize=15, label="static", **joint)
+    axes.plot(x, mean, linewidth=1.2, linestyle="-" if joined else "", **own)
+    what, unit = friction_label(units)
+    finish(axes, "", f"{what.capitalize()} [{unit}]")
+    axes.legend(fontsize=8.5, frameon=False, loc="best")
+
+
+def _frequencies(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
+    """Dominant frequency where there is a vibration, and of the predicted instability."""
+    predicted = line["predicted_frequency_hz"].where(line["n_unstable"] > 0)
+    axes.plot(
+        x,
+        predicted.to_numpy(dtype=float),
+        linestyle="",
+        marker="_",
+        markersize=15,
+        color=DARK,
+        label="fastest predicted",
+    )
+    for name in LASTING:
+        own = (line["class"] == name).to_numpy()
+        found = line.loc[own, "dominant_frequency_hz"].to_numpy(dtype=float)
+        if own.any():
+            label = "" if any(c.get_label() == "dominant" for c in axes.get_lines()) else "dominant"
+            axes.plot(x[own], found, linestyle="", markersize=5, label=label, **CLASSES[name])
+    axes.margins(y=0.2)
+    finish(axes, "", "Frequency [Hz]")
+    axes.legend(fontsize=8.5, frameon=False, loc="best")
+
+
+def _where_ok(line: pd.DataFrame, name: str) -> np.ndarray:
+    """A column (n,), NaN where a point failed: what it had until then is no level."""
+    values: np.ndarray = line[name].where(line["status"] == "ok").to_numpy(dtype=float)
+    return values
+
+
+def share_bars(
+    axes: Axes, x: np.ndarray, line: pd.DataFrame, modes: pd.DataFrame, log: bool
+) -> None:
+    """Energy shares of the main modes, a bar at each point that keeps vibrating.
+
+    Parameters
+    ----------
+    x : ndarray (n,)
+        Where the points are drawn, on a logarithmic axis if `log`.
+    line : DataFrame (n rows)
+        Their rows of the points table.
+    modes : DataFrame
+        The modes table.
+    """
+    lasting = line["class"].isin(LASTING).to_numpy(bool)
+    table = stacked_shares(line[lasting], modes)
+    axes.set_ylim(0.0, 100.0)
+    if not len(table):
+        style: dict[str, Any] = {"ha": "center", "color": "0.4"}
+        open_ = (line["class"] == UNDECIDED).any()
+        text = "undecided whether a vibration lasts" if open_ else "no vibration lasts"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, **style)
+        return
+    start, width = bar_places(x, log)
+    base = np.zeros(len(table))
+    for k, name in enumerate(table.columns):
+        height = 100 * table[name].to_numpy()
+        axes.bar(
+            start[lasting],
+            height,
+            width[lasting],
+            base,
+            align="edge",
+            color=PALE.get(name, PALETTE[k % len(PALETTE)]),
+            edgecolor="0.4",
+            linewidth=0.5,
+            label=name,
+        )
+        base = base + height
+
+
+def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Left edges and widths (n,) of bars about `x`, as wide as each other on the axis."""
+    place = np.log(x) if log else x
+    half = 0.5 * FILL * float(np.diff(np.unique(place)).min(initial=np.inf))
+    half = half if np.isfinite(half) else 0.5 * FILL
+    edges = place - half, place + half
+    left, right = (np.exp(edge) for edge in edges) if log else edges
+    return left, right - left
+
+
+def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
+    """Shares of the main modes, of the others and outside, a row each of `line`, named to show."""
+    own = modes[modes["point_id"].isin(line["point_id"])]
+    wide = own.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
+    wide = wide.reindex(line["point_id"]).fillna(0.0)
+    mean, peak = wide.mean(), wide.max()
+    main = list(peak[peak >= LEAST].sort_values(ascending=False, kind="stable").index[:STACKED])
+    main = sorted(main, key=lambda mode: -mean[mode])
+    frequency = own.groupby("mode")["frequency_hz"].mean()
+    table = wide[main].rename(columns=lambda mode: f"R{mode}  {in_digits(frequency[mode])} Hz")
+    table[OTHERS] = wide.drop(columns=main).sum(axis=1)
+    table[OUTSIDE] = line["energy_outside_share"].fillna(0.0).to_numpy(dtype=float)
+    return table

@@ -1,0 +1,77 @@
+"""A plot from one file outside the package: drawn by a run, found by results, checked by a number.
+
+The file `my_plot.py` is what one writes; nothing of the package names it.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import squealstudy as sq
+from squealstudy.errors import ResultsError
+from squealstudy.study import pictures
+
+STUDY = """
+[study]
+name = "lockin"
+kind = "{kind}"
+[model]
+name = "hulten"
+[parameters]
+friction = 0.5
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = 7
+[modes]
+band = [1.0, 1000.0]
+"""
+
+
+@pytest.fixture(autouse=True)
+def my_plot(monkeypatch):
+    """Registered while a test lasts."""
+    monkeypatch.setattr(pictures, "_REGISTERED", dict(pictures.plots()))
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.delitem(sys.modules, "my_plot", raising=False)
+    return importlib.import_module("my_plot")
+
+
+def results_of(tmp_path, kind="complex_modes"):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.format(kind=kind))
+    return sq.run(path, tmp_path / "results", jobs=1)
+
+
+def test_the_plot_is_drawn_and_shows_every_unstable_mode(tmp_path):
+    results = results_of(tmp_path)
+    figure = results.plot.unstable_by_band(width=50.0)
+    assert isinstance(figure, Figure)
+    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    assert sum(heights) == np.sum(results.modes["unstable"]) > 0
+    assert "unstable_by_band" in dir(results.plot)
+    assert tmp_path / "unstable_by_band.png" in results.draw(tmp_path)
+
+
+def test_results_without_its_tables_have_no_such_picture(tmp_path):
+    results = results_of(tmp_path, "sensitivity")
+    assert "unstable_by_band" not in dir(results.plot)
+    with pytest.raises(ResultsError, match="unstable_by_band needs a table 'modes'"):
+        results.plot.unstable_by_band()
+    assert not any("unstable_by_band" in path.name for path in results.draw(tmp_path))
+
+
+def test_a_name_is_given_once_and_an_unknown_one_is_told():
+    with pytest.raises(ValueError, match="there is a plot 'evolution' already"):
+
+        @sq.register_plot()
+        def evolution(results):
+            """Another of that name."""
+
+    with pytest.raises(AttributeError, match=r"no plot 'evolutoin', expected .*evolution"):
+        sq.Results.plot.fget(None).evolutoin  # noqa: B018

@@ -1,0 +1,329 @@
+"""The Python face: models, studies, runs and results as a user of the package meets them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import squealstudy as sq
+from squealstudy.errors import ParameterError, ResultsError, SquealstudyError, StudyFileError
+
+FREQUENCY = """# over friction
+[study]
+name = "lockin"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[parameters]
+damping_ratio = 0.01
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = 13
+[modes]
+band = [1.0, 1000.0]
+"""
+TIME = """[study]
+name = "belt"
+kind = "transient"
+[model]
+name = "belt"
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.8, 1.3]
+[modes]
+band = [10.0, 1000.0]
+[transient]
+duration = 0.4
+step = 1e-4
+"""
+METHODS = """[study]
+name = "methods"
+kind = "work_precision"
+[work_precision]
+base = "study.toml"
+points = 1
+repeats = 1
+[reference]
+set = {"modes.method" = "full"}
+[[method]]
+name = "dense"
+set = {"modes.method" = "dense"}
+"""
+CELLS = """[study]
+name = "cells"
+kind = "method_stability"
+[method_stability]
+case = "coalescence"
+[[knob]]
+name = "anchor"
+start = 0.0
+stop = 0.6
+num = 3
+[[knob]]
+name = "step"
+start = 1e-3
+stop = 1.0
+num = 3
+scale = "log"
+"""
+SCATTER = FREQUENCY.replace("num = 13\n", "") + '[design]\ntype = "latin_hypercube"\nsamples = 16\n'
+SOBOL = (
+    SCATTER.replace("latin_hypercube", "sobol_indices")
+    .replace("[modes]", '[[sweep]]\nparameter = "damping_ratio"\nstart = 0.0\nstop = 0.02\n[modes]')
+    .replace("damping_ratio = 0.01\n", "", 1)
+)
+SENSITIVITY = FREQUENCY.replace("complex_modes", "sensitivity").replace("num = 13", "num = 3")
+KINDS = {
+    "complex_modes": FREQUENCY,
+    "transient": TIME,
+    "sensitivity": SENSITIVITY,
+    "work_precision": METHODS,
+    "method_stability": CELLS,
+    "robust": SOBOL,
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> dict[str, sq.Results]:
+    folder = tmp_path_factory.mktemp("face")
+    (folder / "study.toml").write_text(FREQUENCY)
+    found = {}
+    for kind, text in KINDS.items():
+        path = folder / f"{kind}.toml"
+        path.write_text(text)
+        found[kind] = sq.run(path, folder / kind, jobs=1, warn=lambda text: None)
+    return found
+
+
+@pytest.fixture
+def study(tmp_path) -> sq.Study:
+    path = tmp_path / "study.toml"
+    path.write_text(FREQUENCY)
+    return sq.read_study(path)
+
+
+def test_the_package_is_imported_lightly():
+    code = "import squealstudy, sys; print({'pandas', 'scipy', 'numba'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+    assert set(sq.__all__) <= set(dir(sq))
+    for name in sq.__all__:
+        assert getattr(sq, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'runn'"):
+        sq.runn  # noqa: B018
+
+
+# -- models
+
+
+def test_modes_of_a_model_lock_in_where_the_closed_form_says():
+    """Hulten's model without damping: mu_c = |w1^2 - w2^2| / (2 w1 w2)."""
+    values = sq.model("hulten").parameters["value"]
+    w1, w2 = values["frequency_1"], values["frequency_2"]
+    onset = abs(w1**2 - w2**2) / (2 * w1 * w2)
+    model = sq.model("hulten", damping_ratio=0.0)
+    below, above = (model.with_(friction=f * onset).modes((1.0, 1e3)) for f in (0.99, 1.01))
+    assert not below["unstable"].any()
+    assert above["unstable"].sum() == 1
+    assert above["growth_rate"].sum() == pytest.approx(0.0, abs=1e-6)
+    assert {"error_rung", "error_reduction", "damping_ratio"} <= set(above)
+    assert above.attrs["units"]["growth_rate"] == "1/s"
+
+
+def test_a_changed_model_leaves_the_first_as_it_is():
+    model = sq.model("hulten", friction=0.3)
+    other = model.with_(friction=0.4)
+    assert model.parameters.loc["friction", "value"] == 0.3
+    assert other.parameters.loc["friction", "value"] == 0.4
+    assert set(model.parameters["unit"]) >= {"", "Hz"}
+    assert len(sq.model("disc_brake", mesh="coarse").options) > 0
+    own = model.component_modes(1e6)
+    assert own["frequency_hz"].notna().all()
+    assert {"hulten", "disc_brake", "matrices"} <= set(sq.face.list_models())
+
+
+@pytest.mark.parametrize(
+    ("ask", "kind", "told"),
+    [
+        (lambda: sq.model("hultn"), SquealstudyError, "did you mean 'hulten'"),
+        (lambda: sq.model("matrices"), SquealstudyError, "files that its study names"),
+        (lambda: sq.model("hulten", frction=0.5), ParameterError, "'frction'"),
+        (lambda: sq.model("hulten", friction=-1.0), ParameterError, "at least 0"),
+        (lambda: sq.model("disc_brake", mesh="huge"), ParameterError, "expected one of .*coarse"),
+    ],
+)
+def test_what_a_model_does_not_have_is_told(ask, kind, told):
+    with pytest.raises(kind, match=told):
+        ask()
+
+
+# -- studies
+
+
+def test_a_changed_study_is_another_one(study, tmp_path):
+    changed = study.with_({"sweep[1].num": 3, "modes.band": [1, 500], "parameters": None})
+    assert [s.resolved.definition.sweep[0].num for s in (study, changed)] == [13, 3]
+    assert changed.resolved.definition.modes.band == (1.0, 500.0)
+    assert not changed.resolved.definition.parameters
+    again = changed.with_({"modes.method": "dense"})
+    assert again.resolved.definition.modes.band == (1.0, 500.0)  # earlier changes stay
+    first, second = (
+        sq.run(s, tmp_path / s.text[-30:].strip()[-5:], jobs=1) for s in (study, again)
+    )
+    assert first.manifest["study_hash"] != second.manifest["study_hash"]
+    assert (len(first.points), len(second.points)) == (13, 3)
+    assert first.manifest["study"] == FREQUENCY  # comments and all
+    path = tmp_path / "again.toml"
+    path.write_text(second.manifest["study"])
+    assert sq.read_study(path).tables == again.tables
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "told"),
+    [
+        ({"modes.band": [2, 1]}, "modes.band", "low < high"),
+        ({"modes.bnd": [1, 2]}, "modes.bnd", "unknown key"),
+        ({"sweep[2].num": 3}, "sweep[2].num", "no table"),
+        ({"sweep.num": 3}, "sweep.num", "no table"),
+        ({"parameters.frction": 1.0}, "parameters.frction", "friction"),
+    ],
+)
+def test_errors_of_a_change_name_file_and_key(study, changes, key, told):
+    with pytest.raises(StudyFileError, match=told) as caught:
+        study.with_(changes)
+    assert caught.value.path == study.source.path
+    assert caught.value.key == key
+
+
+def test_a_file_that_is_wrong_is_told_with_its_line(tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text(FREQUENCY.replace("num = 13", "nm = 13"))
+    with pytest.raises(StudyFileError, match=r"bad.toml, line 13, key 'sweep\[1\].nm'"):
+        sq.run(path)
+    path.write_text(TIME)
+    study = sq.read_study(path)
+    with pytest.raises(StudyFileError, match="expected sensitivity or complex_modes"):
+        study.sensitivities()
+
+
+def test_a_second_run_solves_nothing(study, tmp_path):
+    first, second = (sq.run(study, tmp_path / "r", jobs=1) for _ in range(2))
+    assert (first.solved, second.solved) == (13, 0)
+    assert sq.open_results(tmp_path / "r").solved is None
+
+
+# -- results
+
+
+def numeric(table: pd.DataFrame) -> set[str]:
+    kept = table.select_dtypes("number")
+    return set(kept.columns)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_numeric_column_has_its_unit(results, kind):
+    found = results[kind]
+    tables = {name: found.table(name) for name in found.tables}
+    if kind in ("complex_modes", "transient"):
+        tables["ranking"] = found.rank()
+    if kind == "transient":
+        tables["history"] = found.history(0)
+        tables["comparison"] = None
+    if kind == "robust":
+        tables |= {"robust": found.robust(), "indices": found.sobol_indices()}
+    for name, table in tables.items():
+        if table is not None:
+            missing = numeric(table) - set(table.attrs["units"])
+            assert not missing, (name, missing)
+
+
+def test_units_are_those_of_the_quantity(results):
+    units = results["transient"].points.attrs["units"]
+    assert (units["torque_rms"], units["sliding_speed"], units["growth_rate"]) == (
+        "N",
+        "m/s",
+        "1/s",
+    )
+    modes = results["complex_modes"].modes.attrs["units"]
+    assert (modes["frequency_hz"], modes["damping_ratio"], modes["error_rung"]) == ("Hz", "", "1/s")
+    assert results["complex_modes"].onsets.attrs["units"]["onset"] == ""
+    assert results["transient"].history(0).attrs["units"]["energy"] == "J"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_plots_are_figures(results, kind):
+    found = results[kind]
+    names = dir(found.plot)
+    assert names
+    drawn = 0
+    for name in names:
+        if name == "robust" and kind != "robust":
+            continue
+        if name == "stability_map" and kind != "robust":
+            with pytest.raises(ResultsError, match="two parameters that vary"):
+                found.plot.stability_map()
+            continue
+        figure = getattr(found.plot, name)()
+        assert isinstance(figure, Figure), name
+        drawn += 1
+    assert drawn
+
+
+def test_a_notebook_shows_ranking_and_picture(results):
+    html = results["complex_modes"]._repr_html_()
+    assert "share of the 13 solved points" in html
+    assert "data:image/png;base64," in html
+    assert "worst at" in html
+    assert "limit_cycle" in results["transient"]._repr_html_()
+    for found in results.values():
+        assert "<pre>" in found._repr_html_()
+
+
+def test_what_a_kind_does_not_have_is_told(results):
+    with pytest.raises(ResultsError, match="a sensitivity study has no table 'modes', it has"):
+        results["sensitivity"].modes  # noqa: B018
+    with pytest.raises(ResultsError, match="a complex_modes study has no histories"):
+        results["complex_modes"].history(0)
+    with pytest.raises(ResultsError, match="expected results of kinds complex_modes and transient"):
+        results["transient"].compare(results["transient"])
+    with pytest.raises(AttributeError, match="there is no plot 'evoluton'"):
+        results["complex_modes"].plot.evoluton()
+
+
+def test_results_of_an_unknown_kind_are_one_clear_error(results, tmp_path):
+    text = (results["complex_modes"].directory / "manifest.json").read_text()
+    (tmp_path / "manifest.json").write_text(text.replace('"complex_modes"', '"limit_cycles"'))
+    with pytest.raises(ResultsError, match="kind 'limit_cycles', which this version"):
+        sq.open_results(tmp_path)
+
+
+def test_comparison_of_two_studies(tmp_path):
+    (tmp_path / "t.toml").write_text(TIME)
+    time = sq.run(tmp_path / "t.toml", tmp_path / "t", jobs=1, warn=lambda text: None)
+    study = sq.read_study(tmp_path / "t.toml")
+    modes = study.with_({"study.kind": "complex_modes", "study.name": "f", "transient": None})
+    frequency = sq.run(modes, tmp_path / "f", jobs=1)
+    table, other = frequency.compare(time), time.compare(frequency)
+    pd.testing.assert_frame_equal(table, other)
+    assert not numeric(table) - set(table.attrs["units"])
+    assert np.isfinite(table["growth_rate"]).any()
+
+
+def test_the_command_does_the_same(results, tmp_path, monkeypatch, capsys):
+    from squealstudy.cli import app as cli
+
+    cli.rank(results["complex_modes"].directory, csv=True)
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0].split(",") == list(results["complex_modes"].rank().columns)
+    monkeypatch.chdir(tmp_path)
+    cli.new(Path("start.toml"), "hulten")
+    cli.check(Path("start.toml"))
+    assert "valid" in capsys.readouterr().out
