@@ -130,7 +130,8 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
         assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out
     results = open_results("results/lockin")
     assert repr(results) == (
-        "<Results 'results/lockin': complex_modes of hulten over friction: 13 points, 4 failed>"
+        "<Results 'results/lockin': complex_modes of hulten over friction: "
+        "13 design points, 4 failed>"
     )
 
 

@@ -17,7 +17,7 @@ from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
 from squealstudy.study import chunks
 from squealstudy.study.estimate import Estimate, estimate, run_seconds
-from squealstudy.study.kinds import kind_named, kind_names, screen_of
+from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.study.manifest import check_owner, outdated
 from squealstudy.study.model_kind import build_first, check_component_modes, check_shapes
 from squealstudy.study.plan import Plan, has_mesh
@@ -76,14 +76,13 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
 def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate) -> Rows:
     study = plan.study
     kind = study.definition.study.kind
-    shown = screen_of(kind)
     bound = "; runs end once their outcome is known" if plan.kind.may_end_early(plan) else ""
     rows = [
         ("study", f"{study.name}: {kind} on {study.model.name}, valid"),
         ("design", _design(plan, missing, directory)),
         *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
         _structures(plan, cost),
-        *shown.settings(plan),
+        *plan.kind.settings(plan),
         *_validity(plan),
     ]
     if cost.n_coordinates is not None:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from squealstudy.screen import Rows
-    from squealstudy.study.plan import Plan
     from squealstudy.study.results import Results
 
 LISTED = 12  # rows of the ranking that a run prints
@@ -64,8 +63,4 @@ class KindScreen:
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""
-        return []
-
-    def settings(self, plan: Plan) -> Rows:
-        """Lines on how design points will be solved, before a run."""
         return []

@@ -113,6 +113,10 @@ class ModelKind(Kind):
         """Seconds of one design point on one core; None where it has no working point."""
         raise NotImplementedError
 
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """Names and values on how design points will be solved, for `check`."""
+        return []
+
     def may_end_early(self, plan: Plan) -> bool:
         """Whether design points may take far less time than the first ones."""
         return False

@@ -23,7 +23,7 @@ from squealstudy.study.names import onset_parameter
 from squealstudy.study.pictures import Plots, pictures, save_figure
 from squealstudy.study.results_manifest import read_manifest
 from squealstudy.study.transient.histories import read_history
-from squealstudy.wording import OF_THE_ONSET, units_of
+from squealstudy.wording import OF_THE_ONSET, plural, units_of
 
 if TYPE_CHECKING:
     from squealstudy.study.kind_screen import KindScreen

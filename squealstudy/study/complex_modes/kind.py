@@ -190,6 +190,12 @@ class ComplexModes(ModelKind):
 
         return MEASURING
 
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """The method, and why it."""
+        rung = plan.method.rung
+        kept = f", to {plan.method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
+        return [("method", f"{plan.method.name}{kept}: {plan.method.reason}")]
+
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point by the exact method."""
         method = plan.method

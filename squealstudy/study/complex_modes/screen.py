@@ -23,7 +23,6 @@ from squealstudy.study.kind_screen import LISTED, KindScreen
 from squealstudy.wording import in_digits, percent, plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.plan import Plan
     from squealstudy.study.results import Results
 
 ONSETS = {
@@ -100,13 +99,6 @@ class ComplexModesScreen(KindScreen):
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
         return [*_method(manifest), ("error", _full_order_error(manifest))]
-
-    def settings(self, plan: Plan) -> Rows:
-        """The method, and why it."""
-        method = plan.method
-        rung = method.rung
-        kept = f", to {method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
-        return [("method", f"{method.name}{kept}: {method.reason}")]
 
 
 def _nothing(results: Results, where: str | None) -> str:

@@ -188,6 +188,17 @@ class Transient(ModelKind):
 
         return MEASURING
 
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """The integrator, and what slopes of friction follow from."""
+        from squealstudy.study.transient.screen import regularisation
+
+        section = plan.study.section
+        slope = regularisation(self.manifest(plan).get("regularisation"))
+        return [
+            ("method", f"{section.integrator}, contact iteration to {section.balance:g}"),
+            *slope,
+        ]
+
     def time_point(self, plan: Plan, task: PointTask) -> float | None:
         """Seconds of one design point alone, from its first steps."""
         forecast.warm(plan.study.section)

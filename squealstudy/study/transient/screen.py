@@ -17,7 +17,6 @@ from squealstudy.study.kind_screen import LISTED, KindScreen
 from squealstudy.wording import TORQUE, figure, in_digits, plural, with_unit
 
 if TYPE_CHECKING:
-    from squealstudy.study.plan import Plan
     from squealstudy.study.results import Results
 
 MOST_COLUMNS = 2  # parameters with a column of their own
@@ -78,15 +77,8 @@ class TransientScreen(KindScreen):
         balance = solved["energy_balance"].abs().max()
         text = f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
         manifest = results.manifest
-        slope = _regularisation(manifest.get("regularisation"))
+        slope = regularisation(manifest.get("regularisation"))
         return [*_ended_early(manifest.get("simulated_time")), *slope, ("error", text)]
-
-    def settings(self, plan: Plan) -> Rows:
-        """The integrator, and what slopes of friction follow from."""
-        section = plan.study.section
-        slope = _regularisation(plan.kind.manifest(plan).get("regularisation"))
-        method = f"{section.integrator}, contact iteration to {section.balance:g}"
-        return [("method", method), *slope]
 
 
 def points(
@@ -200,7 +192,7 @@ def _ended_early(found: Mapping[str, Any] | None) -> Rows:
     return [("ended early", text)]
 
 
-def _regularisation(found: Mapping[str, Any] | None) -> Rows:
+def regularisation(found: Mapping[str, Any] | None) -> Rows:
     """What slopes of friction follow from, and what they err by; nothing where they are given."""
     if found is None:
         return []
