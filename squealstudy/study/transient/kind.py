@@ -195,7 +195,7 @@ class Transient(ModelKind):
         section = plan.study.section
         slope = regularisation(self.manifest(plan).get("regularisation"))
         return [
-            ("method", f"{section.integrator}, contact iteration to {section.balance:g}"),
+            ("method", f"{section.integrator.name}, contact iteration to {section.balance:g}"),
             *slope,
         ]
 
