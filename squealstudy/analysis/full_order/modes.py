@@ -212,7 +212,8 @@ def full_order_modes(
     found = full_order_roots(system, angular_band(band_hz), expected)
     order = np.argsort(found.lam.imag == 0, kind="stable")
     lam, psi = found.lam[order], found.psi[:, order]
-    shapes = la.lstsq(prepared.sensor_shapes, assembly.correspondence @ psi)[0].T
+    seen = assembly.correspondence @ psi  # which may have no column: LAPACK alone refuses that
+    shapes = np.linalg.lstsq(prepared.sensor_shapes, seen, rcond=None)[0].T
     shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return PointModes(
         lam=lam,
