@@ -102,11 +102,6 @@ class ReducedModel:
         """Number of free-free modes held of each component."""
         return {c: int(n) for c, n in zip(self.components, self.n_modes, strict=True)}
 
-    def slice_of(self, component: str) -> slice:
-        """Coordinates of a component."""
-        i = self.components.index(component)
-        return slice(int(self.offsets[i]), int(self.offsets[i + 1]))
-
     def mode_coordinate(self, component: str, mode: int) -> int:
         """Coordinate of a component's free-free mode, numbered from 1, rigid modes included.
 
