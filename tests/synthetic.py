@@ -7,8 +7,9 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, in_band, light
+from squealstudy.analysis.reanalysis.problem import Linearisation, in_band, light
+from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
@@ -56,7 +57,7 @@ class SyntheticProblem:
         return self._weights(theta)
 
     def samples(self, theta, field=None):
-        return [self.refused(row) or Sample(self._weights(row), None) for row in theta]
+        return [self.refused(row) or Linearisation(self._weights(row), None) for row in theta]
 
     def local_field(self, box, grid):
         return None
@@ -129,12 +130,18 @@ def whole_box(dimension):
     return Box(-np.ones(dimension), np.ones(dimension))
 
 
+def in_order(outcomes):
+    """What windows found of each row of theta, all of them."""
+    by_row = dict(outcomes)
+    assert sorted(by_row) == list(range(len(by_row)))
+    return [by_row[row] for row in range(len(by_row))]
+
+
 def solved(problem, theta, tolerance, box=None):
     """Windows over a box: the solver and its points, in the order of theta."""
     basis = build_sweep_basis(problem, tolerance / 3)
     windows = Windows(problem, basis, tolerance)
-    found = sorted(windows.solve(box or whole_box(problem.dimension), theta), key=lambda p: p.row)
-    return windows, found
+    return windows, in_order(windows.solve(box or whole_box(problem.dimension), theta))
 
 
 def matched(exact, found):
@@ -158,8 +165,10 @@ class Audit:
     def __init__(self, problem, theta, found, tolerance):
         self.missed = self.spurious = 0
         true, estimate, damped = [], [], []
-        for p in found:
-            exact = problem.roots(theta[p.row], reach=1.0 + 50 * tolerance)
+        for at, p in zip(theta, found, strict=True):
+            if isinstance(p, ConvergenceError):
+                continue
+            exact = problem.roots(at, reach=1.0 + 50 * tolerance)
             inner, close = in_band(exact, problem.band, 1.0 - 50 * tolerance), np.abs(exact)
             partner, own = np.zeros(len(exact), dtype=bool), np.zeros(len(p.lam), dtype=bool)
             if len(exact) and len(p.lam):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.analysis.reanalysis.problem import in_band
 from squealstudy.linalg import dense_qep
 from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
 from squealstudy.linalg.dense_roots import (

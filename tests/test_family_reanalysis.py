@@ -13,7 +13,8 @@ from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
 from squealstudy.analysis.reanalysis.estimate import two_sided_error
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, light
+from squealstudy.analysis.reanalysis.problem import light
+from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.sparse_cholesky import SparseCholesky
@@ -187,10 +188,10 @@ def test_sweep_basis_and_windows_of_a_family():
     assert basis.error <= tolerance / 3
     theta = np.random.default_rng(5).uniform(-1, 1, (80, 1))
     windows = Windows(problem, basis, tolerance)
-    points = list(windows.solve(Box(-np.ones(1), np.ones(1)), theta))
-    assert sorted(p.row for p in points) == list(range(80))
-    for point in points[::8]:
-        exact = dense_roots(problem, theta[point.row])
+    points = dict(windows.solve(Box(-np.ones(1), np.ones(1)), theta))
+    assert sorted(points) == list(range(80))
+    for row in range(0, 80, 8):
+        point, exact = points[row], dense_roots(problem, theta[row])
         assert len(point.lam) == len(exact)
         slight = light(exact)
         assert distance(point.lam, exact[slight]).max() < tolerance

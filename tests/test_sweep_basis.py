@@ -7,18 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import NOMINAL
-from synthetic import SyntheticProblem, constant, random_brake, whole_box
+from synthetic import SyntheticProblem, constant, in_order, random_brake, whole_box
 
 from squealstudy.analysis.point import state_working_point
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
+from squealstudy.analysis.reanalysis.problem import in_band, light
 from squealstudy.analysis.reanalysis.sweep_basis import (
     _next_points,
     build_sweep_basis,
     corners,
-    in_band,
-    light,
     sample_box,
 )
 from squealstudy.errors import ConvergenceError
@@ -80,9 +79,8 @@ def dense(prepared, state):
 def compared(prepared, problem, theta, found, tolerance):
     """Light roots against dense ones: true and estimated relative errors, unstable modes alike."""
     true, estimate = [], []
-    for p in found:
-        assert p.failure is None
-        exact = dense(prepared, problem.state_at(theta[p.row]))
+    for at, p in zip(theta, found, strict=True):
+        exact = dense(prepared, problem.state_at(at))
         edge = np.abs(np.abs(exact)[:, None] / np.array(problem.band) - 1).min(axis=1)
         clear = exact[light(exact) & (edge > 50 * tolerance)]
         distance = np.abs(clear[:, None] - p.lam[None])
@@ -188,11 +186,11 @@ def test_windows_along_a_line(prepared, state_at, tolerance, count):
     problem = BrakeProblem(prepared, 1, state_at, BAND)
     basis = build_sweep_basis(problem, tolerance / 3)
     theta = np.vstack([[[-1.0], [1.0]], random_points(count - 2, 1, seed=1)])
-    found = list(Windows(problem, basis, tolerance).solve(whole_box(1), theta))
+    found = in_order(Windows(problem, basis, tolerance).solve(whole_box(1), theta))
     assert any(p.method == "windows" for p in found) == (count >= 50)
-    assert sorted(p.row for p in found) == list(range(len(theta)))
-    some = [p for p in found if p.row < 2 or p.row % (count // 5) == 0]
-    true, estimate = compared(prepared, problem, theta, some, tolerance)
+    some = [i for i in range(len(theta)) if i < 2 or i % (count // 5) == 0]
+    chosen = [found[i] for i in some]
+    true, estimate = compared(prepared, problem, theta[some], chosen, tolerance)
     assert true.max() <= 2 * tolerance
     covered(true, estimate, 1e-3 * tolerance)
 
@@ -201,8 +199,8 @@ def test_no_unstable_mode_is_missed_or_made_up(prepared, map_problem, map_basis)
     """Over friction and pressure, against dense at 20 of 40 random points."""
     part = Box(np.array([-1.0, -1.0]), np.array([0.0, 0.0]))
     theta = part.place(random_points(40, 2, seed=8))
-    found = list(Windows(map_problem, map_basis, 3 * TOLERANCE).solve(part, theta))
-    true, estimate = compared(prepared, map_problem, theta, found[::2], 3 * TOLERANCE)
+    found = in_order(Windows(map_problem, map_basis, 3 * TOLERANCE).solve(part, theta))
+    true, estimate = compared(prepared, map_problem, theta[::2], found[::2], 3 * TOLERANCE)
     assert true.max() <= 6 * TOLERANCE
     covered(true, estimate, 1e-7)
 
@@ -219,9 +217,9 @@ def test_modal_damping_over_friction_and_pressure(prepared):
     basis = build_sweep_basis(problem, TOLERANCE / 3)
     part = Box(np.array([-1.0, -1.0]), np.array([0.0, 0.0]))
     theta = part.place(random_points(60, 2, seed=8))
-    found = list(Windows(problem, basis, TOLERANCE).solve(part, theta))
+    found = in_order(Windows(problem, basis, TOLERANCE).solve(part, theta))
     assert any(p.method == "windows" for p in found)
-    true, _ = compared(prepared, problem, theta, found[::6], TOLERANCE)
+    true, _ = compared(prepared, problem, theta[::6], found[::6], TOLERANCE)
     assert true.max() <= 2 * TOLERANCE
     _, exact = problem.pairs(theta[0], 1.0)
     point = dense(prepared, damped_map(theta[0]))
@@ -261,11 +259,11 @@ def test_lift_off_of_part_of_the_contact(prepared, middle, half, share, change):
     problem = BrakeProblem(prepared, 1, lifting_off(middle, half), BAND)
     basis = build_sweep_basis(problem, TOLERANCE / 3)
     theta = np.linspace(-1, 1, 20)[:, None]
-    found = list(Windows(problem, basis, TOLERANCE).solve(whole_box(1), theta))
-    opened = [p.sample.working_point.open_share for p in found]
+    found = in_order(Windows(problem, basis, TOLERANCE).solve(whole_box(1), theta))
+    opened = [p.at.working_point.open_share for p in found]
     assert max(opened) > share
     assert max(opened) - min(opened) > change
-    true, estimate = compared(prepared, problem, theta, found[::4], TOLERANCE)
+    true, estimate = compared(prepared, problem, theta[::4], found[::4], TOLERANCE)
     assert true.max() <= 2 * TOLERANCE
     covered(true, estimate, 1e-7)
 
@@ -288,7 +286,7 @@ def test_a_study_without_parameters():
     C, K = plain.matrices(np.zeros(1))
     problem = SyntheticProblem([(K, constant())], [(C, constant())], 0, (300.0, 2400.0))
     basis = build_sweep_basis(problem, 1e-6)
-    found = list(Windows(problem, basis, 1e-6).solve(whole_box(0), np.zeros((2, 0))))
+    found = in_order(Windows(problem, basis, 1e-6).solve(whole_box(0), np.zeros((2, 0))))
     exact = problem.roots(np.zeros(0))
     for p in found:
         np.testing.assert_allclose(np.sort(np.abs(p.lam)), np.abs(exact), rtol=1e-6)

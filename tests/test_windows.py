@@ -12,6 +12,7 @@ from synthetic import (
     Audit,
     SyntheticProblem,
     constant,
+    in_order,
     matched,
     random_brake,
     solved,
@@ -22,8 +23,9 @@ from squealstudy.analysis.point import DENSE
 from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
+from squealstudy.analysis.reanalysis.problem import light
 from squealstudy.analysis.reanalysis.ritz import ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis, light
+from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.rungs.windows import Windows
 
@@ -40,7 +42,7 @@ def random_points(count, dimension, seed=0):
 def audited(problem, theta, tolerance, box=None):
     """Solve, check against exact roots, and give back the solver and its points."""
     windows, found = solved(problem, theta, tolerance, box)
-    assert [p.row for p in found] == list(range(len(theta)))
+    assert len(found) == len(theta)
     Audit(problem, theta, found, tolerance).check(tolerance)
     return windows, found
 
@@ -187,8 +189,8 @@ def test_an_undamped_pair_keeps_1e_6_near_its_exceptional_point(coupling, span):
     theta = theta[np.abs(theta) <= 1][:, None]
     _, found = solved(problem, theta, 1e-6)
     assert share(found, "windows") > 0.9
-    for p in found:
-        _, K = problem.matrices(theta[p.row])
+    for at, p in zip(theta, found, strict=True):
+        _, K = problem.matrices(at)
         s = np.linalg.eigvals(K).astype(complex)  # undamped: half the size, half the round-off
         exact = np.sqrt(-s)
         exact = np.where(exact.imag < 0, -exact, exact)
@@ -205,8 +207,8 @@ def test_lock_in_of_hulten_in_closed_form():
     theta = line(81)
     _, found = solved(problem, theta, 1e-6)
     w1, w2 = HZ * 100, HZ * 75
-    for p in found:
-        mu = 0.35 * (1 + theta[p.row, 0])
+    for at, p in zip(theta, found, strict=True):
+        mu = 0.35 * (1 + at[0])
         root = np.emath.sqrt(((w1**2 - w2**2) / 2) ** 2 - (mu * w1 * w2) ** 2)
         s = (w1**2 + w2**2) / 2 + np.array([root, -root])
         exact = np.emath.sqrt(-s.astype(complex))
@@ -451,12 +453,12 @@ def test_points_without_a_working_point_are_rows_with_their_reason():
     problem.refused = refused_beyond(0.43)
     theta = line(150)
     _, found = solved(problem, theta, 1e-5)
-    lost = [p.row for p in found if p.failure is not None]
+    lost = [i for i, p in enumerate(found) if isinstance(p, ConvergenceError)]
     assert lost == list(np.flatnonzero(theta[:, 0] > 0.43))
-    assert all("none at" in str(p.failure) and p.sample is None for p in found if p.failure)
-    there = [p for p in found if p.failure is None]
+    assert all("none at" in str(found[i]) for i in lost)
+    there = [p for p in found if not isinstance(p, ConvergenceError)]
     assert share(there, "windows") > 0.3
-    Audit(plain, theta, there, 1e-5).check(1e-5)
+    Audit(plain, theta, found, 1e-5).check(1e-5)
 
 
 def truncated_basis(problem, kept):
@@ -472,7 +474,7 @@ def test_points_that_the_basis_cannot_serve_are_solved_in_the_full_problem():
     """The estimate sees what the basis lacks; nothing is passed off as better than it is."""
     problem, theta = random_brake(20, 1, 1), line(60)
     basis = truncated_basis(problem, 14)
-    found = sorted(Windows(problem, basis, 1e-6).solve(whole_box(1), theta), key=lambda p: p.row)
+    found = in_order(Windows(problem, basis, 1e-6).solve(whole_box(1), theta))
     assert share(found, DENSE) == 1.0
     Audit(problem, theta, found, 1e-6).check(1e-6)
 
@@ -483,7 +485,7 @@ def test_estimates_of_a_coarse_basis_hold(kept):
     problem, theta = random_brake(40, 1, 8, coupling=0.05), line(60)
     problem.band = (problem.band[0], HZ * 1200)
     basis = truncated_basis(problem, kept)
-    found = sorted(Windows(problem, basis, 1e-2).solve(whole_box(1), theta), key=lambda p: p.row)
+    found = in_order(Windows(problem, basis, 1e-2).solve(whole_box(1), theta))
     assert share(found, "windows") > 0.5
     audit = Audit(problem, theta, found, 1e-2)
     audit.check(1e-2)

@@ -9,9 +9,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from squealstudy.analysis.point import PointModes
-from squealstudy.analysis.reanalysis.point_roots import PointRoots
+from squealstudy.analysis.full_order.family_point import NO_WORKING_POINT
+from squealstudy.analysis.point import PointModes, working_point_error
+from squealstudy.analysis.reanalysis.estimate import Outcome
 from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.analysis.reanalysis.readers import Reader
 from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
 from squealstudy.errors import ConvergenceError
 
@@ -34,18 +36,6 @@ class Chart(Protocol):
 
     def design_at(self, theta: np.ndarray) -> Any:
         """The design point at coordinates (d,)."""
-        ...
-
-
-class Reader(Protocol):
-    """Reads roots and vectors in the coordinates of a basis as modes."""
-
-    def read(self, found: PointRoots) -> PointModes:
-        """The modes of a solved point, oscillating ones first."""
-        ...
-
-    def shapes(self, X: np.ndarray) -> np.ndarray:
-        """Unit coordinates (m, k) complex64, comparable over design points, of vectors (n, m)."""
         ...
 
 
@@ -103,8 +93,21 @@ class Problem:
         """Of vectors in those of the sweep basis."""
         return self.reader(self.basis.V)
 
-    def modes(self, found: PointRoots) -> PointModes | ConvergenceError:
-        """Roots of a rung as modes, or why there are none."""
-        if found.failure is not None:
-            return found.failure
-        return (self.full_reader if found.full else self.basis_reader).read(found)
+    def modes(self, found: Outcome) -> PointModes | ConvergenceError:
+        """Roots of a rung as modes, oscillating ones first, or why there are none."""
+        if isinstance(found, ConvergenceError):
+            return found
+        order = np.argsort(found.lam.imag == 0, kind="stable")
+        lam, X = found.lam[order], found.X[:, order]
+        reader = self.full_reader if found.full else self.basis_reader
+        point = found.at.working_point or NO_WORKING_POINT
+        return PointModes(
+            lam=lam,
+            overdamped=lam.imag == 0,
+            residual=found.residual[order],
+            energies=reader.energies(found.at, X),
+            shapes=reader.shapes(X),
+            working_point=point,
+            error_rung=found.error[order] + working_point_error(point, lam),
+            method=found.method,
+        )

@@ -31,7 +31,7 @@ import numpy as np  # noqa: E402
 from reanalysis_rungs import m0, measure, picture, rungs  # noqa: E402
 from reanalysis_rungs.brake import BOXES, brake_problem  # noqa: E402
 
-from squealstudy.analysis.reanalysis.problem import Sample  # noqa: E402
+from squealstudy.analysis.reanalysis.problem import Linearisation  # noqa: E402
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 MOST = {1: 8, 2: 16, 3: 16}  # design points that a sweep basis may use
@@ -44,7 +44,7 @@ def brake(arguments: argparse.Namespace) -> None:
     theta = np.random.default_rng(2024).uniform(-1, 1, (arguments.points, d))
     _, setup = measure.timed(lambda: problem.field)
     samples, ms = measure.timed(lambda: problem.samples(theta))
-    kept = [i for i, s in enumerate(samples) if isinstance(s, Sample)]
+    kept = [i for i, s in enumerate(samples) if isinstance(s, Linearisation)]
     weights = [samples[i].weights for i in kept]
     print(
         f"{arguments.mesh} brake, {problem.system.n} coordinates, box '{arguments.box}', "

@@ -23,14 +23,14 @@ import numpy as np  # noqa: E402
 from joblib import Parallel, delayed  # noqa: E402
 from reanalysis_rungs.brake import brake_problem  # noqa: E402
 
+from squealstudy.analysis.reanalysis.estimate import EstimatedRoots  # noqa: E402
 from squealstudy.analysis.reanalysis.patch import Box  # noqa: E402
-from squealstudy.analysis.reanalysis.point_roots import PointRoots  # noqa: E402
-from squealstudy.analysis.reanalysis.problem import Sample  # noqa: E402
-from squealstudy.analysis.reanalysis.sweep_basis import (  # noqa: E402
-    build_sweep_basis,
+from squealstudy.analysis.reanalysis.problem import (  # noqa: E402
+    Linearisation,
     in_band,
     light,
 )
+from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis  # noqa: E402
 from squealstudy.linalg.companion import all_roots  # noqa: E402
 from squealstudy.modes.rungs.windows import Windows  # noqa: E402
 
@@ -46,7 +46,7 @@ def exact_roots(arguments: argparse.Namespace, theta: np.ndarray) -> list[np.nda
     found = []
     for sample in problem.samples(theta):
         lam = np.zeros(0, dtype=complex)
-        if isinstance(sample, Sample):
+        if isinstance(sample, Linearisation):
             _, C, K = problem.system.matrices(sample.weights)
             lam = all_roots(C, K)
         found.append(lam[in_band(lam, problem.band, EDGE)])
@@ -68,7 +68,7 @@ def unmatched(lam: np.ndarray, others: np.ndarray) -> int:
 
 
 def compared(
-    points: list[PointRoots],
+    points: dict[int, EstimatedRoots],
     exact: list[np.ndarray],
     band: tuple[float, float],
     tolerance: float,
@@ -76,8 +76,8 @@ def compared(
     """The figures of the comparison."""
     missed = spurious = unstable = 0
     errors, ratios = [], []
-    for p in points:
-        lam = exact[p.row]
+    for row, p in points.items():
+        lam = exact[row]
         mine, theirs = p.lam[growing(p.lam, band, tolerance)], lam[growing(lam, band, tolerance)]
         unstable += len(theirs)
         missed += unmatched(theirs, p.lam)
@@ -117,21 +117,21 @@ def main() -> None:
     basis = build_sweep_basis(problem, arguments.tolerance / 3)
     windows = Windows(problem, basis, arguments.tolerance)
     started = time.perf_counter()
-    points = list(windows.solve(Box(-np.ones(d), np.ones(d)), theta))
+    solved = dict(windows.solve(Box(-np.ones(d), np.ones(d)), theta))
+    points = {i: p for i, p in solved.items() if isinstance(p, EstimatedRoots)}
     ms = 1e3 * (time.perf_counter() - started) / len(theta)
     print(
         f"{arguments.mesh} brake, {problem.system.n} coordinates, basis {basis.V.shape[1]} in "
         f"{basis.seconds:.0f} s; points {ms:.1f} ms each: {dict(windows.counts)}, "
-        f"{dict(Counter(p.method for p in points))}",
+        f"{dict(Counter(p.method for p in points.values()))}",
         flush=True,
     )
-    failed = [p.row for p in points if p.failure is not None]
-    points = [p for p in points if p.failure is None]
     parts = np.split(theta, range(CHUNK, len(theta), CHUNK))
     started = time.perf_counter()
     found = Parallel(arguments.jobs)(delayed(exact_roots)(arguments, part) for part in parts)
     ms = 1e3 * (time.perf_counter() - started) / len(theta)
-    print(f"dense: {ms:.0f} ms a point on {arguments.jobs} cores; no working point: {len(failed)}")
+    lost = len(solved) - len(points)
+    print(f"dense: {ms:.0f} ms a point on {arguments.jobs} cores; no working point: {lost}")
     exact = [lam for part in found for lam in part]
     print(compared(points, exact, problem.band, arguments.tolerance))
 

@@ -56,8 +56,8 @@ def test_a_rung_that_keeps_its_errors_to_itself_is_caught(monkeypatch):
     honest = windows_rung.Windows.solve
 
     def silent(self, box, theta):
-        for point in honest(self, box, theta):
-            yield point._replace(lam=point.lam * (1 + 1e-6))
+        for row, point in honest(self, box, theta):
+            yield row, point._replace(lam=point.lam * (1 + 1e-6))
 
     monkeypatch.setattr(windows_rung.Windows, "solve", silent)
     cell = WINDOWS_RUNG.evaluate({"distance": 1e-3, "tolerance": 1e-8})

@@ -25,6 +25,7 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
+from squealstudy.analysis.reanalysis.estimate import EstimatedRoots
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
@@ -60,6 +61,7 @@ class Coalescence:
         with np.errstate(all="ignore"):
             anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
             found = perturbed_roots(problem, anchor, to, 2)
+            assert isinstance(found, EstimatedRoots)  # every friction has a working point
             estimate = SAFE * float((found.error / np.abs(found.lam)).max(initial=0.0))
         exact = exact_roots(to[0], knobs["damping_ratio"])
         error = distance(found.lam, exact)

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
-from squealstudy.errors import ConvergenceError
+from squealstudy.analysis.reanalysis.problem import Linearisation, Linearised, in_band
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.system.parametric import (
     DAMPING,
@@ -54,9 +52,9 @@ class SmallProblem:
         """One, C and K."""
         return (1.0, *self._matrices(np.asarray(theta)))
 
-    def samples(self, theta: np.ndarray, field: Any = None) -> list[Sample | ConvergenceError]:
+    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
         """Weights at theta (b, 1)."""
-        return [Sample(self.weights(row), None) for row in theta]
+        return [Linearisation(self.weights(row), None) for row in theta]
 
     def local_field(self, box: Any, grid: Any) -> None:
         """Nothing: there are no working points."""

@@ -35,7 +35,9 @@ from squealstudy.analysis.method_stability.contract import (
 )
 from squealstudy.analysis.method_stability.small_problem import SmallProblem
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis, in_band
+from squealstudy.analysis.reanalysis.problem import in_band
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.rungs.windows import RUNG, Windows
 from squealstudy.system.parametric import (
@@ -85,14 +87,15 @@ class WindowsRung:
         problem, basis = ready(knobs["damping_ratio"], tolerance)
         theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
         found = Windows(problem, basis, tolerance).solve(whole(), theta / SPAN)
-        own = [point for point in found if point.row < 2]
+        both = {row: outcome for row, outcome in found if row < 2}
+        own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
         predicted = predict(away) / (SAFE * tolerance)
-        if any(point.failure is not None for point in own):
+        if len(own) < len(both):
             return Cell(FAILED, "working point", True, predicted, np.nan, np.nan, len(theta))
-        error = max(distance(p.lam, problem.exact_roots(theta[p.row] / SPAN)) for p in own)
-        estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own)
-        rungs = sorted({p.method for p in own} - {RUNG.name})
-        flagged = not (estimate <= tolerance and all(p.sure for p in own))
+        error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
+        estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
+        rungs = sorted({p.method for p in own.values()} - {RUNG.name})
+        flagged = not (estimate <= tolerance and all(p.sure for p in own.values()))
         outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
         by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
         return Cell(outcome, by, flagged, predicted, estimate / tolerance, error, len(theta))

@@ -16,8 +16,8 @@ from squealstudy.analysis.reanalysis.modal_damping_field import (
 )
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import corners, in_band
+from squealstudy.analysis.reanalysis.problem import Linearisation, Linearised, in_band
+from squealstudy.analysis.reanalysis.sweep_basis import corners
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_roots import pairs_inside
@@ -220,9 +220,9 @@ class BrakeProblem:
 
     def samples(
         self, theta: np.ndarray, field: WorkingPointField | None = None
-    ) -> list[Sample | ConvergenceError]:
+    ) -> list[Linearised]:
         """Weights and working points at theta (b, d); the reason where there is none."""
-        found: list[Sample | ConvergenceError] = []
+        found: list[Linearised] = []
         points = self.working_points(theta, field)
         damping = self.modal_damping
         modal = np.zeros((len(theta), 0)) if damping is None else damping.weights(theta)
@@ -236,7 +236,7 @@ class BrakeProblem:
                 if self.exact_damping:
                     K = symmetric_stiffness(self.structure, weights)
                     more = (assembly_damping(K, state),)
-                found.append(Sample(weights + more, point))
+                found.append(Linearisation(weights + more, point))
         return found
 
     def weights(self, theta: np.ndarray) -> Weights:

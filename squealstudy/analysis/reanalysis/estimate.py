@@ -1,10 +1,14 @@
-"""How far the roots of a smaller model are from those of the next larger one."""
+"""Roots of a design point by a smaller model, with their distance to those of the next larger."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.analysis.reanalysis.problem import Linearisation, SweptProblem, in_band
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.system.parametric import Columns, Weights
 
@@ -51,3 +55,61 @@ def residuals(
     inertia = np.abs(pairs.lam) ** 2 * np.linalg.norm(problem.mass_product(pairs.X), axis=0)
     moved: np.ndarray = np.einsum("ij,ij->j", np.abs(pairs.Y), np.abs(left))
     return r / np.maximum(2.0 * inertia, 1e-300), moved
+
+
+class EstimatedRoots(NamedTuple):
+    """Roots of a design point inside the band with the errors that a rung estimates of them.
+
+    Attributes
+    ----------
+    at : Linearisation
+    lam : ndarray (m,) complex
+        rad/s, ascending in modulus.
+    X : ndarray (n or r, m) complex
+        Right vectors, in full coordinates where `full`, else in those of the sweep basis.
+    error : ndarray (m,)
+        Estimated error of lam, rad/s.
+    residual : ndarray (m,)
+        Backward error of each pair.
+    method : str
+        Name of the rung that found them.
+    full : bool
+    sure : bool
+        No other root may lie in the band, as far as the estimates tell.
+    """
+
+    at: Linearisation
+    lam: np.ndarray
+    X: np.ndarray
+    error: np.ndarray
+    residual: np.ndarray
+    method: str
+    full: bool = True
+    sure: bool = True
+
+
+Outcome = EstimatedRoots | ConvergenceError  # of a design point: roots, or why it has none
+
+
+def solve_alone(
+    problem: SweptProblem, theta: np.ndarray, method: str, solve: Callable[[Weights], Eigenpairs]
+) -> Outcome:
+    """Roots of a design point (d,) by `solve`: from its weights to pairs in full coordinates.
+
+    Errors are estimated against the full problem.
+    """
+    at = problem.samples(np.asarray(theta)[None])[0]
+    if isinstance(at, ConvergenceError):
+        return at
+    pairs = inside(solve(at.weights), problem.band)
+    error = bounded(two_sided_error(problem, at.weights, pairs), pairs.lam)
+    residual, _ = residuals(problem, at.weights, pairs)
+    return EstimatedRoots(
+        at=at, lam=pairs.lam, X=pairs.X, error=error, residual=residual, method=method
+    )
+
+
+def inside(pairs: Eigenpairs, band: tuple[float, float]) -> Eigenpairs:
+    """The pairs with a root in the band, ascending in modulus."""
+    pairs = pairs.take(in_band(pairs.lam, band, 1.0))
+    return pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))

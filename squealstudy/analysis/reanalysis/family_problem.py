@@ -12,8 +12,7 @@ import scipy.sparse as sp
 from squealstudy.analysis.full_order.family_point import UNDEFINED, family_system
 from squealstudy.analysis.point import angular_band
 from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
-from squealstudy.analysis.reanalysis.problem import Sample
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.analysis.reanalysis.problem import Linearisation, Linearised, in_band
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.companion import Eigenpairs
@@ -80,12 +79,12 @@ class FamilyProblem:
         except ExpressionError as error:
             raise ConvergenceError(UNDEFINED, str(error)) from error
 
-    def samples(self, theta: np.ndarray, field: Any = None) -> list[Sample | ConvergenceError]:
+    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
         """Weights at theta (b, d); the reason where a coefficient has no value."""
-        found: list[Sample | ConvergenceError] = []
+        found: list[Linearised] = []
         for row in theta:
             try:
-                found.append(Sample(self.weights(row), None))
+                found.append(Linearisation(self.weights(row), None))
             except ConvergenceError as error:
                 found.append(error)
         return found

@@ -196,16 +196,16 @@ def _assembled(
     ]
     starts = np.cumsum([0, *(b.size for b in blocks)])
     return Patch(
-        box,
-        grid,
-        tuple((int(s), b.size) for s, b in zip(starts, blocks, strict=False)),
-        np.array([np.hstack([p.X for p in row]) for row in parts]),
-        np.array([np.hstack([p.Y for p in row]) for row in parts]),
-        np.array([_flat([p.S for p in row]) for row in parts]),
-        np.array([_flat([p.T for p in row]) for row in parts]),
-        tuple(blocks),
-        tuple(mixings),
-        reach,
+        box=box,
+        grid=grid,
+        slices=tuple((int(s), b.size) for s, b in zip(starts, blocks, strict=False)),
+        X=np.array([np.hstack([p.X for p in row]) for row in parts]),
+        Y=np.array([np.hstack([p.Y for p in row]) for row in parts]),
+        S=np.array([_flat([p.S for p in row]) for row in parts]),
+        T=np.array([_flat([p.T for p in row]) for row in parts]),
+        blocks=tuple(blocks),
+        mixings=tuple(mixings),
+        reach=reach,
     )
 
 

@@ -6,17 +6,21 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.parametric import ParametricSystem, Weights
 
 
-class Sample(NamedTuple):
-    """A design point: its weights, and its working point where the model has contact."""
+class Linearisation(NamedTuple):
+    """Weights of a problem's terms, and the working point that they are about; None: no contact."""
 
     weights: Weights
     working_point: WorkingPoint | None
+
+
+Linearised = Linearisation | ConvergenceError  # of a design point, or why it has none
 
 
 class SweptProblem(Protocol):
@@ -50,7 +54,7 @@ class SweptProblem(Protocol):
         """Weights at a design point; ConvergenceError where it has no working point."""
         ...
 
-    def samples(self, theta: np.ndarray, field: Any = None) -> list[Sample | ConvergenceError]:
+    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
         """Weights at points (b, d), from starts that `local_field` made; reasons of failure."""
         ...
 
@@ -77,3 +81,17 @@ class SweptProblem(Protocol):
     def mass_product(self, X: np.ndarray) -> np.ndarray:
         """M0 X with a nominal symmetric mass."""
         ...
+
+
+def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
+    """Roots of imaginary part >= 0 whose modulus lies in the band widened by `reach`."""
+    size = np.abs(lam)
+    kept: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
+    return kept
+
+
+def light(lam: np.ndarray) -> np.ndarray:
+    """Which roots are lightly damped, |zeta| < 5 %."""
+    size = np.abs(lam)
+    kept: np.ndarray = np.abs(lam.real) < LIGHT * size
+    return kept

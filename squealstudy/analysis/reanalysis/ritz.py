@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.analysis.reanalysis.patch import Patch
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, light
+from squealstudy.analysis.reanalysis.problem import light
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
 from squealstudy.system.parametric import Weights
 
 NEAREST = 1e-13  # relative distance below which two followed roots are one
@@ -99,13 +100,13 @@ def ritz_roots(
     shift = np.einsum("brm,brm->bm", Y.conj(), rx)  # Rayleigh's functional: second order too
     error = _error(patch, basis, lam, X, Y, rx, ry)
     error = np.minimum(error, _error_of_heavy(patch, cardinals, lam))
-    return Roots(lam - shift, X, Y, error, _backward(C, K, lam, X, rx))
+    return Roots(lam=lam - shift, X=X, Y=Y, error=error, residual=_backward(C, K, lam, X, rx))
 
 
 def _products(patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray) -> _Batch:
     X, Y = (_combined(cardinals, Z) for Z in (patch.X, patch.Y))
     Ct, Kt = C.transpose(0, 2, 1), K.transpose(0, 2, 1)
-    return _Batch(X, _times(C, X), _times(K, X), Y, _times(Ct, Y), _times(Kt, Y))
+    return _Batch(X=X, CX=_times(C, X), KX=_times(K, X), Y=Y, CY=_times(Ct, Y), KY=_times(Kt, Y))
 
 
 def _combined(cardinals: np.ndarray, Z: np.ndarray) -> np.ndarray:

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.full_order.pairs import LIGHT
 from squealstudy.analysis.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
-from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
+from squealstudy.analysis.reanalysis.problem import Linearisation, SweptProblem, in_band, light
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.system.parametric import Weights
@@ -100,20 +99,6 @@ def corners(dimension: int) -> np.ndarray:
     return grid[:16]
 
 
-def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
-    """Roots of imaginary part >= 0 whose modulus lies in the band widened by `reach`."""
-    size = np.abs(lam)
-    kept: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
-    return kept
-
-
-def light(lam: np.ndarray) -> np.ndarray:
-    """Which roots are lightly damped, |zeta| < 5 %."""
-    size = np.abs(lam)
-    kept: np.ndarray = np.abs(lam.real) < LIGHT * size
-    return kept
-
-
 def build_sweep_basis(
     problem: SweptProblem,
     tolerance: float,
@@ -159,7 +144,9 @@ def build_sweep_basis(
             raise ConvergenceError("no_modes", "no mode lies in the band at the ends of the sweeps")
         V, flexibility = _truncated(problem, np.hstack(blocks), cut)
         small = collocate(problem.system, samples, V, V, limit)
-        basis = SweepBasis(V, flexibility, small, np.inf, np.array(trained))
+        basis = SweepBasis(
+            V=V, flexibility=flexibility, small=small, error=np.inf, trained=np.array(trained)
+        )
         points, errors = _estimates(problem, basis, len(trained), seed)
         worst, error = points[errors.argmax()], float(errors.max())
         basis = replace(basis, error=error, seconds=time.perf_counter() - started)
@@ -206,7 +193,7 @@ def _sampled_weights(problem: SweptProblem, seed: int) -> list[Weights]:
         sample.weights
         for start in range(0, len(points), BATCH)
         for sample in problem.samples(points[start : start + BATCH])
-        if isinstance(sample, Sample)
+        if isinstance(sample, Linearisation)
     ]
     if len(found) < len(points) / 2:
         raise ConvergenceError("working_point", "most of the box has no working point")

@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.analysis.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.point_pairs import alone
-from squealstudy.analysis.reanalysis.point_roots import PointRoots
-from squealstudy.analysis.reanalysis.problem import SweptProblem
-from squealstudy.analysis.reanalysis.sweep_basis import in_band
+from squealstudy.analysis.reanalysis.problem import SweptProblem, in_band
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Rung
@@ -47,7 +45,7 @@ class Perturbation(Rung):
         """From one anchor."""
         anchor = make_anchor(problem.swept, box.middle, REACH)
         for i, theta in enumerate(problem.theta(points)):
-            yield i, problem.modes(perturbed_roots(problem.swept, anchor, theta, ORDER, i))
+            yield i, problem.modes(perturbed_roots(problem.swept, anchor, theta, ORDER))
 
     def relative_cost(self, points: int, varied: int) -> float:
         """Mostly of the estimate."""
@@ -89,8 +87,8 @@ def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> Ancho
 
 
 def perturbed_roots(
-    problem: SweptProblem, anchor: Anchor, theta: np.ndarray, order: int, index: int = 0
-) -> PointRoots:
+    problem: SweptProblem, anchor: Anchor, theta: np.ndarray, order: int
+) -> Outcome:
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
     Vectors are of first order at both: with them the estimate holds the next term of the expansion.
@@ -109,7 +107,7 @@ def perturbed_roots(
     def solve(weights: Weights) -> Eigenpairs:
         return perturbed_pairs(problem.system, anchor, weights, order, near)
 
-    return alone(problem, theta, index, Perturbation.name, solve)
+    return solve_alone(problem, theta, Perturbation.name, solve)
 
 
 def perturbed_pairs(

@@ -10,17 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.estimate import bounded, residuals, two_sided_error
+from squealstudy.analysis.reanalysis.estimate import (
+    EstimatedRoots,
+    Outcome,
+    bounded,
+    inside,
+    residuals,
+    solve_alone,
+)
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
-from squealstudy.analysis.reanalysis.problem import Sample, SweptProblem
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, in_band, light
+from squealstudy.analysis.reanalysis.problem import Linearisation, SweptProblem, light
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
 from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Offer, Rung, Scope
+from squealstudy.system.parametric import Weights
 
 BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
 # with so many parameters patches would be too many; a basis is not from so many points on
@@ -68,7 +75,7 @@ class SweepBasisRung(OverABasis):
         """Point by point."""
         solver = InBasis(problem.swept, problem.basis, problem.tolerance)
         for i, theta in enumerate(problem.theta(points)):
-            yield i, problem.modes(solver.alone(theta, i))
+            yield i, problem.modes(solver.alone(theta))
 
     def relative_cost(self, points: int, varied: int) -> float:
         """Of a small dense problem and its estimate."""
@@ -102,60 +109,43 @@ class InBasis:
     basis: SweepBasis
     tolerance: float
 
-    def good(self, point: PointRoots) -> bool:
+    def good(self, found: Outcome) -> bool:
         """Whether the light roots of a point are within the tolerance; failed points are."""
-        if point.failure is not None:
+        if isinstance(found, ConvergenceError):
             return True
-        if not point.sure:
+        if not found.sure:
             return False
-        slight = light(point.lam)
-        error = point.error[slight] / np.abs(point.lam[slight])
+        slight = light(found.lam)
+        error = found.error[slight] / np.abs(found.lam[slight])
         return bool((error <= self.tolerance).all())
 
-    def alone(self, theta: np.ndarray, index: int) -> PointRoots:
+    def alone(self, theta: np.ndarray) -> Outcome:
         """One design point in the sweep basis, in the full problem where that is not enough."""
-        sample = self.problem.samples(theta[None])[0]
-        if isinstance(sample, ConvergenceError):
-            return failed(index, sample)
-        pairs = self.basis.pairs(sample.weights)
-        pairs = _ordered(pairs.take(in_band(pairs.lam, self.problem.band, 1.0)))
-        full = self.basis.expand(sample.weights, pairs)
-        error = bounded(two_sided_error(self.problem, sample.weights, full), pairs.lam)
-        error += self.basis.interpolated * np.abs(pairs.lam)
-        residual, _ = residuals(self.problem, sample.weights, full)
-        found = PointRoots(
-            row=index,
-            sample=sample,
-            failure=None,
-            lam=pairs.lam,
-            X=full.X,
-            error=error,
-            residual=residual,
-            method=SweepBasisRung.name,
-            full=True,
-        )
-        return found if self.good(found) else self.exact(theta, index, sample)
 
-    def exact(self, theta: np.ndarray, index: int, sample: Sample) -> PointRoots:
+        def solve(weights: Weights) -> Eigenpairs:
+            pairs = inside(self.basis.pairs(weights), self.problem.band)
+            return self.basis.expand(weights, pairs)
+
+        found = solve_alone(self.problem, theta, SweepBasisRung.name, solve)
+        if isinstance(found, ConvergenceError):
+            return found
+        error = found.error + self.basis.interpolated * np.abs(found.lam)
+        found = found._replace(error=error)
+        return found if self.good(found) else self.exact(theta, found.at)
+
+    def exact(self, theta: np.ndarray, at: Linearisation) -> EstimatedRoots:
         """One design point in the full problem."""
         weights, pairs = self.problem.pairs(theta, 1.0)
-        pairs = _ordered(pairs)
+        pairs = inside(pairs, self.problem.band)
         residual, moved = residuals(self.problem, weights, pairs)
-        return PointRoots(
-            row=index,
-            sample=sample,
-            failure=None,
+        return EstimatedRoots(
+            at=at,
             lam=pairs.lam,
             X=pairs.X,
             error=bounded(moved, pairs.lam),
             residual=residual,
             method=self.problem.exact,
-            full=True,
         )
-
-
-def _ordered(pairs: Eigenpairs) -> Eigenpairs:
-    return pairs.take(np.argsort(np.abs(pairs.lam), kind="stable"))
 
 
 RUNG = SweepBasisRung()

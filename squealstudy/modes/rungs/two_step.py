@@ -12,9 +12,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from squealstudy.analysis.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.point_pairs import alone
-from squealstudy.analysis.reanalysis.point_roots import PointRoots
 from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.linalg.real_modes import real_modes
@@ -44,16 +43,14 @@ class TwoStep(Rung):
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
         """Point by point."""
         for i, theta in enumerate(problem.theta(points)):
-            yield i, problem.modes(two_step_roots(problem.swept, theta, FACTOR, i))
+            yield i, problem.modes(two_step_roots(problem.swept, theta, FACTOR))
 
     def relative_cost(self, points: int, varied: int) -> float:
         """Mostly of the real modes."""
         return COST
 
 
-def two_step_roots(
-    problem: SweptProblem, theta: np.ndarray, factor: float, index: int = 0
-) -> PointRoots:
+def two_step_roots(problem: SweptProblem, theta: np.ndarray, factor: float) -> Outcome:
     """Roots of a design point from real modes up to `factor` times the band.
 
     Parameters
@@ -62,14 +59,12 @@ def two_step_roots(
     theta : ndarray (d,)
     factor : float
         Cut-off of the real modes over the top of the band.
-    index : int
-        Of the design point, for the result.
     """
 
     def solve(weights: Weights) -> Eigenpairs:
         return two_step_pairs(problem.system, weights, factor * problem.band[1])
 
-    return alone(problem, theta, index, TwoStep.name, solve)
+    return solve_alone(problem, theta, TwoStep.name, solve)
 
 
 def two_step_pairs(system: ParametricSystem, weights: Weights, top: float) -> Eigenpairs:

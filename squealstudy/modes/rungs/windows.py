@@ -15,13 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.analysis.reanalysis.blocks import Solved
-from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.analysis.reanalysis.estimate import (
+    EstimatedRoots,
+    Outcome,
+    bounded,
+    two_sided_error,
+)
 from squealstudy.analysis.reanalysis.patch import Box, Patch, make_patch, mixing_by_direction
-from squealstudy.analysis.reanalysis.point_roots import PointRoots, failed
 from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.analysis.reanalysis.problem import Sample
+from squealstudy.analysis.reanalysis.problem import Linearisation, in_band, light
 from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import in_band, light
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.rung import Found, Offer, Scope
@@ -43,6 +46,8 @@ PAYS_FROM = {1: 60, 2: 500, 3: 1500}
 # two; .13 at 20,000 is of an earlier state, whose exact points were dearer
 ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
 
+Solution = tuple[int, Outcome]  # row of a design point, and its roots or why it has none
+
 
 class WindowsRung(OverABasis):
     """Blocks of modes interpolated in patches of the box, estimated against the sweep basis."""
@@ -54,8 +59,8 @@ class WindowsRung(OverABasis):
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
         """Patch by patch."""
         windows = Windows(problem.swept, problem.basis, problem.tolerance)
-        for found in windows.solve(box, problem.theta(points)):
-            yield found.row, problem.modes(found)
+        for row, found in windows.solve(box, problem.theta(points)):
+            yield row, problem.modes(found)
 
     def relative_cost(self, points: int, varied: int) -> float:
         """It falls with the number of points that share a patch."""
@@ -82,19 +87,19 @@ class Windows(InBasis):
 
     counts: Counter[str] = field(default_factory=Counter)
 
-    def solve(self, box: Box, theta: np.ndarray) -> Iterator[PointRoots]:
-        """Roots of all design points theta (n, d) in a box, in any order."""
+    def solve(self, box: Box, theta: np.ndarray) -> Iterator[Solution]:
+        """Roots of all design points theta (n, d) in a box by their rows, in any order."""
         yield from self._divide(box, theta, np.arange(len(theta)), 0)
 
     def _divide(
         self, box: Box, theta: np.ndarray, rows: np.ndarray, depth: int
-    ) -> Iterator[PointRoots]:
+    ) -> Iterator[Solution]:
         if not len(rows):
             return
         grid = interpolation(DEGREE.get(theta.shape[1], 2), theta.shape[1])
         if len(rows) < PAYS * len(grid.nodes) or depth > DEEPEST:
             for row in rows:
-                yield self.alone(theta[row], int(row))
+                yield int(row), self.alone(theta[row])
             return
         tried = _tight(box, theta[rows])
         patch = self._patch(tried, grid)
@@ -111,7 +116,7 @@ class Windows(InBasis):
 
     def _served(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
-    ) -> Generator[PointRoots, None, np.ndarray]:
+    ) -> Generator[Solution, None, np.ndarray]:
         """Points of a patch one after another; returned are those that it is not to serve.
 
         All of them where too many of a few points that fill it exceed the tolerance, those that are
@@ -121,22 +126,22 @@ class Windows(InBasis):
         spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
         looked_at, others = rows[spread], rows[~spread]
         first = list(self._points(patch, theta, looked_at))
-        exceeding = sum(not self.good(p) for p in first)
+        exceeding = sum(not self.good(found) for _, found in first)
         if exceeding > max(min(MOST_EXCEEDING * len(first), most), 1):
             return rows
-        yield from (self._mended(p, theta) for p in first)
+        yield from (self._mended(*solved, theta) for solved in first)
         allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
         for start in range(0, len(others), BATCH):
-            for point in self._points(patch, theta, others[start : start + BATCH]):
-                exceeding += not self.good(point)
-                yield self._mended(point, theta)
+            for row, found in self._points(patch, theta, others[start : start + BATCH]):
+                exceeding += not self.good(found)
+                yield self._mended(row, found, theta)
             if exceeding > allowed:
                 return others[start + BATCH :]
         return rows[:0]
 
-    def _mended(self, point: PointRoots, theta: np.ndarray) -> PointRoots:
+    def _mended(self, row: int, found: Outcome, theta: np.ndarray) -> Solution:
         """A point of a patch, solved by itself where it exceeds the tolerance."""
-        return point if self.good(point) else self.alone(theta[point.row], point.row)
+        return row, found if self.good(found) else self.alone(theta[row])
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
         """A patch over a box, or how much its modes mix along each direction."""
@@ -144,9 +149,9 @@ class Windows(InBasis):
         local = self.problem.local_field(box, grid)
         theta = np.vstack([box.middle, box.place(grid.nodes)])
         samples = self.problem.samples(theta, local)
-        if not all(isinstance(s, Sample) for s in samples):
+        if not all(isinstance(s, Linearisation) for s in samples):
             return spread
-        weights = [s.weights for s in samples if isinstance(s, Sample)]
+        weights = [s.weights for s in samples if isinstance(s, Linearisation)]
         self.counts["nodes"] += len(weights)
         C = self.basis.small.matrices(weights)[0]
         pairs = [self.basis.pairs(w) for w in weights]
@@ -180,26 +185,25 @@ class Windows(InBasis):
 
     def _points(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
-    ) -> Iterator[PointRoots]:
+    ) -> Iterator[Solution]:
         for start in range(0, len(rows), BATCH):
             part = rows[start : start + BATCH]
             samples = self.problem.samples(theta[part], patch.starts)
-            there = [i for i, s in enumerate(samples) if isinstance(s, Sample)]
-            for i, s in enumerate(samples):
-                if isinstance(s, ConvergenceError):
-                    yield failed(int(part[i]), s)
-            if not there:
+            known = []
+            for row, at in zip(part, samples, strict=True):
+                if isinstance(at, ConvergenceError):
+                    yield int(row), at
+                else:
+                    known.append((int(row), at))
+            if not known:
                 continue
-            known = [s for s in samples if isinstance(s, Sample)]
-            roots = ritz_roots(
-                patch.patch, self.basis, theta[part[there]], [s.weights for s in known]
-            )
-            for i, s, k in zip(there, known, range(len(there)), strict=True):
-                yield self._one(int(part[i]), s, roots, k, patch.floor)
+            there = np.array([row for row, _ in known])
+            weights = [at.weights for _, at in known]
+            roots = ritz_roots(patch.patch, self.basis, theta[there], weights)
+            for k, (row, at) in enumerate(known):
+                yield row, self._one(at, roots, k, patch.floor)
 
-    def _one(
-        self, index: int, sample: Sample, roots: Roots, k: int, floor: np.ndarray
-    ) -> PointRoots:
+    def _one(self, at: Linearisation, roots: Roots, k: int, floor: np.ndarray) -> EstimatedRoots:
         lam, band = roots.lam[k], self.problem.band
         real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~light(lam)
         lam = np.where(real, lam.real, lam)
@@ -212,10 +216,8 @@ class Windows(InBasis):
         doubtful = ~inside & _may_be_inside(lam, own, band, self.tolerance)
         near = (np.abs(lam) + own >= band[0]) & (np.abs(lam) - own <= band[1])
         doubtful |= near & ~light(lam) & _may_be_real(lam, own)
-        return PointRoots(
-            row=index,
-            sample=sample,
-            failure=None,
+        return EstimatedRoots(
+            at=at,
             lam=lam[kept],
             X=roots.X[k][:, kept],
             error=(own + of_basis)[kept],

@@ -44,4 +44,12 @@ def load_basis(path: Path) -> SweepBasis:
         V, flexibility, trained = data["V"], data["flexibility"], data["trained"]
         error, seconds, interpolated, unit_mass = (float(x) for x in data["facts"])
         small = CollocatedSystem(V.shape[1], expansions, stacks, bool(unit_mass))
-        return SweepBasis(V, flexibility, small, error, trained, seconds, interpolated)
+        return SweepBasis(
+            V=V,
+            flexibility=flexibility,
+            small=small,
+            error=error,
+            trained=trained,
+            seconds=seconds,
+            interpolated=interpolated,
+        )

@@ -105,7 +105,9 @@ class Between:
         """
         low, high = self.structure.band_hz
         band = (2 * np.pi * low, 2 * np.pi * high)
-        return InterpolatedModes(self.matrices(), other.matrices(), self.x, other.x, band)
+        return InterpolatedModes(
+            a=self.matrices(), b=other.matrices(), x_a=self.x, x_b=other.x, band=band
+        )
 
 
 class Neighbourhoods:

@@ -95,4 +95,10 @@ def chart_of(designs: Sequence[Design], names: Sequence[str]) -> Chart:
         x = SCALINGS[scaling][0](np.array([d.values[name] for d in designs], dtype=float))
         low.append(float(x.min()))
         high.append(float(x.max()))
-    return Chart(designs[0], tuple(varied), tuple(scalings), tuple(low), tuple(high))
+    return Chart(
+        design=designs[0],
+        names=tuple(varied),
+        scalings=tuple(scalings),
+        low=tuple(low),
+        high=tuple(high),
+    )

@@ -127,12 +127,12 @@ class Follower:
         parents |= {p: tree.parents[p] for p in set(parents.values()) - points}
         seen = parents.keys() | {p for p in parents.values() if p >= 0}
         return PairTask(
-            groups,
-            parents,
-            {i: float(tree.step[i]) for i in points},
-            {i: self.lams[i] for i in seen},
-            self._file,
-            {i: known[i] for i in points if i in known},
+            groups=groups,
+            parents=parents,
+            step={i: float(tree.step[i]) for i in points},
+            lams={i: self.lams[i] for i in seen},
+            shapes=self._file,
+            known={i: known[i] for i in points if i in known},
         )
 
     def _doubtful(self, pairings: Pairings, known: Pairings) -> tuple[list[int], list[int]]:
@@ -168,13 +168,13 @@ class Follower:
         before = pairings.get(p) if tree.step[i] else None
         earlier = self.lams[tree.parents[p]] if before is not None else None
         return RefineTask(
-            i,
-            self.near.of(p),
-            self.near.of(i),
-            Modes(self.lams[p], self.raw(p)),
-            Modes(self.lams[i], self.raw(i)),
-            expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
-            pairings[i],
+            point=i,
+            start=self.near.of(p),
+            end=self.near.of(i),
+            a=Modes(self.lams[p], self.raw(p)),
+            b=Modes(self.lams[i], self.raw(i)),
+            expected=expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
+            direct=pairings[i],
         )
 
 

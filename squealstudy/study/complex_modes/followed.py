@@ -59,6 +59,14 @@ def follow_modes(
     if along is None:
         return Followed(tracks, None, summary)
     kept = ~columns.overdamped
-    search = OnsetSearch(plan, follower, tracks, points, along, judged[kept], error[kept])
+    search = OnsetSearch(
+        plan=plan,
+        follower=follower,
+        tracks=tracks,
+        points=points,
+        along=along,
+        lam=judged[kept],
+        error=error[kept],
+    )
     onsets, summary["onsets"] = search.table(section.refine_onsets, workers)
     return Followed(tracks, onsets, summary)

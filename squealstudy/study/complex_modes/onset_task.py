@@ -50,7 +50,13 @@ def refine_task(task: OnsetTask) -> list[tuple[int, Onset | str]]:
         x[task.column] = value
         return task.between.solve(x)
 
-    samples = Samples(float(start[task.column]), task.low, task.end, task.high, solve)
+    samples = Samples(
+        low=float(start[task.column]),
+        at_low=task.low,
+        high=task.end,
+        at_high=task.high,
+        solve=solve,
+    )
     found: list[tuple[int, Onset | str]] = []
     for row, places in zip(task.rows, task.places, strict=True):
         try:

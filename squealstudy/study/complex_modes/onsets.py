@@ -291,15 +291,17 @@ class OnsetSearch:
         a, b = int(self._point[before[0]]), int(self._point[after[0]])
         x, follower = self._plan.coordinates[:, self._column], self._follower
         return OnsetTask(
-            rows,
-            list(zip(self._place[before].tolist(), self._place[after].tolist(), strict=True)),
-            follower.near.of(a),
-            self._column,
-            float(x[b]),
-            Modes(self._judged[a], follower.raw(a)),
-            Modes(self._judged[b], follower.raw(b)),
-            self._tolerance,
-            self._precision(),
+            rows=rows,
+            places=list(
+                zip(self._place[before].tolist(), self._place[after].tolist(), strict=True)
+            ),
+            between=follower.near.of(a),
+            column=self._column,
+            end=float(x[b]),
+            low=Modes(self._judged[a], follower.raw(a)),
+            high=Modes(self._judged[b], follower.raw(b)),
+            tolerance=self._tolerance,
+            precision=self._precision(),
         )
 
     def _precision(self) -> float:

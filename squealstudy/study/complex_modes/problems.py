@@ -11,10 +11,9 @@ import numpy as np
 
 from squealstudy.analysis.full_order.family_point import solve_family_point
 from squealstudy.analysis.point import PointModes, solve_point
-from squealstudy.analysis.reanalysis.brake_modes import BrakeModes
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.family_modes import FamilyModes
 from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
+from squealstudy.analysis.reanalysis.readers import BrakeReader, FamilyReader
 from squealstudy.analysis.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.problem import Problem
@@ -135,12 +134,18 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
         return solve_family_point(prepared, design.plain_values(), band_hz)
 
     return Problem(
-        swept=FamilyProblem(prepared.model, chart.dimension, values_at, band_hz, prepared.n_roots),
+        swept=FamilyProblem(
+            family=prepared.model,
+            dimension=chart.dimension,
+            values_at=values_at,
+            band_hz=band_hz,
+            first=prepared.n_roots,
+        ),
         chart=chart,
         tolerance=structure.tolerance,
         exact=solve,
         full_order=solve,
-        reader=lambda V: FamilyModes(prepared, V),
+        reader=lambda V: FamilyReader(prepared, V),
         load_basis=lambda: load_basis(structure.path),
     )
 
@@ -157,12 +162,18 @@ def _brake_problem(
         return solve_point(prepared, design.state(), band_hz, known_gap(structure.key, design))
 
     return Problem(
-        swept=BrakeProblem(prepared, chart.dimension, state_at, band_hz, exact_damping),
+        swept=BrakeProblem(
+            prepared=prepared,
+            dimension=chart.dimension,
+            state_at=state_at,
+            band_hz=band_hz,
+            exact_damping=exact_damping,
+        ),
         chart=chart,
         tolerance=structure.tolerance,
         exact=solve,
         full_order=lambda design: structure.unreduced.solve(prepared, design, band_hz),
-        reader=lambda V: BrakeModes(prepared, V),
+        reader=lambda V: BrakeReader(prepared, V),
         load_basis=lambda: load_basis(structure.path),
     )
 

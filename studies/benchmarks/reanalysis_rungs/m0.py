@@ -169,8 +169,8 @@ class M0:
         row, patches = self._covered(solver, theta, name, ritz_hold(solver, theta))
         ratios: list[float] = []
         for followed, own in patches:
-            for point in solver._points(followed, theta, np.array(own)):
-                ratios += true_to_estimate(self.exact[0][point.row], point.lam, point.error)
+            for i, point in solver._points(followed, theta, np.array(own)):
+                ratios += true_to_estimate(self.exact[0][i], point.lam, point.error)
             batch = [self.weights[i] for i in own]
             lam = ritz_roots(followed.patch, solver.basis, theta[own], batch).lam
             many = np.resize(theta[own], (BATCH, 1)), (batch * BATCH)[:BATCH]

@@ -12,13 +12,9 @@ from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.problem import SweptProblem
+from squealstudy.analysis.reanalysis.problem import SweptProblem, in_band
 from squealstudy.analysis.reanalysis.ritz import ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import (
-    SweepBasis,
-    build_sweep_basis,
-    in_band,
-)
+from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.modes.rungs.perturbation import MARGIN, make_anchor, perturbed_pairs
@@ -117,8 +113,8 @@ def windows(problem: SweptProblem, basis: SweepBasis, points: Points, tolerance:
         ritz_roots(*where)
         _, ms = timed(lambda where=where: ritz_roots(*where))
         row.estimate += [ms / len(rows)] * len(rows)
-        for p in solver._points(followed, points.theta, np.array(rows)):
-            row.compare(points.exact[p.row], p.lam, p.error)
+        for i, p in solver._points(followed, points.theta, np.array(rows)):
+            row.compare(points.exact[i], p.lam, p.error)
     return row
 
 
@@ -128,7 +124,7 @@ Holds = Callable[[FollowedPatch, list[int]], bool]
 def ritz_hold(solver: Windows, theta: np.ndarray) -> Holds:
     """Whether the estimates of the points of a patch are within the tolerance."""
     return lambda followed, rows: all(
-        solver.good(p) for p in solver._points(followed, theta, np.array(rows))
+        solver.good(p) for _, p in solver._points(followed, theta, np.array(rows))
     )
 
 
@@ -185,6 +181,6 @@ def whole_study(
     solver, d = Windows(problem, basis, tolerance), theta.shape[1]
     points, ms = timed(lambda: list(solver.solve(Box(-np.ones(d), np.ones(d)), theta)))
     served: dict[str, int] = dict(solver.counts)
-    for p in points:
+    for _, p in points:
         served[p.method] = served.get(p.method, 0) + 1
     return ms / len(theta), served
