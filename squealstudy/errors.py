@@ -47,6 +47,14 @@ class ParameterError(SquealstudyError):
         super().__init__(f"parameter '{key}': {message}")
 
 
+class ExtensionError(SquealstudyError):
+    """A file outside the package that cannot be used: absent, failing, changed meanwhile."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        self.path, self.message = path, message
+        super().__init__(f"{path}: {message}")
+
+
 class ModelError(SquealstudyError):
     """An assembly, component or interface whose arrays contradict each other."""
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws import contact_law
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface, SpringInterface
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 
 NX, NZ = 5, 6  # nodes of each block along the contact and through its height
-OPERATING = OperatingPoint(0.5, 1.0, 0.2, ContactLaw("exponential", p0=1e5, lam=1e6))
+OPERATING = OperatingPoint(0.5, 1.0, 0.2, contact_law("exponential", p0=1e5, lam=1e6))
 
 
 def block(name, seed):

@@ -30,10 +30,10 @@ import threadpoolctl
 from squealstudy.analysis.full_order.modes import full_order_roots, full_order_system
 from squealstudy.analysis.transient.warmup import alone, warm_kernels
 from squealstudy.kernels.jit import compiled_directory
+from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
     Basis,
@@ -91,7 +91,7 @@ def pytest_configure(config):
     if hasattr(config.option, "loadscopereorder"):  # from pytest-xdist 3.7 on
         config.option.loadscopereorder = False  # else files with most tests come first
     shared = tempfile.mkdtemp(prefix="squealstudy-tests-")
-    os.environ.setdefault(COMPILED, str(compiled_directory()))
+    os.environ.setdefault(COMPILED, str(compiled_directory().parent))
     os.environ.setdefault(CACHE, str(Path(shared) / "cache"))
     os.environ[SHARED] = shared
 
@@ -153,7 +153,7 @@ TOP = 4e3  # Hz, top of the band of the reduced brake, which holds its first loc
 CUTOFF = 1.5 * TOP  # as studies have it, whose [reduction] takes loads up to LOAD_FACTOR
 COARSE = {"mesh": "coarse", "contact_points": 2}  # the fewest of everything
 PRESSURES = (2e5, 40e5)  # Pa, ends of the range that the basis is trained for
-NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
 
 
 @dataclass(frozen=True)

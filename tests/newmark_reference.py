@@ -8,7 +8,8 @@ from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 
 
 def mu_of(f, s):
-    return f.mu_d + (f.mu_s - f.mu_d) * np.exp(-s / f.v_mu)
+    ratio, v_mu = f.curve.parameters
+    return f.friction * (1 + (ratio - 1) * np.exp(-s / v_mu))
 
 
 def friction_force(system, design, p, W):
@@ -17,7 +18,7 @@ def friction_force(system, design, p, W):
     s = np.linalg.norm(W, axis=1)
     bound = mu_of(f, s) * system.frictional * np.maximum(p, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if f.kind == "smooth":
+        if f.regularisation == "smooth":
             size = np.where(bound > 0, bound * np.tanh(f.k_t * s / bound), 0.0)
         else:
             size = np.minimum(f.k_t * s, bound)

@@ -58,7 +58,7 @@ def newton_equilibrium(assembly, operating, q, tolerance=1e-10, max_iterations=3
     c, law = assembly.contact, operating.law
     K = static_stiffness(assembly)
     mu = operating.friction * c.frictional
-    a, b = law.parameters
+    a, b = law.parameters  # an exponential law
     f = operating.pressure * assembly.load + assembly.constant_load
     for _ in range(max_iterations):
         g = c.gap0 + c.N @ q
@@ -69,7 +69,7 @@ def newton_equilibrium(assembly, operating, q, tolerance=1e-10, max_iterations=3
             return q, p
         J = K + c.N.T @ sp.diags(k_n) @ c.N - c.T.T @ sp.diags(mu * k_n) @ c.N
         step = spla.spsolve(J.tocsc(), -F)
-        q = q + step * min(1.0, 3.0 / (law.lam * np.abs(c.N @ step).max()))
+        q = q + step * min(1.0, 3.0 / (b * np.abs(c.N @ step).max()))
     raise AssertionError("the reference Newton did not converge")
 
 

@@ -17,7 +17,8 @@ from squealstudy.analysis.transient.growing_modes import (
 )
 from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.system import FrictionLaw, MotionPoint
+from squealstudy.analysis.transient.system import MotionPoint
+from squealstudy.laws import FrictionLaw
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
@@ -51,7 +52,7 @@ def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pres
     lam, right, left = most_unstable(bare.C, bare.K)
     system = bare.system
     speed = operating.sliding_speed
-    law = FrictionLaw(friction, friction, friction * point.pressure.max() / (0.02 * speed))
+    law = FrictionLaw(friction, friction * point.pressure.max() / (0.02 * speed))
     design = MotionPoint(
         operating.law,
         law,

@@ -120,7 +120,7 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
 
 def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, capsys):
     def fail_above(prepared, state, *more):
-        if state.operating.mu_steady > 0.4:
+        if state.operating.friction > 0.4:
             raise ConvergenceError("not_converged", "no luck")
         return solve_point(prepared, state, *more)
 

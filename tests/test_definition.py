@@ -75,7 +75,8 @@ def test_good_file_is_resolved(tmp_path):
     study = load_study(path)
     assert (study.path, study.text, study.name) == (path, GOOD, "friction_pressure")
     assert study.model.name == "disc_brake"
-    assert study.options == {"mesh": "coarse", "contact_points": 3, "contact_law": "exponential"}
+    laws = {"contact_law": "exponential", "friction_law": "exponential_fall"}
+    assert study.options == {"mesh": "coarse", "contact_points": 3} | laws
     assert study.values["disc.young_modulus"] == 1.1e11
     assert study.values["friction"] == 0.4
     assert study.values["caliper.modes[13].damping_ratio"] == 0.1
@@ -154,7 +155,7 @@ BAD = {
     "option of another model": (
         HEAD.replace("disc_brake", "hulten") + 'mesh = "fine" #!\n',
         "model.mesh",
-        "unknown key of model 'hulten'; it has no options",
+        "unknown key of model 'hulten'; its options are friction_law",
     ),
     "unknown model": (
         GOOD.replace('"disc_brake"', '"disk_brake" #!'),

@@ -15,6 +15,7 @@ from squealstudy.analysis.transient.doubts import energy_drift
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
+from squealstudy.laws import friction_curve
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
@@ -29,7 +30,11 @@ def rough():
     """Stick, slip and lift-off; a batch of five frictions."""
     system, design = random_system()
     designs = [
-        replace(design, friction=replace(design.friction, mu_s=mu, mu_d=mu), c=(1 + mu) * design.c)
+        replace(
+            design,
+            friction=replace(design.friction, friction=mu, curve=friction_curve()),
+            c=(1 + mu) * design.c,
+        )
         for mu in (0.0, 0.1, 0.3, 0.45, 0.6)
     ]
     return system, designs, simulate(system, started(designs, REST, KICK), SHORT)

@@ -20,11 +20,11 @@ from squealstudy.analysis.full_order.modes import (
 )
 from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.errors import ParameterError
-from squealstudy.kernels.friction_laws import friction_at
+from squealstudy.kernels.laws import friction_at, law_row
+from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
@@ -35,15 +35,24 @@ from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies, linearise
 
 K_T = 1e12  # N s/m3: saturated long before any sliding speed here
-FALLING = replace(NOMINAL, friction=0.4, static_ratio=1.5, decay_speed=0.3)
+FALLING = replace(NOMINAL, friction=0.4, curve=friction_curve(static_ratio=1.5, decay_speed=0.3))
+NO_PRESSURE = np.zeros(1)  # this curve does not depend on it
 EVERYTHING = (0.0, np.inf)
+
+
+def falling_curve(ratio, decay):
+    return friction_curve(static_ratio=ratio, decay_speed=decay)
+
+
+CONSTANT = replace(
+    FALLING, friction=FALLING.friction_at(NO_PRESSURE).mu, curve=falling_curve(1.0, 0.5)
+)
 
 
 def traction(operating, p, w1, w2):
     """Kernel's traction at sliding velocity (w1, w2) under the law of an operating point."""
-    mu_d = operating.friction
-    mu_s = mu_d * operating.static_ratio
-    t1, t2, sticks = friction_at(0, mu_s, mu_d, operating.decay_speed, K_T, p, w1, w2)
+    law = FrictionLaw(operating.friction, K_T, operating.curve)
+    t1, t2, sticks = friction_at(law_row(operating.law, law, 0.0), 1.0, p, w1, w2)
     assert not sticks
     return np.array([t1, t2])
 
@@ -52,33 +61,34 @@ def traction(operating, p, w1, w2):
 @pytest.mark.parametrize("speed", [0.05, 0.5, 3.0])
 @pytest.mark.parametrize(("ratio", "decay"), [(1.2, 0.1), (2.0, 0.5), (1.5, 4.0)])
 def test_slope_is_that_of_the_kernels_law(speed, ratio, decay):
-    operating = OperatingPoint(0.4, 1e5, speed, ContactLaw(), ratio, decay)
+    operating = OperatingPoint(0.4, 1e5, speed, contact_law(), falling_curve(ratio, decay))
     p, h = 3e5, 1e-6
     along = (traction(operating, p, speed + h, 0.0) - traction(operating, p, speed - h, 0.0)) / (
         2 * h
     )
     across = (traction(operating, p, speed, h) - traction(operating, p, speed, -h)) / (2 * h)
     mu = -traction(operating, p, speed, 0.0)[0] / p
-    assert operating.mu_steady == pytest.approx(mu, rel=1e-14)
+    own = operating.friction_at(NO_PRESSURE)
+    assert own.mu == pytest.approx(mu, rel=1e-14)
     assert mu == pytest.approx(0.4 + 0.4 * (ratio - 1) * math.exp(-speed / decay), rel=1e-14)
-    assert operating.friction_slope < 0
-    assert -along[0] / p == pytest.approx(operating.friction_slope, rel=1e-6, abs=1e-9)
-    assert -across[1] / p == pytest.approx(operating.mu_steady / speed, rel=1e-6)
+    assert own.by_speed < 0
+    assert -along[0] / p == pytest.approx(own.by_speed, rel=1e-6, abs=1e-9)
+    assert -across[1] / p == pytest.approx(own.mu / speed, rel=1e-6)
 
 
 @pytest.mark.parametrize("decay", [1e-3, 0.5, 100.0])
 def test_constant_friction_has_no_slope(decay):
-    operating = replace(NOMINAL, friction=0.37, decay_speed=decay)
-    assert (operating.mu_steady, operating.friction_slope) == (0.37, 0.0)
+    operating = replace(NOMINAL, friction=0.37, curve=falling_curve(1.0, decay))
+    assert operating.friction_at(NO_PRESSURE) == (0.37, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_model_has_the_law(name):
     model = MODELS[name]
     values = model.defaults() | {"friction_law.static_ratio": 1.5, "friction_law.decay_speed": 0.2}
-    design = Design(model, "bilateral", values)
+    design = Design(model, {}, values)
     operating = design.operating_point()
-    assert (operating.static_ratio, operating.decay_speed) == (1.5, 0.2)
+    assert operating.curve == falling_curve(1.5, 0.2)
     assert design.state().operating == operating
     for key, low in (("friction_law.static_ratio", 0.99), ("friction_law.decay_speed", 0.0)):
         with pytest.raises(ParameterError, match=key):
@@ -92,9 +102,7 @@ def test_every_model_has_the_law(name):
 # -- the brake -----------------------------------------------------------------------------------
 def test_working_point_slides_at_the_friction_of_its_speed(brake):
     falling = working_point(brake.space, FALLING)
-    constant = working_point(
-        brake.space, replace(FALLING, friction=FALLING.mu_steady, static_ratio=1.0)
-    )
+    constant = working_point(brake.space, CONSTANT)
     np.testing.assert_array_equal(falling.gap, constant.gap)
     slow = working_point(brake.space, replace(FALLING, sliding_speed=0.05))
     assert np.abs(slow.pressure / falling.pressure - 1).max() > 0.01
@@ -140,7 +148,7 @@ def test_falling_friction_reduced_and_full(brake, reduced):
     assert error.missed == 0
     assert error.frequency_error < 2e-5
     assert error.damping_error < 2e-5
-    constant = replace(FALLING, friction=FALLING.mu_steady, static_ratio=1.0)
+    constant = CONSTANT
     point = working_point(brake.space, constant)
     system = linearise(reduced[0], point, DesignState(constant))
     calm, _ = dense_roots(system.C, system.K, (2 * np.pi * 500.0, 2 * np.pi * TOP))
@@ -151,7 +159,7 @@ def test_falling_friction_reduced_and_full(brake, reduced):
 def test_full_order_finds_all_roots_whatever_number_is_expected(expected):
     assembly, low, high = blocks(), 500.0, 4000.0
     assert assembly.n_dof > DENSE_LIMIT
-    operating = replace(BLOCKS_OPERATING, static_ratio=1.5, decay_speed=0.3)
+    operating = replace(BLOCKS_OPERATING, curve=friction_curve(static_ratio=1.5, decay_speed=0.3))
     point = working_point(contact_space(assembly, 1e11, np.zeros((assembly.n_dof, 0))), operating)
     state = DesignState(operating)
     found = full_order(assembly, {}, point, state, (low, high), CUTOFF, expected).lam
@@ -184,7 +192,7 @@ def small_model(name, operating=None, **values):
     """A minimal model as a study makes it: assembly, modes, reduction, working point."""
     assembly = build_model(name, **values)
     if operating is None:
-        design = Design(MODELS[name], "bilateral", MODELS[name].defaults() | values)
+        design = Design(MODELS[name], {}, MODELS[name].defaults() | values)
         operating = design.operating_point()
     space = contact_space(assembly, reference_stiffness(assembly, operating), np.zeros((2, 0)))
     point = working_point(space, operating)
@@ -195,7 +203,7 @@ def small_model(name, operating=None, **values):
 
 def test_full_order_solves_are_refined_where_the_roots_without_are_not_accurate(monkeypatch):
     """Solves that are off by 1e-6 spoil the roots: it is seen in their residuals, and mended."""
-    frictionless = OperatingPoint(0.0, 1.0, 0.5, ContactLaw("bilateral"))
+    frictionless = OperatingPoint(0.0, 1.0, 0.5, contact_law("bilateral"))
     assembly, modes, _, point, operating = small_model("hoffmann", frictionless)
     exact = full_order(assembly, modes, point, DesignState(operating), (0.0, 1e6), 1e9)
     asked, found = [], full_order_module._roots_to
@@ -213,7 +221,7 @@ def test_full_order_solves_are_refined_where_the_roots_without_are_not_accurate(
 
 def damping_of(name, **fields):
     """Damping ratios in ascending frequency without friction: reduced, then full-order."""
-    frictionless = OperatingPoint(0.0, 1.0, 0.5, ContactLaw("bilateral"))
+    frictionless = OperatingPoint(0.0, 1.0, 0.5, contact_law("bilateral"))
     assembly, modes, model, point, operating = small_model(name, frictionless)
     state = DesignState(operating, **fields)
     system = linearise(model, point, state)
@@ -255,7 +263,7 @@ def test_design_collects_assembly_damping():
         "caliper.modes[8].damping_ratio": 0.1,
     }
     model = MODELS["disc_brake"]
-    design = Design(model, "exponential", model.defaults() | values)
+    design = Design(model, {"contact_law": "exponential"}, model.defaults() | values)
     state = design.state()
     assert state.assembly_damping == {3: 0.02, 7: 0.02, 8: 0.02, 9: 0.02, 44: 0.0}
     assert state.mode_damping == {("caliper", 8): 0.1}

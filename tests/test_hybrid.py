@@ -17,12 +17,12 @@ from squealstudy.analysis.hybrid.run import simulate_hybrid
 from squealstudy.analysis.transient.growing_modes import none_growing
 from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.law import ContactLaw
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 from squealstudy.reduction.cmt import component_modes
@@ -63,7 +63,7 @@ def reduced_case(case, traces_hz, damping_hz=1e9, layers=1, **options):
 def friction_law(case, share=0.02):
     mu = OPERATING.friction
     k_t = mu * case.point.pressure.max() / (share * OPERATING.sliding_speed)
-    return FrictionLaw(mu, mu, k_t)
+    return FrictionLaw(mu, k_t)
 
 
 def design_of(model, case, zeta=ZETA, **changes):
@@ -160,11 +160,11 @@ def test_second_order_against_expm(case):
     model = hybrid_model(
         case.assembly, case.point, OPERATING, HybridSettings(4e3, 3e3), damped, case.modes
     )
-    law = ContactLaw("bilateral", stiffness=2e11)
+    law = contact_law("bilateral", stiffness=2e11)
     design = replace(
         design_of(model, case),
         contact=law,
-        friction=FrictionLaw(0.0, 0.0, 1.0),
+        friction=FrictionLaw(0.0, 1.0),
         d=np.array([900.0]),
     )
     design = replace(
@@ -356,7 +356,7 @@ def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hy
     psi *= 1e-6 / np.abs(psi * lam[k]).max()
     model, _ = brake_hybrid
     speed = NOMINAL.sliding_speed
-    friction = FrictionLaw(0.5, 0.5, 0.5 * brake.point.pressure.max() / (0.02 * speed))
+    friction = FrictionLaw(0.5, 0.5 * brake.point.pressure.max() / (0.02 * speed))
     c, beta = uniform_damping(model, zeta)
     design = MotionPoint(NOMINAL.law, friction, speed, c, beta=beta)
     settings = MotionSettings(2e-3, 2e-6, 5, tolerance=1e-4)

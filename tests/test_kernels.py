@@ -12,14 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels import contact_laws
-from squealstudy.models.law import LAW_CODES, ContactLaw
+from squealstudy.kernels.laws import contact_at, law_row
+from squealstudy.kernels.newmark_layout import LAW_CONTACT
+from squealstudy.laws import CONTACT_LAWS, FrictionLaw, contact_law
 
 LAWS = {
-    "exponential": ContactLaw("exponential", p0=1e5, lam=5e5),
-    "unilateral": ContactLaw("unilateral", stiffness=5e11),
-    "power": ContactLaw("power", stiffness=3e14, exponent=1.5),
-    "bilateral": ContactLaw("bilateral", stiffness=5e11),
+    "exponential": contact_law("exponential", p0=1e5, lam=5e5),
+    "unilateral": contact_law("unilateral", stiffness=5e11),
+    "power": contact_law("power", stiffness=3e14, exponent=1.5),
+    "bilateral": contact_law("bilateral", stiffness=5e11),
 }
 GAPS = np.array([-8e-6, -3e-6, -1e-7, 1e-7, 2e-6, 9e-6])
 
@@ -76,7 +77,7 @@ def test_exponential_is_clipped_not_infinite():
 def test_agrees_with_the_readable_twin(gap, kind):
     law = LAWS[kind]
     p, kappa = law.evaluate(np.array([gap]))
-    a, b = law.parameters
+    a, b = (*law.parameters, 1.0)[:2]
     assert p[0] == pytest.approx(reference.contact_pressure(kind, a, b, gap), rel=1e-13)
     # subnormal gaps: (-g)^b / (-g) of the kernel against (-g)^(b-1)
     if gap == 0 or abs(gap) > 1e-200:
@@ -87,10 +88,11 @@ def test_agrees_with_the_readable_twin(gap, kind):
 def test_compiled_and_python_agree(kind):
     # the same source, interpreted: what NUMBA_DISABLE_JIT=1 runs
     law = LAWS[kind]
-    plain = getattr(contact_laws.law_at, "py_func", contact_laws.law_at)
+    plain, row = law.definition.pressure, law_row(law, FrictionLaw(0.5, 1.0), 0.0)
     p, kappa = law.evaluate(GAPS)
     for i, gap in enumerate(GAPS):
-        assert plain(law.code, *law.parameters, gap) == pytest.approx((p[i], kappa[i]), rel=1e-14)
+        assert plain(gap, *law.parameters) == pytest.approx((p[i], kappa[i]), rel=1e-14)
+        assert contact_at(row, gap) == pytest.approx((p[i], kappa[i]), rel=1e-14)
 
 
 @given(gap=st.tuples(gaps(), gaps()), kind=st.sampled_from(sorted(LAWS)))
@@ -108,13 +110,14 @@ def test_gap_at_inverts_the_law(kind, pressure):
     assert p[0] == pytest.approx(pressure, rel=1e-12)
     # over its gap scale the law changes by its own size
     assert kappa[0] * law.gap_scale(pressure) == pytest.approx(
-        pressure * (law.exponent if kind == "power" else 1.0), rel=1e-12
+        pressure * (law.value("contact.exponent") if kind == "power" else 1.0), rel=1e-12
     )
 
 
 def test_every_law_has_a_code_of_its_own():
-    assert sorted(LAW_CODES) == sorted(LAWS)
-    assert len(set(LAW_CODES.values())) == len(LAW_CODES)
+    rows = [law_row(law, FrictionLaw(0.5, 1.0), 0.0) for law in LAWS.values()]
+    assert sorted(CONTACT_LAWS.names) == sorted(LAWS)
+    assert len({row[LAW_CONTACT] for row in rows}) == len(rows)
 
 
 @pytest.mark.parametrize(
@@ -130,13 +133,14 @@ def test_every_law_has_a_code_of_its_own():
 )
 def test_bad_law_is_refused(arguments):
     with pytest.raises(ModelError):
-        ContactLaw(**arguments)
+        contact_law(**arguments)
 
 
 def test_compiled_kernels_are_kept_by_a_hash_of_all_sources(tmp_path, monkeypatch):
     from squealstudy.kernels import jit
 
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     before = jit.compiled_directory()
     assert before.is_relative_to(tmp_path)
     copy = tmp_path / "kernels_source"
@@ -145,5 +149,11 @@ def test_compiled_kernels_are_kept_by_a_hash_of_all_sources(tmp_path, monkeypatc
         (copy / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(jit, "__file__", str(copy / "jit.py"))
     assert jit.compiled_directory() == before
-    (copy / "friction_laws.py").write_text("# another law")
+    (copy / "laws.py").write_text("# another law")
+    assert jit.compiled_directory() != before
+    monkeypatch.undo()
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert jit.compiled_directory() == before
+    monkeypatch.setattr(jit, "SOURCES", (("exponential", "changed"), *jit.SOURCES[1:]))
     assert jit.compiled_directory() != before

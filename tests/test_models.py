@@ -11,12 +11,12 @@ import scipy.sparse as sp
 from conftest import benchmark, build_model
 
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.assembly import Assembly, expand_rows
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface, SpringInterface
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.models.surface import Surface
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
@@ -41,7 +41,7 @@ def contact(n_dof=2, **changes):
         "area": np.ones(1),
         "gap0": np.zeros(1),
         "radius": np.zeros(1),
-        "law": ContactLaw(),
+        "law": contact_law(),
         "frictional": np.ones(1),
     }
     return ContactInterface(**(fields | changes))

@@ -16,29 +16,36 @@ from scipy.integrate import solve_ivp
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.analysis.transient.system import (
-    FrictionLaw,
     ModalSystem,
     MotionPoint,
     stick_number,
 )
-from squealstudy.kernels import contact_point
-from squealstudy.kernels.friction_laws import friction_at, friction_tangent, mu_at
-from squealstudy.models.law import ContactLaw
+from squealstudy.kernels import newmark_layout
+from squealstudy.kernels.laws import N_LAW, friction_at, friction_tangent, law_row, mu_at
+from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 
-LAWS = [(0, 0.4, 0.4), (1, 0.4, 0.4), (0, 0.6, 0.3), (1, 0.6, 0.3)]
+LAWS = [(kind, *mu) for mu in ((0.4, 0.4), (0.6, 0.3)) for kind in ("regularised", "smooth")]
 P, K_T, V_MU = 1e6, 2e7, 0.3  # sticks below 0.02 m/s at mu 0.4
 
 
-@pytest.mark.parametrize(("code", "mu_s", "mu_d"), LAWS)
+def row(kind, mu_s=0.4, mu_d=0.4, v_mu=V_MU):
+    """Laws of a design with friction from mu_s to mu_d."""
+    curve = friction_curve(static_ratio=mu_s / mu_d, decay_speed=v_mu)
+    return law_row(contact_law(), FrictionLaw(mu_d, K_T, curve, kind), 0.0)
+
+
+@pytest.mark.parametrize(("kind", "mu_s", "mu_d"), LAWS)
 @pytest.mark.parametrize("w", [(0.004, 0.003), (0.5, 0.0), (-0.1, 0.2), (0.03, -0.02)])
-def test_friction_tangent_is_the_slope(code, mu_s, mu_d, w):
+def test_friction_tangent_is_the_slope(kind, mu_s, mu_d, w):
+    law = row(kind, mu_s, mu_d)
+
     def t(p, w1, w2):
-        return np.array(friction_at(code, mu_s, mu_d, V_MU, K_T, p, w1, w2)[:2])
+        return np.array(friction_at(law, 1.0, p, w1, w2)[:2])
 
     h = 1e-7
-    d11, d12, d22, s1, s2 = friction_tangent(code, mu_s, mu_d, V_MU, K_T, P, *w)
+    d11, d12, d22, s1, s2 = friction_tangent(law, 1.0, P, *w)
     along_1 = (t(P, w[0] + h, w[1]) - t(P, w[0] - h, w[1])) / (2 * h)
     along_2 = (t(P, w[0], w[1] + h) - t(P, w[0], w[1] - h)) / (2 * h)
     along_p = (t(P + 1, *w) - t(P - 1, *w)) / 2
@@ -49,33 +56,35 @@ def test_friction_tangent_is_the_slope(code, mu_s, mu_d, w):
 
 
 @pytest.mark.parametrize(
-    ("code", "w", "traction", "sticks"),
+    ("kind", "w", "traction", "sticks"),
     [
-        (0, (0.006, 0.008), (-1.2e5, -1.6e5), True),
-        (0, (0.3, 0.4), (-2.4e5, -3.2e5), False),
-        (1, (0.06, 0.08), (-0.24e6 * math.tanh(5), -0.32e6 * math.tanh(5)), False),
-        (0, (0.0, 0.0), (0.0, 0.0), True),
-        (1, (0.0, 0.0), (0.0, 0.0), True),
+        ("regularised", (0.006, 0.008), (-1.2e5, -1.6e5), True),
+        ("regularised", (0.3, 0.4), (-2.4e5, -3.2e5), False),
+        ("smooth", (0.06, 0.08), (-0.24e6 * math.tanh(5), -0.32e6 * math.tanh(5)), False),
+        ("regularised", (0.0, 0.0), (0.0, 0.0), True),
+        ("smooth", (0.0, 0.0), (0.0, 0.0), True),
     ],
 )
-def test_friction_closed_form(code, w, traction, sticks):
-    *t, stuck = friction_at(code, 0.4, 0.4, V_MU, K_T, P, *w)
+def test_friction_closed_form(kind, w, traction, sticks):
+    *t, stuck = friction_at(row(kind), 1.0, P, *w)
     assert t == pytest.approx(traction, rel=1e-14)
     assert stuck is sticks
 
 
 def test_falling_friction_and_open_points():
-    assert mu_at(0.6, 0.3, 0.5, 0.0) == pytest.approx((0.6, -0.6))
-    assert mu_at(0.6, 0.3, 0.5, 0.5)[0] == pytest.approx(0.3 + 0.3 / math.e)
-    assert friction_at(0, 0.4, 0.4, V_MU, K_T, 0.0, 1.0, 1.0) == (0.0, 0.0, False)
-    assert friction_at(0, 0.4, 0.4, V_MU, K_T, -P, 1.0, 1.0) == (0.0, 0.0, False)
-    assert np.isnan(friction_at(0, 0.4, 0.4, V_MU, K_T, np.nan, 1.0, 1.0)[0])
-    assert np.isnan(friction_at(1, 0.4, 0.4, V_MU, K_T, P, np.nan, 1.0)[0])
+    falling, kinked, smooth = row("smooth", 0.6, 0.3, 0.5), row("regularised"), row("smooth")
+    assert mu_at(falling, 0.0, P) == pytest.approx((0.6, -0.6, 0.0))
+    assert mu_at(falling, 0.5, P)[0] == pytest.approx(0.3 + 0.3 / math.e)
+    assert friction_at(kinked, 1.0, 0.0, 1.0, 1.0) == (0.0, 0.0, False)
+    assert friction_at(kinked, 1.0, -P, 1.0, 1.0) == (0.0, 0.0, False)
+    assert np.isnan(friction_at(kinked, 1.0, np.nan, 1.0, 1.0)[0])
+    assert np.isnan(friction_at(smooth, 1.0, P, np.nan, 1.0)[0])
 
 
 def test_column_layout_is_what_the_names_say():
-    columns = [v for k, v in vars(contact_point).items() if k.startswith(("POINT_", "LAW_"))]
-    assert columns == [*range(8), *range(9)]
+    columns = [v for k, v in vars(newmark_layout).items() if k.startswith(("POINT_", "LAW_"))]
+    assert columns == [*range(8), *range(7)]
+    assert len(row("smooth")) == N_LAW
 
 
 def point_system(omega2, N, T, pressure_force=None, **changes):
@@ -99,7 +108,7 @@ def point_system(omega2, N, T, pressure_force=None, **changes):
 
 def constant_force(f):
     """With N = 0 the gap stays 0, and so the pressure p0."""
-    return ContactLaw("exponential", p0=f, lam=1.0)
+    return contact_law("exponential", p0=f, lam=1.0)
 
 
 def linear_case():
@@ -107,8 +116,8 @@ def linear_case():
     w2, c = np.array([1e4, 6e4]), np.array([3.0, 8.0])
     N, T = np.array([1.0, 0.5]), np.array([0.3, -1.0])
     system = point_system(w2 + 0, N, T, shapes=np.array([[1.0, 1.0]]))
-    law = ContactLaw("bilateral", stiffness=2e4)
-    friction = FrictionLaw(1e6, 1e6, 40.0)
+    law = contact_law("bilateral", stiffness=2e4)
+    friction = FrictionLaw(1e6, 40.0)
     load = np.array([5.0, 1.0])
     system = replace(system, gap=np.array([-1.0]), force=np.array([[2e4, 0.0, 0.0]]))
     design = MotionPoint(law, friction, 0.0, c, load, np.array([4.0]), np.array([500.0]))
@@ -140,7 +149,7 @@ def test_second_order_against_expm():
 def test_free_decay_of_a_damped_mode():
     w, zeta = 2 * np.pi * 1000, 0.01
     system = point_system([w * w], [0], [0])
-    design = MotionPoint(constant_force(1.0), FrictionLaw(0, 0, 1.0), 0, np.array([2 * zeta * w]))
+    design = MotionPoint(constant_force(1.0), FrictionLaw(0, 1.0), 0, np.array([2 * zeta * w]))
     settings = MotionSettings(0.02, 1e-6, 1, Newmark(prewarp=True), save_q=True)
     r = run(system, design, settings, 1e-3, 0.0)
     t = r.history["time"]
@@ -153,7 +162,7 @@ def test_free_decay_of_a_damped_mode():
 
 def coulomb_slider():
     system = point_system([1e4], [0], [1])
-    return system, MotionPoint(constant_force(10.0), FrictionLaw(0.1, 0.1, 4e5), 0.0, np.zeros(1))
+    return system, MotionPoint(constant_force(10.0), FrictionLaw(0.1, 4e5), 0.0, np.zeros(1))
 
 
 @pytest.mark.parametrize("method", [Newmark(), NewmarkNewton()])
@@ -171,7 +180,7 @@ def test_coulomb_slider(method):
 
 
 def belt(v_d, k_t=2e3):
-    friction = FrictionLaw(1.0, 0.5, k_t, v_mu=0.5)
+    friction = FrictionLaw(0.5, k_t, friction_curve(static_ratio=2.0, decay_speed=0.5))
     system = point_system([1.0], [0], [1])
     return system, MotionPoint(constant_force(1.0), friction, -v_d, np.array([0.1]))
 
@@ -242,8 +251,8 @@ def test_energy_gain_of_an_impact_oscillator(x, low, high):
     # Hughes 1976: no gain for h omega_peak below 1.26, about 1 % at 2.5 (THEORY.md eq. (101))
     lam = 1e5
     system = point_system([1e4], [1], [0])
-    law = ContactLaw("exponential", p0=1e-2, lam=lam)
-    design = MotionPoint(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
+    law = contact_law("exponential", p0=1e-2, lam=lam)
+    design = MotionPoint(law, FrictionLaw(0, 1.0), 0.0, np.zeros(1))
     h = x / (lam * math.sqrt(0.5))  # peak stiffness lam^2 times the kinetic energy 1/2
     r = run(system, design, MotionSettings(0.9, h, 1, tolerance=1e-8), 0.0, 1.0)
     assert r.outcome == "ok"
@@ -257,14 +266,14 @@ def random_system(n=12, nc=20, seed=3):
     rng = np.random.default_rng(seed)
     w2 = (2 * np.pi * np.sort(rng.uniform(800, 9e3, n))) ** 2
     area = rng.uniform(0.5, 1.5, nc) * 1e-2 / nc
-    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    law = contact_law("exponential", p0=1e5, lam=5e5)
     p = rng.uniform(0.5, 1.5, nc) * 1e6
-    k = area * p * law.lam
+    k = area * p * law.value("contact.lambda")
     shapes = rng.normal(size=(3, nc, n)) * np.sqrt(0.3 * w2.mean() / (k.sum() * n))
     values, phi = la.eigh(np.diag(w2) + shapes[0].T @ (k[:, None] * shapes[0]))
     N, T1, T2 = shapes @ phi
-    friction = FrictionLaw(0.5, 0.4, 3e7, v_mu=0.5)
-    mu = mu_at(0.5, 0.4, 0.5, 0.5)[0]
+    friction = FrictionLaw(0.4, 3e7, friction_curve(static_ratio=1.25, decay_speed=0.5))
+    mu = friction.curve.at(friction.friction, 0.5, p).mu
     gap = np.array([law.gap_at(x) for x in p])
     force = np.column_stack([area * p, -mu * area * p, 0 * p])
     system = ModalSystem(
@@ -332,7 +341,9 @@ def test_twin(rough):
 def test_batches_agree_with_single_runs(rough):
     system, design, r = rough
     others = [
-        replace(design, friction=replace(design.friction, mu_s=mu, mu_d=mu), speed=v)
+        replace(
+            design, friction=replace(design.friction, friction=mu, curve=friction_curve()), speed=v
+        )
         for mu, v in ((0.1, 0.5), (0.3, 1.0), (0.6, 0.2), (0.2, 2.0), (0.0, 1.0))
     ]
     alone = [run(system, x, SHORT, np.zeros(12), KICK) for x in others]
@@ -374,7 +385,7 @@ def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
 def test_mockup_serves_a_stiff_regularisation():
     # 1 point, stick number 50: plain iteration diverges, the mock-up contracts by 25/26
     system, design = coulomb_slider()
-    stiff = replace(design, friction=FrictionLaw(0.1, 0.1, 1e7))
+    stiff = replace(design, friction=FrictionLaw(0.1, 1e7))
     plain = Newmark(aitken=False, max_halvings=0)
     settings = MotionSettings(1e-3, 1e-5, 0, plain, max_iterations=2000)
     assert stick_number(system, stiff, 1e-5) == pytest.approx(50.0)
@@ -389,7 +400,7 @@ def test_mockup_serves_a_stiff_regularisation():
 def test_halving_and_failure_tell_time_and_reason(rough):
     system, design, _ = rough
     hard = replace(SHORT, step=2e-5, max_iterations=2, integrator=Newmark(max_halvings=1))
-    designs = [replace(design, friction=FrictionLaw(0, 0, 1.0), speed=0.5), design]
+    designs = [replace(design, friction=FrictionLaw(0, 1.0), speed=0.5), design]
     kicks = np.array([0 * KICK, KICK, KICK])
     r = simulate(system, started([*designs, designs[1]], np.zeros(12), kicks), hard)
     assert r[1].outcome == r[2].outcome == "not_converged"
@@ -414,8 +425,8 @@ def test_not_a_number_is_never_converged(rough):
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")  # without the compiler
 def test_overflow_is_never_converged():
     system = point_system([1e4], [1], [0])
-    law = ContactLaw("power", stiffness=1e200, exponent=9.0)
-    design = MotionPoint(law, FrictionLaw(0, 0, 1.0), 0.0, np.zeros(1))
+    law = contact_law("power", stiffness=1e200, exponent=9.0)
+    design = MotionPoint(law, FrictionLaw(0, 1.0), 0.0, np.zeros(1))
     r = run(system, design, MotionSettings(1e-2, 1e-4, 0), 1e-3, -1e30)
     assert r.outcome in ("not_finite", "not_converged")
 
@@ -425,8 +436,8 @@ def test_contraction_of_sticking_points_is_the_stick_number():
     gap = -system.force[:, 0] / system.area / 5e11
     force = system.force * np.array([1.0, 0.0, 0.0])
     system = replace(system, gap=gap, k_ref=system.area * 5e11, force=force)
-    law = ContactLaw("bilateral", stiffness=5e11)
-    friction = FrictionLaw(0.5, 0.5, 3e7)
+    law = contact_law("bilateral", stiffness=5e11)
+    friction = FrictionLaw(0.5, 3e7)
     design = replace(design, contact=law, friction=friction, speed=0.0)
     friction = replace(friction, k_t=friction.k_t * 5 / stick_number(system, design, 1e-6))
     design = replace(design, friction=friction)
@@ -450,7 +461,7 @@ def moved_base(system, design):
     """The same assembly resting elsewhere: its own gaps and the forces that belong to them."""
     p = np.linspace(0.6, 1.4, len(system.gap)) * 1e6
     normal = system.area * p
-    mu = mu_at(0.5, 0.4, 0.5, design.speed)[0]
+    mu = design.friction.curve.at(design.friction.friction, design.speed, np.zeros(1)).mu
     gap = np.array([design.contact.gap_at(x) for x in p])
     return gap, np.column_stack([normal, -mu * normal, 0 * p])
 

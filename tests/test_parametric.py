@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.errors import ModelError
+from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
-from squealstudy.models.law import ContactLaw
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point
@@ -202,7 +202,7 @@ def test_pairs_solve_their_problem_from_both_sides(n, seed):
 @pytest.fixture(scope="module")
 def hulten():
     settings_ = BasisSettings(1e3, 1e3, 1e3)
-    return prepare(build_model("hulten"), replace(NOMINAL, law=ContactLaw("bilateral")), settings_)
+    return prepare(build_model("hulten"), replace(NOMINAL, law=contact_law("bilateral")), settings_)
 
 
 STATES = {
@@ -228,7 +228,7 @@ def test_the_brakes_terms_are_its_linearisation(brake, reduced, name, falling, f
     model, _ = reduced
     operating = replace(NOMINAL, friction=friction, pressure=5e5, sliding_speed=0.2)
     if falling:
-        operating = replace(operating, static_ratio=1.5, decay_speed=0.3)
+        operating = replace(operating, curve=friction_curve(static_ratio=1.5, decay_speed=0.3))
     point = working_point(brake.space, operating)
     state = DesignState(operating, **STATES[name])
     structure = reduced_structure(model)
@@ -256,18 +256,19 @@ def plain_linearisation(model, point, state):
         i = model.mode_coordinate(name, mode)
         dampers[i] = 2 * zeta * np.sqrt(k_el[i])
     k_n, normal = (np.diag(model.area * x) for x in (point.tangent, point.pressure))
-    fall = o.friction * (o.static_ratio - 1) * np.exp(-o.sliding_speed / o.decay_speed)
+    ratio, decay = o.curve.parameters
+    fall = o.friction * (ratio - 1) * np.exp(-o.sliding_speed / decay)
     mu = np.diag(model.frictional) * (o.friction + fall)
     K_sym = np.diag(k_el) + model.K_springs + N.T @ k_n @ N
     C = np.diag(dampers) + state.stiffness_damping * K_sym
     C += P.T @ (mu @ normal / o.sliding_speed) @ P
-    C -= T.T @ (np.diag(model.frictional) * fall / o.decay_speed @ normal) @ T
+    C -= T.T @ (np.diag(model.frictional) * fall / decay @ normal) @ T
     return C, K_sym - T.T @ (mu @ k_n) @ N, K_sym
 
 
 def test_hulten_in_closed_form(hulten):
     """K = [[w1^2, -mu w2^2], [mu w1^2, w2^2]] up to signs of the coordinates."""
-    operating = replace(NOMINAL, friction=0.4, law=ContactLaw("bilateral"))
+    operating = replace(NOMINAL, friction=0.4, law=contact_law("bilateral"))
     point = working_point(hulten.space, operating)
     structure = reduced_structure(hulten.model)
     _, C, K = structure.system.matrices(structure.weights(point, DesignState(operating)))

@@ -21,10 +21,10 @@ from squealstudy.analysis.full_order.finer_model import (
 )
 from squealstudy.analysis.full_order.modes import full_order_system
 from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
+from squealstudy.laws import contact_law, friction_curve
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface, SpringInterface
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
@@ -49,7 +49,7 @@ NODES = 40
 BAND = (50.0, 600.0)
 TOP = BAND[1]
 CUTOFF = 1.2 * TOP
-NOMINAL = OperatingPoint(0.4, 1e5, 0.5, ContactLaw())
+NOMINAL = OperatingPoint(0.4, 1e5, 0.5, contact_law())
 
 
 def bar(name: str, stiffness: tuple[float, float, float], mass: float) -> Component:
@@ -80,7 +80,7 @@ def two_bars() -> Assembly:
         np.full(NODES, 2e-5),
         np.zeros(NODES),
         np.full(NODES, 0.1),
-        ContactLaw(),
+        contact_law(),
         np.ones(NODES),
     )
     held = np.concatenate([np.arange(0, 6), np.arange(2 * n - 12, 2 * n)])
@@ -110,7 +110,7 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     prepared, modes, basis = prepare_with_basis(
         assembly, NOMINAL, BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
     )
-    state = DesignState(replace(NOMINAL, static_ratio=1.4), {("pad", 9): 0.8})
+    state = DesignState(replace(NOMINAL, curve=friction_curve(static_ratio=1.4)), {("pad", 9): 0.8})
     point = state_working_point(prepared, state)
     rng = np.random.default_rng(1)
     x = rng.standard_normal((prepared.model.n, 4, 2)) @ np.array([1.0, 1.0j])
@@ -134,7 +134,7 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
 UNTRAINED = [
     DesignState(replace(NOMINAL, friction=0.25, pressure=6e4)),
     DesignState(replace(NOMINAL, friction=0.6, pressure=2e5)),
-    DesignState(replace(NOMINAL, friction=0.5, law=ContactLaw(lam=1e6), sliding_speed=0.2)),
+    DesignState(replace(NOMINAL, friction=0.5, law=contact_law(lam=1e6), sliding_speed=0.2)),
     DesignState(NOMINAL, {("pad", 9): 0.8}, {("disc", 8): 0.02}, stiffness_damping=1e-7),
     DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.02),
 ]
@@ -266,7 +266,7 @@ def test_the_contact_compliance_neglects_nothing_of_the_full_order_equilibrium(b
         K = K + sp.csr_matrix(np.outer(U, U) * (scale**2 - 1) * mode.omega[j - 1] ** 2)
     normal = c.area * point.pressure
     load = assembly.load * operating.pressure + c.N.T @ normal
-    load -= c.T.T @ (operating.mu_steady * c.frictional * normal)
+    load -= c.T.T @ (operating.friction * c.frictional * normal)
     q = sp.linalg.spsolve(K.tocsc(), load)
     gap = c.gap0 + c.N @ q
     assert np.abs(gap - point.gap).max() < 1e-9 * np.abs(point.gap).max()

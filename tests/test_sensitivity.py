@@ -16,13 +16,6 @@ from reference import hulten_flutter
 from squealstudy.analysis.sensitivity.assembly_change import check_same_mesh
 from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
 from squealstudy.analysis.sensitivity.finite_change import followed_root, reduced_pencil
-from squealstudy.analysis.sensitivity.law_change import (
-    FRICTION_PARAMETERS,
-    LAW_PARAMETERS,
-    friction_change,
-    law_change,
-    tangent_slope,
-)
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_roots
 from squealstudy.analysis.sensitivity.mode_family import biorthogonality, mode_family
 from squealstudy.analysis.sensitivity.mode_sensitivities import CONDITION_LIMIT
@@ -32,13 +25,14 @@ from squealstudy.analysis.sensitivity.reduced import (
     solve_families,
 )
 from squealstudy.analysis.sensitivity.root_figures import figure_slopes, figures
+from squealstudy.analysis.sensitivity.state_derivatives import friction_change
 from squealstudy.analysis.sensitivity.state_parameter import StateParameter
 from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.errors import ParameterError
+from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve, law_from_values
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
-from squealstudy.models.operating import OperatingPoint, law_from_values
+from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.design_state import DesignState
@@ -152,7 +146,9 @@ def test_structural_derivatives_of_minimal_models(model, name):
     damped = {"damping_ratio": 0.02, "stiffness_damping": 2e-6}
     damped["assembly_damping"] = {1: 0.05}
     prepared, state, structure = minimal(model, 0.6, **damped)
-    state = replace(state, operating=replace(state.operating, static_ratio=1.4))
+    state = replace(
+        state, operating=replace(state.operating, curve=friction_curve(static_ratio=1.4))
+    )
     design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=2))
     found = structural_sensitivities(design, structure, [name], 0.01)
     full = structure.system(structure.assembly(), state, design.point)
@@ -172,7 +168,7 @@ def test_structural_derivatives_of_minimal_models(model, name):
 
 # -- the coarse brake ----------------------------------------------------------------------------
 BRAKE_STATE = DesignState(
-    replace(NOMINAL, static_ratio=1.2),
+    replace(NOMINAL, curve=friction_curve(static_ratio=1.2)),
     {("caliper", 8): 1.05, ("inner_pad", 7): 0.97},
     {("caliper", 9): 0.01, ("caliper", 8): 0.02},
     0.002,
@@ -273,7 +269,7 @@ def test_stiffness_of_a_component_against_the_assembly_built_anew():
     structure = Structure(build, {"upper.stiffness": 1.0}, LARGE, LARGE)
     prepared = prepare(plain, BLOCKS_OPERATING, BasisSettings(LARGE, LARGE, 0.0))
     state = DesignState(
-        replace(BLOCKS_OPERATING, static_ratio=1.2),
+        replace(BLOCKS_OPERATING, curve=friction_curve(static_ratio=1.2)),
         {("upper", 8): 1.05, ("lower", 7): 0.97},
         {("upper", 9): 0.01, ("upper", 8): 0.02},
         0.002,
@@ -298,38 +294,41 @@ def test_geometry_is_refused(brake):
 
 # -- parts ---------------------------------------------------------------------------------------
 LAWS = [
-    ContactLaw(),
-    ContactLaw("unilateral"),
-    ContactLaw("power", stiffness=1e14, exponent=1.7),
-    ContactLaw("bilateral"),
+    contact_law(),
+    contact_law("unilateral"),
+    contact_law("power", stiffness=1e14, exponent=1.7),
+    contact_law("bilateral"),
 ]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.kind)
 def test_law_derivatives_against_central_differences(law):
     g = np.array([-9e-6, -3e-6, -1e-7, 2e-6])
-    for name, field in LAW_PARAMETERS[law.kind].items():
-        h = 1e-6 * getattr(law, field)
-        up, down = (
-            replace(law, **{field: getattr(law, field) + s * h}).evaluate(g) for s in (1, -1)
-        )
-        for found, a, b in zip(law_change(law, name, g), up, down, strict=True):
+    (dp, dkappa), *by_parameter = law.slopes(g)
+    for name, own in zip(law.names, by_parameter, strict=True):
+        value = law.value(name)
+        h = 1e-6 * value
+        up, down = (law.with_value(name, value + s * h).evaluate(g) for s in (1, -1))
+        for found, a, b in zip(own, up, down, strict=True):
             np.testing.assert_allclose(found, (a - b) / (2 * h), rtol=1e-7, atol=1e-30)
-    dg = 1e-13
-    slope = (law.evaluate(g + dg)[1] - law.evaluate(g - dg)[1]) / (2 * dg)
-    np.testing.assert_allclose(tangent_slope(law, g), slope, rtol=1e-5, atol=1e-3 * law.lam)
+    h = 1e-13
+    slope = (law.evaluate(g + h)[1] - law.evaluate(g - h)[1]) / (2 * h)
+    np.testing.assert_allclose(dp, -law.evaluate(g)[1], rtol=1e-14)
+    np.testing.assert_allclose(dkappa, slope, rtol=1e-5, atol=500.0)
 
 
-@pytest.mark.parametrize("name", list(FRICTION_PARAMETERS))
+@pytest.mark.parametrize(
+    "name", ["friction", "sliding_speed", *(p.name for p in FRICTION_CURVES.parameters())]
+)
 def test_friction_law_derivatives_against_central_differences(name):
-    point = OperatingPoint(0.4, 1e6, 0.7, ContactLaw(), 1.3, 0.5)
-    field = FRICTION_PARAMETERS[name]
+    curve = friction_curve(static_ratio=1.3, decay_speed=0.5)
+    point, p = OperatingPoint(0.4, 1e6, 0.7, contact_law(), curve), np.zeros(1)
     h = 1e-6
-    up, down = (replace(point, **{field: getattr(point, field) + s * h}) for s in (1, -1))
-    found = friction_change(point, name)
-    assert found.mu == pytest.approx((up.mu_steady - down.mu_steady) / (2 * h), rel=1e-8)
-    slope = (up.friction_slope - down.friction_slope) / (2 * h)
-    assert found.slope == pytest.approx(slope, rel=1e-8)
+    up, down = (point.with_value(name, point.value(name) + s * h).friction_at(p) for s in (1, -1))
+    found = friction_change(point, name, p)
+    assert found.mu == pytest.approx((up.mu - down.mu) / (2 * h), rel=1e-8)
+    slope = (up.by_speed - down.by_speed) / (2 * h)
+    assert found.by_speed == pytest.approx(slope, rel=1e-8)
     assert found.speed == (1.0 if name == "sliding_speed" else 0.0)
 
 

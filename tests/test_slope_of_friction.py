@@ -148,9 +148,11 @@ def test_without_any_sliding_there_is_no_study():
 def creep_of(system, design, q, v):
     """Largest sliding speed of what sticks at each row, from all displacements and velocities."""
     law, friction = design.contact, design.friction
-    p = law.p0 * np.exp(-law.lam * (system.gap + q @ system.N.T))
+    p0, lam = law.parameters
+    p = p0 * np.exp(-lam * (system.gap + q @ system.N.T))
     w = np.hypot(design.speed + v @ system.T1.T, v @ system.T2.T)
-    mu = friction.mu_d + (friction.mu_s - friction.mu_d) * np.exp(-w / friction.v_mu)
+    ratio, v_mu = friction.curve.parameters
+    mu = friction.friction * (1 + (ratio - 1) * np.exp(-w / v_mu))
     closed = p > 0.01 * (p @ system.area / system.area.sum())[:, None]
     sticks = closed & (friction.k_t * w < mu * p)
     return np.where(sticks, w, 0.0).max(axis=1), sticks

@@ -223,7 +223,7 @@ def test_dense_roots_agree_with_the_twin():
 
 def test_backward_error_sees_a_wrong_root():
     assembly = build_model("hulten")
-    K = np.diag(assembly.contact.area) * assembly.contact.law.stiffness
+    K = np.diag(assembly.contact.area) * assembly.contact.law.value("contact.stiffness")
     lam, psi = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
     assert backward_error(np.zeros((2, 2)), K, lam, psi).max() < 1e-15
     assert backward_error(np.zeros((2, 2)), K, 1.01 * lam, psi).min() > 1e-3

@@ -19,11 +19,11 @@ from squealstudy.analysis.transient.growing_modes import none_growing
 from squealstudy.analysis.transient.motion import Motion
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import Watch, simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.cli.app import main
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
 from squealstudy.study.definition import parse_study
@@ -53,10 +53,10 @@ def lively() -> tuple[ModalSystem, list[MotionPoint]]:
         force=np.column_stack([10.0 * one, -4.0 * one, 0 * one]),
         sensed=np.arange(3) + 1,
     )
-    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    law = contact_law("exponential", p0=1e5, lam=5e5)
     speeds = (0.05, 0.1, 0.2, 0.4, 0.8)
     designs = [
-        MotionPoint(law, FrictionLaw(mu, mu, 1e7), speed, np.full(N, 20.0))
+        MotionPoint(law, FrictionLaw(mu, 1e7), speed, np.full(N, 20.0))
         for mu, speed in zip(np.linspace(0.2, 0.6, 5), speeds, strict=True)
     ]
     kick = 0.02 * rng.normal(size=N)
@@ -143,7 +143,7 @@ def test_designs_of_a_batch_stop_one_by_one(lively):
 def test_a_failed_design_does_not_stop_the_others(lively):
     """Its law is too stiff for the step; round-off decides when, and between which pauses."""
     system, designs = lively
-    law = ContactLaw("exponential", p0=1e5, lam=1e9)
+    law = contact_law("exponential", p0=1e5, lam=1e9)
     bad = replace(designs[1], contact=law)
     looked_at: dict[int, float] = {}
 

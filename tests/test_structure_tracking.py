@@ -24,9 +24,9 @@ from squealstudy.models.minimal import bilateral_points
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
-    FRICTION_LAW,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
+    friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
 from squealstudy.study.definition import parse_study
@@ -83,7 +83,7 @@ STRINGS = ModelDefinition(
         SLIDING_SPEED,
         DAMPING,
         STIFFNESS_DAMPING,
-        *FRICTION_LAW,
+        friction_parameters,
         *structural(
             (
                 ("length", 1.0, "m", "first string"),

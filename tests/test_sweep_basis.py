@@ -21,8 +21,8 @@ from squealstudy.analysis.reanalysis.sweep_basis import (
     sample_box,
 )
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.dense_roots import dense_roots
-from squealstudy.models.law import ContactLaw
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
@@ -43,7 +43,9 @@ def friction(theta):
 
 def falling_friction(theta):
     """From no friction at all on: the term of the slope vanishes there."""
-    operating = replace(NOMINAL, friction=0.35 + 0.35 * theta[0], static_ratio=1.3)
+    operating = replace(
+        NOMINAL, friction=0.35 + 0.35 * theta[0], curve=friction_curve(static_ratio=1.3)
+    )
     return DesignState(operating)
 
 
@@ -56,7 +58,7 @@ def component_damping(theta):
 
 
 def lifting_off(middle, half):
-    law = ContactLaw("unilateral", stiffness=5e11)
+    law = contact_law("unilateral", stiffness=5e11)
 
     def state_at(theta):
         friction = middle + half * theta[0]

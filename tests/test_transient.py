@@ -11,9 +11,9 @@ from motions import run_one
 from squealstudy.analysis.transient.motion import EnergyBalance
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import prewarped
 
 
@@ -35,8 +35,8 @@ def oscillator():
         np.zeros((1, 3)),
         sensed=np.array([2]),
     )
-    law = ContactLaw("exponential", p0=10.0, lam=1.0)
-    return system, MotionPoint(law, FrictionLaw(0.5, 0.5, 1e4), 2.0, 0.02 * w)
+    law = contact_law("exponential", p0=10.0, lam=1.0)
+    return system, MotionPoint(law, FrictionLaw(0.5, 1e4), 2.0, 0.02 * w)
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_systems_and_designs_are_checked():
     with pytest.raises(ModelError, match="'omega2' has values"):
         replace(system, omega2=np.array([1.0, np.nan]))
     with pytest.raises(ModelError, match="k_t > 0"):
-        FrictionLaw(0.5, 0.5, 0.0)
+        FrictionLaw(0.5, 0.0)
     with pytest.raises(ModelError, match="'viscous' is none of"):
-        FrictionLaw(0.5, 0.5, 1.0, kind="viscous")
+        FrictionLaw(0.5, 1.0, regularisation="viscous")
     with pytest.raises(ModelError, match="'load' needs 2"):
         simulate(system, [replace(design, load=np.zeros(3))], settings)
     with pytest.raises(ModelError, match="initial state"):

@@ -22,6 +22,7 @@ from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
+from squealstudy.laws import friction_curve
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
@@ -58,7 +59,9 @@ STATES = [
     NOMINAL_STATE,
     DesignState(replace(NOMINAL, pressure=25e5, friction=0.3), damping_ratio=0.01),
     DesignState(NOMINAL, {("caliper", 7): 1.25}, {("caliper", 8): 0.05}, 0.0),
-    DesignState(replace(NOMINAL, static_ratio=1.5, decay_speed=0.4, sliding_speed=0.3)),
+    DesignState(
+        replace(NOMINAL, curve=friction_curve(static_ratio=1.5, decay_speed=0.4), sliding_speed=0.3)
+    ),
 ]
 
 

@@ -435,7 +435,7 @@ def test_measured_points_on_one_line_share_it(write):
 
 def test_a_line_with_a_failed_point_has_no_onset(write, tmp_path, monkeypatch):
     def fail(prepared, state, band, known=None):
-        if state.operating.mu_steady == 0.6:
+        if state.operating.friction == 0.6:
             raise ConvergenceError("not_converged", "no working point")
         return solve_point(prepared, state, band, known)
 

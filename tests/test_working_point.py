@@ -12,8 +12,8 @@ import scipy.sparse.linalg as spla
 from conftest import NOMINAL, build_model
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws import contact_law
 from squealstudy.linalg.factor import factorise
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness
@@ -65,7 +65,7 @@ def round_off_of_gaps(brake, off, point, operating):
 @pytest.mark.parametrize("friction", [0.0, 0.35, 0.7])
 def test_full_order_equations_hold(brake, recover, friction, lam):
     for pressure in (1e5, 12e5, 40e5):
-        operating = OperatingPoint(friction, pressure, 0.5, ContactLaw(lam=lam))
+        operating = OperatingPoint(friction, pressure, 0.5, contact_law(lam=lam))
         point = working_point(brake.space, operating)
         q = recover(point, operating)
         gap = brake.assembly.contact.N @ q
@@ -79,7 +79,7 @@ def test_full_order_equations_hold(brake, recover, friction, lam):
 @pytest.mark.parametrize("kind", ["unilateral", "power"])
 @pytest.mark.parametrize("friction", [0.0, 0.6])
 def test_lift_off(brake, recover, kind, friction):
-    law = ContactLaw(kind, stiffness=5e11 if kind == "unilateral" else 2e14)
+    law = contact_law(kind, stiffness=5e11 if kind == "unilateral" else 2e14)
     operating = OperatingPoint(friction, 12e5, 0.5, law)
     point = working_point(brake.space, operating)
     assert full_order_residual(brake, recover(point, operating), operating) <= 1e-10
@@ -94,7 +94,7 @@ def test_lift_off(brake, recover, kind, friction):
 
 def test_bilateral_law_is_one_linear_solve(brake):
     c = brake.assembly.contact
-    operating = OperatingPoint(0.5, 12e5, 0.5, ContactLaw("bilateral", stiffness=5e11))
+    operating = OperatingPoint(0.5, 12e5, 0.5, contact_law("bilateral", stiffness=5e11))
     point = working_point(brake.space, operating)
     k_n = sp.diags(5e11 * c.area)
     K = reference.static_stiffness(brake.assembly) + c.N.T @ k_n @ c.N - 0.5 * c.T.T @ k_n @ c.N
@@ -105,7 +105,7 @@ def test_bilateral_law_is_one_linear_solve(brake):
 
 
 def test_agrees_with_a_plain_full_order_newton(brake, recover):
-    operating = OperatingPoint(0.35, 3e5, 1.0, ContactLaw(lam=2e5))
+    operating = OperatingPoint(0.35, 3e5, 1.0, contact_law(lam=2e5))
     # started elsewhere: at the equilibrium of another pressure and friction
     other = replace(operating, pressure=2 * operating.pressure, friction=0.0)
     q0 = recover(working_point(brake.space, other), other)
@@ -163,9 +163,9 @@ def test_start_changes_nothing(brake):
 @pytest.mark.parametrize(
     "law",
     [
-        ContactLaw(lam=5e6),
-        ContactLaw("unilateral", stiffness=5e12),
-        ContactLaw("power", stiffness=2e15),
+        contact_law(lam=5e6),
+        contact_law("unilateral", stiffness=5e12),
+        contact_law("power", stiffness=2e15),
     ],
 )
 def test_stiff_contact_from_gaps_of_a_soft_one(brake, law):
@@ -257,7 +257,7 @@ def test_hoffmann_contact_force(k_c):
 def test_sprag_has_no_equilibrium():
     # inclined the other way, the springs press the mass into the belt as friction drags it:
     # beyond mu = S_yy / S_yx (S the compliance of the springs) any contact force calls for more
-    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    law = contact_law("exponential", p0=1e5, lam=5e5)
     assembly = build_model("hoffmann", alpha1=30.0, alpha2=150.0)
     contact = replace(assembly.contact, law=law, area=np.array([1e-4]))
     assembly = replace(assembly, contact=contact)

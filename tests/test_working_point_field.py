@@ -13,7 +13,7 @@ from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.analysis.reanalysis.polynomials import interpolation
 from squealstudy.errors import ConvergenceError
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import contact_law
 from squealstudy.reduction.working_point import GapEquations, WorkingPoint
 from squealstudy.reduction.working_point_field import BatchEquations, WorkingPointField
 from squealstudy.system.design_state import DesignState
@@ -107,7 +107,7 @@ def test_lift_off_of_part_of_the_contact(prepared):
     """Unilateral law: gaps have kinks where points open, and the starts are then poor."""
 
     def state_at(theta):
-        law = ContactLaw("unilateral", stiffness=5e11)
+        law = contact_law("unilateral", stiffness=5e11)
         friction, pressure = 0.35 + 0.35 * theta[0], 6e5 * (1 + 0.5 * theta[1])
         return DesignState(replace(NOMINAL, friction=friction, pressure=pressure, law=law))
 

@@ -28,6 +28,9 @@ DIMENSIONS: dict[str, Dimension] = {
     "N/m": (1, 0, -2),
     # per area, and a minimal model's areas are stiffness / 5e11: a damper over a stiffness
     "N s/m3": (0, 0, 1),
+    "Pa/m^n": (0, 0, 0),  # for the same reason
+    "Pa": (1, -1, -2),
+    "1/m": (0, -1, 0),
 }
 
 

@@ -8,32 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.integrator_state import close_step, count_pass, open_run
+from squealstudy.kernels import newmark_layout as at
+from squealstudy.kernels.integrator_state import close_step, open_run
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_layout import (
-    DELTA,
-    PULL_TRIAL,
-    Q_TRIAL,
-    RUNNING,
-    STATUS,
-    STEP,
-    V_BASE,
-    V_TRIAL,
-    W2,
-    A,
-    C,
-    Modal,
-    Q,
-    Saved,
-    Settings,
-    V,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import add_work
 from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.kernels.newmark_residual import residual
-from squealstudy.kernels.newmark_step import keep_points
-from squealstudy.kernels.newmark_vector import fill
+from squealstudy.kernels.newmark_residual import all_forces
+from squealstudy.kernels.newmark_step import count_pass, keep_points
+from squealstudy.kernels.newmark_vector import copy
 
 
 @fast_kernel
@@ -44,8 +27,8 @@ def drift(x: np.ndarray, h: float, lagged: bool) -> None:
     """
     ahead = 0.0 if lagged else 0.5 * h
     for j in range(x.shape[1]):
-        x[Q_TRIAL, j] = x[Q, j] + h * x[V_BASE, j]
-        x[V_TRIAL, j] = x[V_BASE, j] + ahead * x[A, j]
+        x[at.Q_TRIAL, j] = x[at.Q, j] + h * x[at.V_BASE, j]
+        x[at.V_TRIAL, j] = x[at.V_BASE, j] + ahead * x[at.A, j]
 
 
 @fast_kernel
@@ -55,19 +38,12 @@ def kick(x: np.ndarray, modes: np.ndarray, h: float) -> None:
     It leaves the velocity and the acceleration of the whole step in V_TRIAL and A.
     """
     for j in range(x.shape[1]):
-        c, before = modes[C, j], x[V_BASE, j]
-        force = x[DELTA, j] - modes[W2, j] * x[Q_TRIAL, j]
+        c, before = modes[at.C, j], x[at.V_BASE, j]
+        force = x[at.DELTA, j] - modes[at.W2, j] * x[at.Q_TRIAL, j]
         after = ((1.0 - 0.5 * h * c) * before + h * force) / (1.0 + 0.5 * h * c)
-        x[V_BASE, j] = after
-        x[V_TRIAL, j] = 0.5 * (before + after)
-        x[A, j] = (after - before) / h
-
-
-@fast_kernel
-def keep_state(x: np.ndarray) -> None:
-    """The trial state is accepted."""
-    for j in range(x.shape[1]):
-        x[Q, j], x[V, j] = x[Q_TRIAL, j], x[V_TRIAL, j]
+        x[at.V_BASE, j] = after
+        x[at.V_TRIAL, j] = 0.5 * (before + after)
+        x[at.A, j] = (after - before) / h
 
 
 @entry_kernel
@@ -82,16 +58,16 @@ def central_difference(
     open_run(B, modal, settings, work, saved)
     x, h, counts = work.x[0], settings.h, work.counts[0]
     for j in range(x.shape[1]):
-        x[V_BASE, j] = x[V, j] + 0.5 * h * x[A, j]
-    while counts[STATUS] == RUNNING:
+        x[at.V_BASE, j] = x[at.V, j] + 0.5 * h * x[at.A, j]
+    while counts[at.STATUS] == at.RUNNING:
         drift(x, h, lagged)
         pass_one(B, modal, work, 0)
-        count_pass(work)
-        fill(x[PULL_TRIAL], 0.0)
-        residual(modal, work, 0)
+        count_pass(work.counts[0])
+        all_forces(modal, work, 0)
         kick(x, modal.modes[0], h)
         add_work(modal, settings, work, 0, h)
-        keep_state(x)
+        copy(x[at.Q_TRIAL], x[at.Q])
+        copy(x[at.V_TRIAL], x[at.V])
         keep_points(work.point[0], h)
-        counts[STEP] += 1
+        counts[at.STEP] += 1
         close_step(modal, settings, work, saved)

@@ -1,84 +1,45 @@
-"""Forces of the contact points: contact law, friction law, and what is relative to the base state.
+"""Forces of the contact points: contact law, friction law, less those of the base state.
 
-Row layouts shared by the Newmark kernels (all f8, one column a contact point):
-
-`points` (8, nc) of a design point: the rows POINT_* below.
-`law` (9,) of a design point: the entries LAW_* below; codes are stored as floats.
+`points` (8, nc) of a design point: the rows POINT_* of newmark_layout.
+`law` (N_LAW,) of a design point: `laws.law_row`.
 `point` (N_POINT, nc), the state of a design's contact points: one evaluation leaves the rows OUT_*
 and, for B^T r, the rows R_*.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from squealstudy.kernels.contact_laws import law_at
-from squealstudy.kernels.exponential import exponential
-from squealstudy.kernels.friction_laws import mu_at, resistance
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel
-
-# points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m, contact stiffness
-# N/m inside the diagonal stiffness, base forces N
-POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
-POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2 = 4, 5, 6, 7
-# law: contact code, a, b; friction code, mu_s, mu_d, v_mu m/s, k_t N s/m3; sliding velocity m/s
-LAW_CONTACT, LAW_A, LAW_B = 0, 1, 2
-LAW_FRICTION, LAW_MU_S, LAW_MU_D, LAW_V_MU, LAW_K_T, LAW_SPEED = 3, 4, 5, 6, 7, 8
-# point: change of gap m, sliding velocity m/s, pressure Pa, friction force N; generalised forces N
-OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
-R_N, R_1, R_2 = 6, 7, 8
+from squealstudy.kernels.laws import contact_at, friction_tangent, frictions, pressures
 
 
 @fast_kernel
-def pressures(
-    law: np.ndarray, points: np.ndarray, point: np.ndarray, first: int, last: int
-) -> None:
-    """Contact pressure [Pa] of the points first to last - 1 into the row OUT_P of `point`."""
-    code, a, b = int(law[0]), law[1], law[2]
-    gap, x, p = points[POINT_GAP], point[OUT_X], point[OUT_P]
-    if code == 0:
-        for i in range(first, last):
-            p[i] = a * exponential(-b * (gap[i] + x[i]))
-    else:
-        for i in range(first, last):
-            p[i], _ = law_at(code, a, b, gap[i] + x[i])
+def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
+    """Friction forces and what is beyond the base state, from the pressures in row OUT_P."""
+    area, factor = points[at.POINT_AREA], points[at.POINT_FRICTION]
+    w1, w2, p = point[at.OUT_W1], point[at.OUT_W2], point[at.OUT_P]
+    frictions(law, area, factor, w1, w2, p, point[at.OUT_T1], point[at.OUT_T2], first, last)
+    beyond_base(points, point, first, last)
 
 
 @fast_kernel
-def frictions(
-    law: np.ndarray, points: np.ndarray, point: np.ndarray, first: int, last: int
-) -> None:
-    """Friction forces [N] of the points first to last - 1 into the rows OUT_T1 and OUT_T2.
-
-    The commonest law has a loop of its own, without the others' exponentials.
-    """
-    code, mu_s, mu_d, v_mu, k_t = int(law[3]), law[4], law[5], law[6], law[7]
-    area, factor = points[POINT_AREA], points[POINT_FRICTION]
-    w1, w2, p = point[OUT_W1], point[OUT_W2], point[OUT_P]
-    t1, t2 = point[OUT_T1], point[OUT_T2]
-    if code == 0 and mu_s == mu_d:
-        for i in range(first, last):
-            s = math.sqrt(w1[i] * w1[i] + w2[i] * w2[i])
-            f = area[i] * resistance(0, k_t, factor[i] * mu_d * p[i], s)
-            t1[i], t2[i] = -f * w1[i], -f * w2[i]
-    else:
-        for i in range(first, last):
-            s = math.sqrt(w1[i] * w1[i] + w2[i] * w2[i])
-            mu, _ = mu_at(mu_s, mu_d, v_mu, s)
-            f = area[i] * resistance(code, k_t, factor[i] * mu * p[i], s)
-            t1[i], t2[i] = -f * w1[i], -f * w2[i]
+def begin_points(law: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
+    """Absolute sliding velocities from those of the motion."""
+    speed, w1 = law[at.LAW_SPEED], point[at.OUT_W1]
+    for i in range(first, last):
+        w1[i] += speed
 
 
 @fast_kernel
 def beyond_base(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
     """Rows R_* of the points first to last - 1: forces less those of the base state."""
     for i in range(first, last):
-        normal = points[POINT_AREA, i] * point[OUT_P, i] - points[POINT_NORMAL, i]
-        point[R_N, i] = normal + points[POINT_STIFFNESS, i] * point[OUT_X, i]
-        point[R_1, i] = point[OUT_T1, i] - points[POINT_T1, i]
-        point[R_2, i] = point[OUT_T2, i] - points[POINT_T2, i]
+        normal = points[at.POINT_AREA, i] * point[at.OUT_P, i] - points[at.POINT_NORMAL, i]
+        point[at.R_N, i] = normal + points[at.POINT_STIFFNESS, i] * point[at.OUT_X, i]
+        point[at.R_1, i] = point[at.OUT_T1, i] - points[at.POINT_T1, i]
+        point[at.R_2, i] = point[at.OUT_T2, i] - points[at.POINT_T2, i]
 
 
 @fast_kernel
@@ -89,7 +50,7 @@ def point_forces(
 
     Parameters
     ----------
-    points : ndarray (8, nc), law : ndarray (9,)
+    points : ndarray (8, nc), law : ndarray (N_LAW,)
     point : ndarray (N_POINT, nc)
         The rows OUT_X, OUT_W1 and OUT_W2 hold N q [m], T1 q' and T2 q' [m/s]; the velocities are
         overwritten with the absolute ones, the rows behind them and R_* are filled.
@@ -98,20 +59,22 @@ def point_forces(
     -----
     R_N contains + k_ref x: the tangent at the reference is inside the diagonal stiffness.
     """
-    speed, w1 = law[8], point[OUT_W1]
-    for i in range(first, last):
-        w1[i] += speed
-    pressures(law, points, point, first, last)
-    frictions(law, points, point, first, last)
-    beyond_base(points, point, first, last)
+    begin_points(law, point, first, last)
+    pressures(law, points[at.POINT_GAP], point[at.OUT_X], point[at.OUT_P], first, last)
+    slide(points, law, point, first, last)
 
 
 @fast_kernel
-def potential(code: int, a: float, b: float, g: float) -> float:
-    """Stored energy per area U(g) = integral of p from g to an open gap [J/m2]."""
-    p, kappa = law_at(code, a, b, g)
-    if code == 0:
-        return p / b
-    if kappa == 0.0:
-        return 0.0
-    return -p * g / (b + 1.0) if code == 2 else 0.5 * p * p / kappa
+def tangents(
+    law: np.ndarray, points: np.ndarray, point: np.ndarray, i: int
+) -> tuple[float, float, float, float, float, float]:
+    """Derivatives of the forces R_* of the evaluated point i.
+
+    dr_n/dx, dt1/dx, dt2/dx [N/m], dt1/dw1, dt1/dw2 = dt2/dw1, dt2/dw2 [N s/m].
+    """
+    area = points[at.POINT_AREA, i]
+    p, kappa = contact_at(law, points[at.POINT_GAP, i] + point[at.OUT_X, i])
+    w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
+    d11, d12, d22, s1, s2 = friction_tangent(law, points[at.POINT_FRICTION, i], p, w1, w2)
+    kn, push = points[at.POINT_STIFFNESS, i] - area * kappa, -area * kappa
+    return kn, push * s1, push * s2, area * d11, area * d12, area * d22

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.integrator_layout import (
     E_QQ,
     E_QV,
@@ -21,41 +22,14 @@ from squealstudy.kernels.integrator_layout import (
     P3_Q,
     P3_V,
 )
-from squealstudy.kernels.integrator_state import close_step, count_pass, finite, open_run
+from squealstudy.kernels.integrator_state import close_step, finite, open_run
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_layout import (
-    DELTA,
-    DELTA_OLD,
-    NOT_FINITE,
-    PULL,
-    PULL_OLD,
-    PULL_TRIAL,
-    Q_BASE,
-    Q_TRIAL,
-    RUNNING,
-    STATUS,
-    STEP,
-    V_BASE,
-    V_TRIAL,
-    Modal,
-    Q,
-    Saved,
-    Settings,
-    V,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import add_work
 from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.kernels.newmark_residual import residual
-from squealstudy.kernels.newmark_step import keep_points
-from squealstudy.kernels.newmark_vector import copy, fill
-
-
-@fast_kernel
-def forces(modal: Modal, work: Work) -> None:
-    """All forces beyond the free modes at the evaluated trial state, into row DELTA."""
-    fill(work.x[0, PULL_TRIAL], 0.0)
-    residual(modal, work, 0)
+from squealstudy.kernels.newmark_residual import all_forces
+from squealstudy.kernels.newmark_step import count_pass, keep_points
+from squealstudy.kernels.newmark_vector import copy
 
 
 @fast_kernel
@@ -66,25 +40,25 @@ def predict(x: np.ndarray, E: np.ndarray, linear: bool) -> None:
     """
     ahead = 1.0 if linear else 0.0
     for j in range(x.shape[1]):
-        q, v, g = x[Q, j], x[V, j], x[PULL, j]
+        q, v, g = x[at.Q, j], x[at.V, j], x[at.PULL, j]
         qb = E[E_QQ, j] * q + E[E_QV, j] * v + E[P1_Q, j] * g
         vb = E[E_VQ, j] * q + E[E_VV, j] * v + E[P1_V, j] * g
-        slope = ahead * (g - x[PULL_OLD, j])
-        x[Q_BASE, j], x[V_BASE, j] = qb, vb
-        x[Q_TRIAL, j] = qb + E[P2_Q, j] * slope
-        x[V_TRIAL, j] = vb + E[P2_V, j] * slope
+        slope = ahead * (g - x[at.PULL_OLD, j])
+        x[at.Q_BASE, j], x[at.V_BASE, j] = qb, vb
+        x[at.Q_TRIAL, j] = qb + E[P2_Q, j] * slope
+        x[at.V_TRIAL, j] = vb + E[P2_V, j] * slope
 
 
 @fast_kernel
 def correct(x: np.ndarray, E: np.ndarray, quadratic: bool) -> None:
     """The new state with forces linear or quadratic in time through the new ones in DELTA."""
     for j in range(x.shape[1]):
-        new, g, old = x[DELTA, j], x[PULL, j], x[PULL_OLD, j]
+        new, g, old = x[at.DELTA, j], x[at.PULL, j], x[at.PULL_OLD, j]
         slope, bend = new - g, 0.0
         if quadratic:
             slope, bend = 0.5 * (new - old), new - 2.0 * g + old
-        x[Q_TRIAL, j] = x[Q_BASE, j] + E[P2_Q, j] * slope + E[P3_Q, j] * bend
-        x[V_TRIAL, j] = x[V_BASE, j] + E[P2_V, j] * slope + E[P3_V, j] * bend
+        x[at.Q_TRIAL, j] = x[at.Q_BASE, j] + E[P2_Q, j] * slope + E[P3_Q, j] * bend
+        x[at.V_TRIAL, j] = x[at.V_BASE, j] + E[P2_V, j] * slope + E[P3_V, j] * bend
 
 
 @fast_kernel
@@ -101,17 +75,17 @@ def one_step(
     x = work.x[0]
     predict(x, E, third)
     pass_one(B, modal, work, 0)
-    count_pass(work)
-    forces(modal, work)
+    count_pass(work.counts[0])
+    all_forces(modal, work, 0)
     correct(x, E, third)
     add_work(modal, settings, work, 0, h)
-    copy(x[Q_TRIAL], x[Q])
-    copy(x[V_TRIAL], x[V])
-    copy(x[PULL], x[PULL_OLD])
-    copy(x[DELTA], x[PULL])
+    copy(x[at.Q_TRIAL], x[at.Q])
+    copy(x[at.V_TRIAL], x[at.V])
+    copy(x[at.PULL], x[at.PULL_OLD])
+    copy(x[at.DELTA], x[at.PULL])
     keep_points(work.point[0], h)
-    if not finite(x[DELTA]):
-        work.counts[0, STATUS] = NOT_FINITE
+    if not finite(x[at.DELTA]):
+        work.counts[0, at.STATUS] = at.NOT_FINITE
 
 
 @entry_kernel
@@ -135,14 +109,14 @@ def exponential_steps(
     """
     open_run(B, modal, settings, work, saved)
     x, counts = work.x[0], work.counts[0]
-    while counts[STATUS] == RUNNING:
-        if parts > 0 and counts[STEP] == 0:
-            copy(x[PULL], x[DELTA_OLD])
+    while counts[at.STATUS] == at.RUNNING:
+        if parts > 0 and counts[at.STEP] == 0:
+            copy(x[at.PULL], x[at.DELTA_OLD])
             for _ in range(parts):
                 one_step(B, modal, settings, work, E[1], settings.h / parts, False)
-            copy(x[DELTA_OLD], x[PULL_OLD])
+            copy(x[at.DELTA_OLD], x[at.PULL_OLD])
         else:
             one_step(B, modal, settings, work, E[0], settings.h, parts > 0)
-        counts[STEP] += 1
-        if counts[STATUS] == RUNNING:
+        counts[at.STEP] += 1
+        if counts[at.STATUS] == at.RUNNING:
             close_step(modal, settings, work, saved)

@@ -8,25 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_contact import contact_iteration, quadratic_form
-from squealstudy.kernels.hybrid_layout import (
-    DV,
-    FOUND,
-    LEFT,
-    OLD_X,
-    R_GUESS,
-    RATE,
-    RATE_END,
-    RATE_S,
-    RATE_S_END,
-    RHS,
-    Y_END,
-    Hybrid,
-    Level,
-    R,
-    State,
-    Y,
-)
+from squealstudy.kernels.hybrid_layout import Hybrid, Level, State
 from squealstudy.kernels.hybrid_vector import free_rates, modal_force, move_rates, multiply, spread
 from squealstudy.kernels.jit import fast_kernel, kernel
 from squealstudy.kernels.newmark_vector import dot, move
@@ -55,23 +40,23 @@ def balance(
     rows, point, x = state.rows, state.point, state.vectors
     half = 0.5 * level.h
     nb = 3 * point.shape[0]
-    x[DV] = dv
+    x[at.DV] = dv
     y = predicted_velocities(model, level, state)
-    eliminated = eliminate_shapes(model, level, rows[R, nb:], y[nb:])
+    eliminated = eliminate_shapes(model, level, rows[at.R, nb:], y[nb:])
     y_c = y[:nb].copy()
     for i in range(nb):
         y_c[i] += dot(level.G_shapes[i], eliminated)
-    rows[Y_END, :nb] = y_c
-    r = rows[R, :nb]
+    rows[at.Y_END, :nb] = y_c
+    r = rows[at.R, :nb]
     # dv = h a and J dv = h (all forces): the square of all forces in the metric of G is h/2 a J a
-    scale2 = quadratic_form(level.G, r) + 0.5 / level.h * dot(dv, x[RHS])
+    scale2 = quadratic_form(level.G, r) + 0.5 / level.h * dot(dv, x[at.RHS])
     outcome, evaluations, contraction = contact_iteration(
         model.points,
         model.law,
         half,
         level.G,
         level.floor2,
-        point[:, OLD_X] + half * rows[Y, 0:nb:3],
+        point[:, at.OLD_X] + half * rows[at.Y, 0:nb:3],
         y_c,
         r,
         point,
@@ -80,8 +65,8 @@ def balance(
         TIGHT * tolerance_t,
         max_iterations,
     )
-    rows[FOUND] = rows[R]
-    lack = r - rows[R_GUESS, :nb]
+    rows[at.FOUND] = rows[at.R]
+    lack = r - rows[at.R_GUESS, :nb]
     heavy, n_heavy = heavy_points(model, level, lack, point, scale2, tolerance, tolerance_t)
     solve = 3 * n_heavy * dv.size > level.fill
     if solve:
@@ -90,9 +75,9 @@ def balance(
     for i in range(nb):
         if heavy[i // 3]:
             change[i] = lack[i]
-            move(rows[Y_END, :nb], lack[i], level.G[i])
+            move(rows[at.Y_END, :nb], lack[i], level.G[i])
         else:  # what these forces lack acts in the next step
-            r[i] = rows[R_GUESS, i]
+            r[i] = rows[at.R_GUESS, i]
     change_shapes(level, eliminated, change, rows, nb)
     carry(model, level, state, change, solve)
     return outcome, evaluations, contraction, n_heavy, solve
@@ -104,15 +89,19 @@ def predicted_velocities(model: Hybrid, level: Level, state: State) -> np.ndarra
     rows, modes = state.rows, state.modes
     force = np.empty(model.omega2.size)
     free_rates(model, state, level.h)
-    modal_force(model, rows[LEFT] + rows[R], force)
+    modal_force(model, rows[at.LEFT] + rows[at.R], force)
     move_rates(model, state, level.h, force)
     lag = force
     for j in range(lag.size):
-        lag[j] = modes[RATE_END, j] - modes[RATE_S_END, j] - (modes[RATE, j] - modes[RATE_S, j])
+        lag[j] = (
+            modes[at.RATE_END, j]
+            - modes[at.RATE_S_END, j]
+            - (modes[at.RATE, j] - modes[at.RATE_S, j])
+        )
     y = np.empty(rows.shape[1])
-    multiply(model.B, state.vectors[DV], y)
+    multiply(model.B, state.vectors[at.DV], y)
     for i in range(y.size):
-        y[i] += rows[Y, i] + dot(model.B_modes[i], lag)
+        y[i] += rows[at.Y, i] + dot(model.B_modes[i], lag)
     return y
 
 
@@ -142,8 +131,8 @@ def change_shapes(
             move(seen, change[i], level.G_shapes[i])
     for a in range(k):
         change[nb + a] = eliminated[a] - dot(level.shape_inverse[a], seen)
-        rows[R, nb + a] += change[nb + a]
-        rows[FOUND, nb + a] = rows[R, nb + a]
+        rows[at.R, nb + a] += change[nb + a]
+        rows[at.FOUND, nb + a] = rows[at.R, nb + a]
 
 
 @fast_kernel
@@ -154,12 +143,12 @@ def carry(model: Hybrid, level: Level, state: State, change: np.ndarray, solve: 
     modal_force(model, change, force)
     move_rates(model, state, level.h, force)
     if solve:
-        x[RHS] = 0.0
-        spread(model.B, 0.5 * level.h, change, x[RHS])
+        x[at.RHS] = 0.0
+        spread(model.B, 0.5 * level.h, change, x[at.RHS])
         return
     for i in range(change.size):
         if change[i] != 0.0:
-            move(x[DV], 0.5 * level.h * change[i], level.X[i])
+            move(x[at.DV], 0.5 * level.h * change[i], level.X[i])
 
 
 @fast_kernel
@@ -180,7 +169,13 @@ def heavy_points(
     bounds2 = 0.0
     e2, e2_t = np.empty(nc), np.empty(nc)
     for i in range(nc):
-        bound = model.points[i, 1] * model.points[i, 2] * model.law[4] * point[i, 3]
+        own = model.points[i]
+        bound = (
+            own[its.POINT_AREA]
+            * own[its.POINT_FRICTION]
+            * model.law[its.LAW_MU]
+            * point[i, its.OUT_P]
+        )
         bounds2 += bound * bound
         e2[i] = 0.0
         for a in range(3 * i, 3 * i + 3):

@@ -4,38 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_contact import evaluate
-from squealstudy.kernels.hybrid_layout import (
-    ALPHA,
-    ALPHA_S,
-    D_DAMPING,
-    D_FRICTION,
-    DV,
-    FOUND,
-    KQ,
-    KV,
-    LEFT,
-    MOST_TIMES,
-    OLD_T,
-    OLD_W,
-    OLD_X,
-    PAST,
-    RATE,
-    RATE_END,
-    RATE_S,
-    RATE_S_END,
-    RHS,
-    W_BELT,
-    W_LOAD,
-    Y_END,
-    Hybrid,
-    Level,
-    Q,
-    R,
-    State,
-    V,
-    Y,
-)
+from squealstudy.kernels.hybrid_layout import Hybrid, Level, State
 from squealstudy.kernels.hybrid_vector import multiply
 from squealstudy.kernels.jit import fast_kernel, kernel
 
@@ -45,21 +17,21 @@ def start(model: Hybrid, state: State) -> bool:
     """Forces of the initial state in vectors Q and V; False where they are not finite."""
     rows, point, x = state.rows, state.point, state.vectors
     nc, k = point.shape[0], model.d.size
-    multiply(model.K, x[Q], x[KQ])
-    multiply(model.K, x[V], x[KV])
-    multiply(model.B, x[Q], rows[Y])
-    x_base = rows[Y, 0 : 3 * nc : 3].copy()
-    point[:, OLD_X] = x_base
-    multiply(model.B, x[V], rows[Y])
-    forces = rows[PAST, : 3 * nc]
+    multiply(model.K, x[at.Q], x[at.KQ])
+    multiply(model.K, x[at.V], x[at.KV])
+    multiply(model.B, x[at.Q], rows[at.Y])
+    x_base = rows[at.Y, 0 : 3 * nc : 3].copy()
+    point[:, at.OLD_X] = x_base
+    multiply(model.B, x[at.V], rows[at.Y])
+    forces = rows[at.PAST, : 3 * nc]
     forces[:] = 0.0
-    y = rows[Y, : 3 * nc]
+    y = rows[at.Y, : 3 * nc]
     F = np.empty(3 * nc)
     change2, bounds2 = evaluate(model.points, model.law, 0.0, x_base, y, forces, point, F)
     forces[:] = F
     for a in range(k):
-        rows[PAST, 3 * nc + a] = -model.d[a] * rows[Y, 3 * nc + a]
-    rows[LEFT] = rows[PAST]
+        rows[at.PAST, 3 * nc + a] = -model.d[a] * rows[at.Y, 3 * nc + a]
+    rows[at.LEFT] = rows[at.PAST]
     for i in range(nc):
         keep_point(point[i])
     total = 0.0
@@ -73,39 +45,41 @@ def commit(model: Hybrid, level: Level, state: State) -> None:
     """Accept the step whose change of velocity is in row DV: state, work, histories of forces."""
     rows, point, x, modes = state.rows, state.point, state.vectors, state.modes
     h = level.h
-    kdv = x[RHS]
-    multiply(model.K, x[DV], kdv)
+    kdv = x[at.RHS]
+    multiply(model.K, x[at.DV], kdv)
     damped = 0.0
     for j in range(x.shape[1]):
-        damped += (2.0 * x[V, j] + x[DV, j]) * (2.0 * x[KV, j] + kdv[j])
-        x[Q, j] += h * (x[V, j] + 0.5 * x[DV, j])
-        x[V, j] += x[DV, j]
-        x[KQ, j] += h * (x[KV, j] + 0.5 * kdv[j])
-        x[KV, j] += kdv[j]
+        damped += (2.0 * x[at.V, j] + x[at.DV, j]) * (2.0 * x[at.KV, j] + kdv[j])
+        x[at.Q, j] += h * (x[at.V, j] + 0.5 * x[at.DV, j])
+        x[at.V, j] += x[at.DV, j]
+        x[at.KQ, j] += h * (x[at.KV, j] + 0.5 * kdv[j])
+        x[at.KV, j] += kdv[j]
     damped *= model.beta
     for j in range(modes.shape[1]):
-        v = modes[RATE, j] + modes[RATE_END, j]
-        v_s = modes[RATE_S, j] + modes[RATE_S_END, j]
+        v = modes[at.RATE, j] + modes[at.RATE_END, j]
+        v_s = modes[at.RATE_S, j] + modes[at.RATE_S_END, j]
         damped += model.c[j] * v * v - model.beta * model.omega2[j] * v_s * v_s
-        modes[ALPHA, j] += 0.5 * h * v
-        modes[ALPHA_S, j] += 0.5 * h * v_s
-        modes[RATE, j] = modes[RATE_END, j]
-        modes[RATE_S, j] = modes[RATE_S_END, j]
+        modes[at.ALPHA, j] += 0.5 * h * v
+        modes[at.ALPHA_S, j] += 0.5 * h * v_s
+        modes[at.RATE, j] = modes[at.RATE_END, j]
+        modes[at.RATE_S, j] = modes[at.RATE_S_END, j]
     nc = point.shape[0]
     for a in range(model.d.size):
         own = 3 * nc + a
-        rows[Y_END, own] = -rows[R, own] / model.d[a]
-        seen = rows[Y_END, own] + rows[Y, own]
+        rows[at.Y_END, own] = -rows[at.R, own] / model.d[a]
+        seen = rows[at.Y_END, own] + rows[at.Y, own]
         damped += model.d[a] * seen * seen
-    state.work[D_DAMPING] += 0.25 * h * damped
+    state.work[at.D_DAMPING] += 0.25 * h * damped
     add_contact_work(model, state, h)
     for i in range(nc):
-        point[i, OLD_X] += 0.5 * h * (rows[Y, 3 * i] + rows[Y_END, 3 * i])
-    rows[Y] = rows[Y_END]
-    for age in range(MOST_TIMES - 1, 0, -1):
-        rows[PAST + age] = rows[PAST + age - 1]
-    rows[PAST] = rows[FOUND]
-    rows[LEFT] = 2.0 * rows[FOUND] - rows[R]  # the impulse of what this step left out is not lost
+        point[i, at.OLD_X] += 0.5 * h * (rows[at.Y, 3 * i] + rows[at.Y_END, 3 * i])
+    rows[at.Y] = rows[at.Y_END]
+    for age in range(at.MOST_TIMES - 1, 0, -1):
+        rows[at.PAST + age] = rows[at.PAST + age - 1]
+    rows[at.PAST] = rows[at.FOUND]
+    rows[at.LEFT] = (
+        2.0 * rows[at.FOUND] - rows[at.R]
+    )  # the impulse of what this step left out is not lost
 
 
 @fast_kernel
@@ -114,22 +88,23 @@ def add_contact_work(model: Hybrid, state: State, h: float) -> None:
     belt = 0.0
     sliding = 0.0
     load = 0.0
-    speed = model.law[8]
+    speed = model.law[its.LAW_SPEED]
     point = state.point
     for i in range(point.shape[0]):
-        w1, w2 = point[i, OLD_W] + point[i, 1], point[i, OLD_W + 1] + point[i, 2]
-        t1, t2 = point[i, OLD_T] + point[i, 4], point[i, OLD_T + 1] + point[i, 5]
+        own, base = point[i], model.points[i]
+        w1, w2 = own[at.OLD_W1] + own[its.OUT_W1], own[at.OLD_W2] + own[its.OUT_W2]
+        t1, t2 = own[at.OLD_T1] + own[its.OUT_T1], own[at.OLD_T2] + own[its.OUT_T2]
         belt += t1
         sliding += w1 * t1 + w2 * t2
-        load -= model.points[i, 6] * (w1 - 2.0 * speed) + model.points[i, 7] * w2
-        keep_point(point[i])
-    state.work[W_LOAD] += 0.5 * h * load
-    state.work[W_BELT] -= 0.5 * h * speed * belt
-    state.work[D_FRICTION] -= 0.25 * h * sliding
+        load -= base[its.POINT_T1] * (w1 - 2.0 * speed) + base[its.POINT_T2] * w2
+        keep_point(own)
+    state.work[at.W_LOAD] += 0.5 * h * load
+    state.work[at.W_BELT] -= 0.5 * h * speed * belt
+    state.work[at.D_FRICTION] -= 0.25 * h * sliding
 
 
 @fast_kernel
 def keep_point(own: np.ndarray) -> None:
     """The trial state of a point is accepted."""
-    own[OLD_W], own[OLD_W + 1] = own[1], own[2]
-    own[OLD_T], own[OLD_T + 1] = own[4], own[5]
+    own[at.OLD_W1], own[at.OLD_W2] = own[its.OUT_W1], own[its.OUT_W2]
+    own[at.OLD_T1], own[at.OLD_T2] = own[its.OUT_T1], own[its.OUT_T2]

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.hybrid_layout import ACCEPTED, NOT_CONVERGED, NOT_FINITE
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_point import BIG, imbalance, solve_point
 from squealstudy.kernels.jit import fast_kernel
 
@@ -50,7 +51,12 @@ def evaluate(
         own = F[a : a + 3]
         imbalance(points[i], law, half, x_base[i], y[a : a + 3], r[a : a + 3], point[i, :6], own)
         change2 += own[1] * own[1] + own[2] * own[2]
-        bound = points[i, 1] * points[i, 2] * law[4] * point[i, 3]
+        bound = (
+            points[i, its.POINT_AREA]
+            * points[i, its.POINT_FRICTION]
+            * law[its.LAW_MU]
+            * point[i, its.OUT_P]
+        )
         bounds2 += bound * bound
     return change2, bounds2
 
@@ -134,10 +140,10 @@ def contact_iteration(
         change2, bounds2 = evaluate(points, law, half, x_base, y, r, point, F)
         e2 = quadratic_form(G, F)
         if not (e2 < BIG and scale2 < BIG and change2 < BIG and bounds2 < BIG):
-            return NOT_FINITE, iteration + 1, contraction
+            return at.NOT_FINITE, iteration + 1, contraction
         limit, limit_t = tol2 * scale2 + floor2, tol2_t * bounds2
         if e2 <= limit and change2 <= limit_t:
-            return ACCEPTED, iteration + 1, contraction
+            return at.ACCEPTED, iteration + 1, contraction
         if iteration > 0 and e2_old > floor2:
             contraction = max(contraction, (e2 / e2_old) ** 0.5)
         e2_old = e2
@@ -155,4 +161,4 @@ def contact_iteration(
             share * limit_t / nc,
         )
         share *= NEXT_SHARE * NEXT_SHARE
-    return NOT_CONVERGED, max_iterations, contraction
+    return at.NOT_CONVERGED, max_iterations, contraction

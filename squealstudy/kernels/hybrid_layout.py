@@ -31,9 +31,9 @@ N_MODES = 6
 LEFT, R, R_GUESS, FOUND, Y, Y_END, PAST = 0, 1, 2, 3, 4, 5, 6
 MOST_TIMES = 5
 N_ROWS = PAST + MOST_TIMES
-# columns of State.point (nc,): change of gap m, sliding velocity m/s, pressure Pa, friction
-# force N of the trial state; w1, w2, t1, t2 and change of gap accepted last
-OLD_W, OLD_T, OLD_X = 6, 8, 10
+# columns of State.point (nc,) after newmark_layout.OUT_* of the trial state: w1, w2, t1, t2 and
+# change of gap accepted last
+OLD_W1, OLD_W2, OLD_T1, OLD_T2, OLD_X = 6, 7, 8, 9, 10
 N_POINT = 11
 # State.work: work of the loads and of the belt, dissipation by friction and damping, J
 W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 0, 1, 2, 3
@@ -55,8 +55,8 @@ class Hybrid(NamedTuple):
     K: Sparse  # (n, n)
     B: Sparse  # (3 nc + k, n)
     B_modes: np.ndarray  # (3 nc + k, m) B phi
-    points: np.ndarray  # (nc, 8) base gap, area, factor on friction, arm, k_ref, base forces (3)
-    law: np.ndarray  # (9,) contact code, a, b; friction code, mu_s, mu_d, v_mu, k_t; speed
+    points: np.ndarray  # (nc, 8) columns newmark_layout.POINT_*
+    law: np.ndarray  # (N_LAW,) laws.law_row
     omega2: np.ndarray  # (m,)
     c: np.ndarray  # (m,) modal damping, rad/s
     beta: float  # s, stiffness-proportional damping of the sparse part

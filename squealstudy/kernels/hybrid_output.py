@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_point import potential
-from squealstudy.kernels.friction_laws import mu_at
-from squealstudy.kernels.hybrid_layout import OLD_X, Hybrid, State
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels import newmark_layout as its
+from squealstudy.kernels.hybrid_layout import Hybrid, State
 from squealstudy.kernels.jit import kernel
+from squealstudy.kernels.laws import mu_at, potential
 
 OPEN = 0.01  # a point is open below this share of the mean pressure
 
@@ -16,13 +17,12 @@ OPEN = 0.01  # a point is open below this share of the mean pressure
 def contact_energy(model: Hybrid, state: State) -> float:
     """Contact potential from the reference state beyond the tangent that is in K, J."""
     law = model.law
-    code = int(law[0])
     total = 0.0
     for i in range(model.points.shape[0]):
-        point, gap = model.points[i], state.point[i, OLD_X]
-        U = potential(code, law[1], law[2], point[0] + gap)
-        U -= potential(code, law[1], law[2], point[0])
-        total += point[1] * U + point[5] * gap - 0.5 * point[4] * gap * gap
+        point, gap = model.points[i], state.point[i, at.OLD_X]
+        U = potential(law, point[its.POINT_GAP] + gap) - potential(law, point[its.POINT_GAP])
+        total += point[its.POINT_AREA] * U + point[its.POINT_NORMAL] * gap
+        total -= 0.5 * point[its.POINT_STIFFNESS] * gap * gap
     return total
 
 
@@ -35,20 +35,21 @@ def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
     law = model.law
     for i in range(model.points.shape[0]):
         point, trial = model.points[i], state.point[i]
-        torque -= point[3] * trial[4]
-        force += point[1] * trial[3]
-        area += point[1]
+        torque -= point[its.POINT_RADIUS] * trial[its.OUT_T1]
+        force += point[its.POINT_AREA] * trial[its.OUT_P]
+        area += point[its.POINT_AREA]
     stick = 0.0
     opened = 0.0
     creep = 0.0
     for i in range(model.points.shape[0]):
         point, trial = model.points[i], state.point[i]
-        s = (trial[1] * trial[1] + trial[2] * trial[2]) ** 0.5
-        mu, _ = mu_at(law[4], law[5], law[6], s)
-        if trial[3] <= OPEN * force / area:
-            opened += point[1] / area
-        elif law[7] * s < point[2] * mu * trial[3]:
-            stick += point[1] / area
+        p, share = trial[its.OUT_P], point[its.POINT_AREA] / area
+        s = (trial[its.OUT_W1] * trial[its.OUT_W1] + trial[its.OUT_W2] * trial[its.OUT_W2]) ** 0.5
+        mu, _, _ = mu_at(law, s, p)
+        if p <= OPEN * force / area:
+            opened += share
+        elif law[its.LAW_SLOPE] * s < point[its.POINT_FRICTION] * mu * p:
+            stick += share
             creep = max(creep, s)
     row[1], row[2] = torque, force
     row[3], row[4], row[5] = stick, 1.0 - stick - opened, opened

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_laws import law_at
-from squealstudy.kernels.friction_laws import friction_at, friction_tangent
+from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite
 LOCAL_ITERATIONS = 20
@@ -27,27 +27,26 @@ def point_force(
 
     Parameters
     ----------
-    point : ndarray (8,), law : ndarray (9,)
+    point : ndarray (8,), law : ndarray (N_LAW,)
         See hybrid_layout.
     x, v1, v2 : float
         N q [m], T1 q' and T2 q' [m/s].
     out : ndarray (6,)
-        Filled with the absolute state: columns hybrid_layout.OUT_*.
+        Filled with the absolute state: columns newmark_layout.OUT_*.
 
     Notes
     -----
     rn contains + k_ref x: the tangent at the reference is inside K.
     """
-    area, factor = point[1], point[2]
-    w1 = law[8] + v1
-    p, _ = law_at(int(law[0]), law[1], law[2], point[0] + x)
-    t1, t2, _ = friction_at(
-        int(law[3]), factor * law[4], factor * law[5], law[6], law[7], p, w1, v2
-    )
+    area, w1 = point[its.POINT_AREA], law[its.LAW_SPEED] + v1
+    p, _ = contact_at(law, point[its.POINT_GAP] + x)
+    t1, t2, _ = friction_at(law, point[its.POINT_FRICTION], p, w1, v2)
     t1 *= area
     t2 *= area
-    out[0], out[1], out[2], out[3], out[4], out[5] = x, w1, v2, p, t1, t2
-    return area * p - point[5] + point[4] * x, t1 - point[6], t2 - point[7]
+    out[its.OUT_X], out[its.OUT_W1], out[its.OUT_W2] = x, w1, v2
+    out[its.OUT_P], out[its.OUT_T1], out[its.OUT_T2] = p, t1, t2
+    rn = area * p - point[its.POINT_NORMAL] + point[its.POINT_STIFFNESS] * x
+    return rn, t1 - point[its.POINT_T1], t2 - point[its.POINT_T2]
 
 
 @fast_kernel
@@ -55,19 +54,12 @@ def tangent(
     point: np.ndarray, law: np.ndarray, half: float, trial: np.ndarray, D: np.ndarray
 ) -> None:
     """Derivative D (3, 3) of a point's forces by its velocities, at its evaluated state `trial`."""
-    area, factor = point[1], point[2]
-    _, kappa = law_at(int(law[0]), law[1], law[2], point[0] + trial[0])
+    area = point[its.POINT_AREA]
+    _, kappa = contact_at(law, point[its.POINT_GAP] + trial[its.OUT_X])
     d11, d12, d22, f1, f2 = friction_tangent(
-        int(law[3]),
-        factor * law[4],
-        factor * law[5],
-        law[6],
-        law[7],
-        trial[3],
-        trial[1],
-        trial[2],
+        law, point[its.POINT_FRICTION], trial[its.OUT_P], trial[its.OUT_W1], trial[its.OUT_W2]
     )
-    D[0, 0] = half * (point[4] - area * kappa)
+    D[0, 0] = half * (point[its.POINT_STIFFNESS] - area * kappa)
     D[0, 1] = D[0, 2] = 0.0
     D[1, 0] = -area * half * kappa * f1
     D[2, 0] = -area * half * kappa * f2
@@ -133,7 +125,7 @@ def solve_point(
     r[0], r[1], r[2] = r0[0], r0[1], r0[2]
     F2 = imbalance(point, law, half, x_base, y, r, trial, F)
     step = np.empty(3)
-    normal = trial[3] * point[1]
+    normal = trial[its.OUT_P] * point[its.POINT_AREA]
     enough = LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + ROUND_OFF * ROUND_OFF * normal * normal
     for _ in range(LOCAL_ITERATIONS):
         if not (enough < F2 < BIG):

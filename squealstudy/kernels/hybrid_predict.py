@@ -9,19 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.hybrid_layout import (
-    KQ,
-    KV,
-    LEFT,
-    MOST_TIMES,
-    PAST,
-    R_GUESS,
-    RHS,
-    Hybrid,
-    Level,
-    R,
-    State,
-)
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels.hybrid_layout import Hybrid, Level, State
 from squealstudy.kernels.hybrid_vector import spread
 from squealstudy.kernels.jit import fast_kernel, kernel
 
@@ -36,10 +25,15 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
     """
     best = 0
     least = np.inf
-    for order in range(min(known, MOST_TIMES) - 1):
+    for order in range(min(known, at.MOST_TIMES) - 1):
         e2 = 0.0
         for i in range(first, last):
-            r1, r2, r3, r4 = rows[PAST, i], rows[PAST + 1, i], rows[PAST + 2, i], rows[PAST + 3, i]
+            r1, r2, r3, r4 = (
+                rows[at.PAST, i],
+                rows[at.PAST + 1, i],
+                rows[at.PAST + 2, i],
+                rows[at.PAST + 3, i],
+            )
             if order == 0:
                 e = r1 - r2
             elif order == 1:
@@ -47,12 +41,17 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
             elif order == 2:
                 e = r1 - 3.0 * r2 + 3.0 * r3 - r4
             else:
-                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + rows[PAST + 4, i]
+                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + rows[at.PAST + 4, i]
             e2 += e * e
         if e2 < least:
             best, least = order, e2
     for i in range(first, last):
-        r1, r2, r3, r4 = rows[PAST, i], rows[PAST + 1, i], rows[PAST + 2, i], rows[PAST + 3, i]
+        r1, r2, r3, r4 = (
+            rows[at.PAST, i],
+            rows[at.PAST + 1, i],
+            rows[at.PAST + 2, i],
+            rows[at.PAST + 3, i],
+        )
         r = r1
         if best == 1:
             r = 2.0 * r1 - r2
@@ -60,8 +59,8 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
             r = 3.0 * (r1 - r2) + r3
         elif best == 3:
             r = 4.0 * (r1 + r3) - 6.0 * r2 - r4
-        rows[R, i] = r
-        rows[R_GUESS, i] = r
+        rows[at.R, i] = r
+        rows[at.R_GUESS, i] = r
 
 
 @kernel
@@ -75,5 +74,5 @@ def predict(model: Hybrid, level: Level, state: State, known: int) -> None:
     for i in range(nb, rows.shape[1]):
         extrapolate(rows, i, i + 1, known)
     for j in range(x.shape[1]):
-        x[RHS, j] = -h * (x[KQ, j] + (0.5 * h + model.beta) * x[KV, j])
-    spread(model.B, 0.5 * h, rows[LEFT] + rows[R], x[RHS])
+        x[at.RHS, j] = -h * (x[at.KQ, j] + (0.5 * h + model.beta) * x[at.KV, j])
+    spread(model.B, 0.5 * h, rows[at.LEFT] + rows[at.R], x[at.RHS])

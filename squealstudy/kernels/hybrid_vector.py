@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.hybrid_layout import (
-    ALPHA,
-    ALPHA_S,
-    RATE,
-    RATE_END,
-    RATE_S,
-    RATE_S_END,
-    Hybrid,
-    Sparse,
-    State,
-)
+from squealstudy.kernels import hybrid_layout as at
+from squealstudy.kernels.hybrid_layout import Hybrid, Sparse, State
 from squealstudy.kernels.jit import fast_kernel
 
 
@@ -57,11 +48,11 @@ def free_rates(model: Hybrid, state: State, h: float) -> None:
         w2, c = model.omega2[j], model.c[j]
         c_s = model.beta * w2
         stiff = 1.0 + 0.25 * h * h * w2
-        v, v_s = modes[RATE, j], modes[RATE_S, j]
-        pull = h * (w2 * (modes[ALPHA, j] + 0.5 * h * v) + c * v)
-        pull_s = h * (w2 * (modes[ALPHA_S, j] + 0.5 * h * v_s) + c_s * v_s)
-        modes[RATE_END, j] = v - pull / (stiff + 0.5 * h * c)
-        modes[RATE_S_END, j] = v_s - pull_s / (stiff + 0.5 * h * c_s)
+        v, v_s = modes[at.RATE, j], modes[at.RATE_S, j]
+        pull = h * (w2 * (modes[at.ALPHA, j] + 0.5 * h * v) + c * v)
+        pull_s = h * (w2 * (modes[at.ALPHA_S, j] + 0.5 * h * v_s) + c_s * v_s)
+        modes[at.RATE_END, j] = v - pull / (stiff + 0.5 * h * c)
+        modes[at.RATE_S_END, j] = v_s - pull_s / (stiff + 0.5 * h * c_s)
 
 
 @fast_kernel
@@ -71,5 +62,5 @@ def move_rates(model: Hybrid, state: State, h: float, force: np.ndarray) -> None
     for j in range(force.size):
         stiff = 1.0 + 0.25 * h * h * model.omega2[j]
         impulse = 0.5 * h * force[j]
-        modes[RATE_END, j] += impulse / (stiff + 0.5 * h * model.c[j])
-        modes[RATE_S_END, j] += impulse / (stiff + 0.5 * h * model.beta * model.omega2[j])
+        modes[at.RATE_END, j] += impulse / (stiff + 0.5 * h * model.c[j])
+        modes[at.RATE_S_END, j] += impulse / (stiff + 0.5 * h * model.beta * model.omega2[j])

@@ -1,33 +1,35 @@
-"""The project's numba decorators."""
+"""The project's numba decorators, and where what they compile is kept."""
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 
+from squealstudy.kernels.law_set import SOURCES
 from squealstudy.paths import cache_directory
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled_directory() -> Path:
-    """Cache of compiled kernels, named by a hash of all kernel sources.
+    """Cache of compiled kernels, named by a hash of all sources of kernels and laws.
 
     numba recompiles a kernel when its own file changes, not when one that it calls does: a hash
     of them all never meets stale code, and works where the package cannot be written to.
     """
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(repr(SOURCES).encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
-    return cache_directory() / "kernels" / digest.hexdigest()[:16]
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(given) if given else cache_directory() / "kernels") / digest.hexdigest()[:16]
 
 
-if not numba.config.CACHE_DIR:
-    numba.config.CACHE_DIR = str(compiled_directory())
+numba.config.CACHE_DIR = str(compiled_directory())
 
 REORDER = {"reassoc", "contract", "nsz", "arcp"}  # sums may be vectorised; NaN and inf keep meaning
 

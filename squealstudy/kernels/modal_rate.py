@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_laws import law_at
-from squealstudy.kernels.friction_laws import friction_tangent
+from squealstudy.kernels import newmark_layout as at
+from squealstudy.kernels.contact_point import tangents
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_layout import (
-    DELTA,
-    PULL_TRIAL,
-    Q_TRIAL,
-    V_TRIAL,
-    W2,
-    C,
-    Modal,
-    Q,
-    Saved,
-    Settings,
-    V,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import save, stored_energy
 from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.kernels.newmark_residual import residual
-from squealstudy.kernels.newmark_vector import fill
+from squealstudy.kernels.newmark_residual import all_forces
 
 
 @fast_kernel
@@ -32,8 +18,8 @@ def take(y: np.ndarray, x: np.ndarray) -> None:
     """State y (2 m,) into the trial rows of x (N_ROWS, n), n >= m."""
     m = y.size // 2
     for j in range(m):
-        x[Q_TRIAL, j] = y[j]
-        x[V_TRIAL, j] = y[m + j]
+        x[at.Q_TRIAL, j] = y[j]
+        x[at.V_TRIAL, j] = y[m + j]
 
 
 @entry_kernel
@@ -42,11 +28,10 @@ def modal_rate(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, dy: np.nd
     x, modes, m = work.x[0], modal.modes[0], y.size // 2
     take(y, x)
     pass_one(B, modal, work, 0)
-    fill(x[PULL_TRIAL], 0.0)
-    residual(modal, work, 0)
+    all_forces(modal, work, 0)
     for j in range(m):
         dy[j] = y[m + j]
-        dy[m + j] = x[DELTA, j] - modes[C, j] * y[m + j] - modes[W2, j] * y[j]
+        dy[m + j] = x[at.DELTA, j] - modes[at.C, j] * y[m + j] - modes[at.W2, j] * y[j]
 
 
 @entry_kernel
@@ -60,23 +45,8 @@ def point_tangents(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, D: np
     """
     take(y, work.x[0])
     pass_one(B, modal, work, 0)
-    law, points, point = modal.laws[0], modal.points[0], work.point[0]
     for i in range(D.shape[1]):
-        area, factor = points[1, i], points[2, i]
-        p, kappa = law_at(int(law[0]), law[1], law[2], points[0, i] + point[0, i])
-        d11, d12, d22, s1, s2 = friction_tangent(
-            int(law[3]),
-            factor * law[4],
-            factor * law[5],
-            law[6],
-            law[7],
-            p,
-            point[1, i],
-            point[2, i],
-        )
-        D[0, i] = points[4, i] - area * kappa
-        D[1, i], D[2, i] = -area * kappa * s1, -area * kappa * s2
-        D[3, i], D[4, i], D[5, i] = area * d11, area * d12, area * d22
+        D[:, i] = tangents(modal.laws[0], modal.points[0], work.point[0], i)
 
 
 @entry_kernel
@@ -97,7 +67,7 @@ def show_state(
     take(y, x)
     pass_one(B, modal, work, 0)
     for j in range(m):
-        x[Q, j], x[V, j] = y[j], y[m + j]
+        x[at.Q, j], x[at.V, j] = y[j], y[m + j]
     if keep:
         save(modal, settings, work, saved, 0)
     return stored_energy(modal, work, 0)

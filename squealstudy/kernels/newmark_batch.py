@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.contact_point import point_forces
 from squealstudy.kernels.jit import fast_entry_kernel, fast_kernel, part_kernel
-from squealstudy.kernels.newmark_layout import (
-    FORCE,
-    PAUSE,
-    Q_TRIAL,
-    RUNNING,
-    STATUS,
-    STEP,
-    V_TRIAL,
-    Modal,
-    Saved,
-    Settings,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_pass import give_forces, pass_one, take_points
 from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
@@ -30,8 +19,8 @@ WORTH = 4  # designs from which a pass for all lanes costs less than one each
 def to_lane(x: np.ndarray, lanes: np.ndarray, d: int) -> None:
     """Trial q and v of a design (N_ROWS, n) into lane d of `lanes` (3, n, LANES), F there zero."""
     for j in range(x.shape[1]):
-        lanes[0, j, d] = x[Q_TRIAL, j]
-        lanes[1, j, d] = x[V_TRIAL, j]
+        lanes[0, j, d] = x[at.Q_TRIAL, j]
+        lanes[1, j, d] = x[at.V_TRIAL, j]
         lanes[2, j, d] = 0.0
 
 
@@ -39,7 +28,7 @@ def to_lane(x: np.ndarray, lanes: np.ndarray, d: int) -> None:
 def from_lane(lanes: np.ndarray, x: np.ndarray, d: int) -> None:
     """Row FORCE of a design from lane d."""
     for j in range(x.shape[1]):
-        x[FORCE, j] = lanes[2, j, d]
+        x[at.FORCE, j] = lanes[2, j, d]
 
 
 @fast_kernel
@@ -97,7 +86,7 @@ def running(counts: np.ndarray, designs: np.ndarray) -> int:
     """List the designs (nb,) that run; how many they are."""
     n = 0
     for k in range(counts.shape[0]):
-        if counts[k, STATUS] == RUNNING:
+        if counts[k, at.STATUS] == at.RUNNING:
             designs[n] = k
             n += 1
     return n
@@ -107,7 +96,7 @@ def running(counts: np.ndarray, designs: np.ndarray) -> int:
 def paused(counts: np.ndarray) -> bool:
     """Whether a design that runs has reached the step of its pause."""
     for k in range(counts.shape[0]):
-        if counts[k, STATUS] == RUNNING and counts[k, STEP] == counts[k, PAUSE]:
+        if counts[k, at.STATUS] == at.RUNNING and counts[k, at.STEP] == counts[k, at.PAUSE]:
             return True
     return False
 

@@ -8,30 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_dense import fixed_jacobian, lu_factor, lu_solve, true_jacobian
-from squealstudy.kernels.newmark_layout import (
-    CONTRACTION,
-    DELTA,
-    DELTA_OLD,
-    E2_OLD,
-    FLOOR2,
-    ITERATION,
-    LAST_Q,
-    LAST_V,
-    LEVEL,
-    NEWTON_STEPS,
-    OMEGA,
-    PULL_TRIAL,
-    Q_BASE,
-    Q_TRIAL,
-    STEP_LENGTH,
-    V_BASE,
-    V_TRIAL,
-    Modal,
-    Settings,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Settings, Work
 from squealstudy.kernels.newmark_stiff import mock_up
 from squealstudy.kernels.newmark_vector import copy, move
 
@@ -44,25 +24,25 @@ NOT_FACTORED = -1  # in the first pivot
 def place(x: np.ndarray, E: np.ndarray) -> None:
     """Trial state of a sub-step E (N_STEP, n) that belongs to the trial pull; x (N_ROWS, n)."""
     for j in range(x.shape[1]):
-        x[Q_TRIAL, j] = x[Q_BASE, j] + E[LAST_Q, j] * x[PULL_TRIAL, j]
-        x[V_TRIAL, j] = x[V_BASE, j] + E[LAST_V, j] * x[PULL_TRIAL, j]
+        x[at.Q_TRIAL, j] = x[at.Q_BASE, j] + E[at.LAST_Q, j] * x[at.PULL_TRIAL, j]
+        x[at.V_TRIAL, j] = x[at.V_BASE, j] + E[at.LAST_V, j] * x[at.PULL_TRIAL, j]
 
 
 @fast_kernel
 def direction(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
     """Correction from the residual by the fixed Jacobian; False where that is singular."""
-    level = work.counts[k, LEVEL]
+    level = work.counts[k, at.LEVEL]
     if not settings.dense:
         mock_up(modal, work, k, level)
         return True
-    at = k * (settings.max_halvings + 1) + level
-    lu, pivots = work.lu[at], work.pivots[at]
+    slot = k * (settings.max_halvings + 1) + level
+    lu, pivots = work.lu[slot], work.pivots[slot]
     if pivots[0] == NOT_FACTORED:
         fixed_jacobian(B, modal, k, level, work.row, lu)
         if not lu_factor(lu, pivots):
             pivots[0] = NOT_FACTORED
             return False
-    lu_solve(lu, pivots, work.x[k, DELTA])
+    lu_solve(lu, pivots, work.x[k, at.DELTA])
     return True
 
 
@@ -88,14 +68,14 @@ def aitken(delta: np.ndarray, delta_old: np.ndarray, answer: np.ndarray, omega: 
 def relax(settings: Settings, work: Work, k: int, E: np.ndarray, e2: float) -> None:
     """Add the correction in row DELTA to the trial pull, relaxed after Aitken; E as in `place`."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
-    if counts[ITERATION] == 2 and real[E2_OLD] > real[FLOOR2]:
-        real[CONTRACTION] = max(real[CONTRACTION], (e2 / real[E2_OLD]) ** 0.5)
-    if settings.aitken and counts[ITERATION] > 1:
-        real[OMEGA] = aitken(x[DELTA], x[DELTA_OLD], E[LAST_V], real[OMEGA])
-    copy(x[DELTA], x[DELTA_OLD])
-    move(x[PULL_TRIAL], real[OMEGA], x[DELTA])
+    if counts[at.ITERATION] == 2 and real[at.E2_OLD] > real[at.FLOOR2]:
+        real[at.CONTRACTION] = max(real[at.CONTRACTION], (e2 / real[at.E2_OLD]) ** 0.5)
+    if settings.aitken and counts[at.ITERATION] > 1:
+        real[at.OMEGA] = aitken(x[at.DELTA], x[at.DELTA_OLD], E[at.LAST_V], real[at.OMEGA])
+    copy(x[at.DELTA], x[at.DELTA_OLD])
+    move(x[at.PULL_TRIAL], real[at.OMEGA], x[at.DELTA])
     place(x, E)
-    real[E2_OLD] = e2
+    real[at.E2_OLD] = e2
 
 
 @part_kernel
@@ -105,7 +85,7 @@ def correct_fixed(
     """One correction by the fixed Jacobian, relaxed after Aitken; False if it is singular."""
     if not direction(B, modal, settings, work, k):
         return False
-    relax(settings, work, k, modal.steps[k, work.counts[k, LEVEL]], e2)
+    relax(settings, work, k, modal.steps[k, work.counts[k, at.LEVEL]], e2)
     return True
 
 
@@ -113,21 +93,25 @@ def correct_fixed(
 def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -> bool:
     """One correction by a fresh Jacobian; a step that made the residual grow is halved instead."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
-    level = counts[LEVEL]
-    if counts[ITERATION] > 1 and e2 > real[E2_OLD] and real[STEP_LENGTH] > SHORTEST_NEWTON_STEP:
-        real[STEP_LENGTH] *= 0.5
-        move(x[PULL_TRIAL], -real[STEP_LENGTH], x[DELTA_OLD])
+    level = counts[at.LEVEL]
+    if (
+        counts[at.ITERATION] > 1
+        and e2 > real[at.E2_OLD]
+        and real[at.STEP_LENGTH] > SHORTEST_NEWTON_STEP
+    ):
+        real[at.STEP_LENGTH] *= 0.5
+        move(x[at.PULL_TRIAL], -real[at.STEP_LENGTH], x[at.DELTA_OLD])
         place(x, modal.steps[k, level])
         return True
     jacobian, pivots = work.lu[-1], work.pivots[-1]
     true_jacobian(B, modal, k, level, work.point[k], work.row, jacobian)
-    counts[NEWTON_STEPS] += 1
+    counts[at.NEWTON_STEPS] += 1
     if not lu_factor(jacobian, pivots):
         return False
-    lu_solve(jacobian, pivots, x[DELTA])
-    copy(x[DELTA], x[DELTA_OLD])
-    real[STEP_LENGTH] = 1.0
-    real[E2_OLD] = e2
-    move(x[PULL_TRIAL], 1.0, x[DELTA])
+    lu_solve(jacobian, pivots, x[at.DELTA])
+    copy(x[at.DELTA], x[at.DELTA_OLD])
+    real[at.STEP_LENGTH] = 1.0
+    real[at.E2_OLD] = e2
+    move(x[at.PULL_TRIAL], 1.0, x[at.DELTA])
     place(x, modal.steps[k, level])
     return True

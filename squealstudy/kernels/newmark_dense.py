@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_laws import law_at
-from squealstudy.kernels.friction_laws import friction_tangent
+from squealstudy.kernels import newmark_layout as at
+from squealstudy.kernels.contact_point import tangents
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.newmark_layout import LAST_Q, LAST_V, Modal
+from squealstudy.kernels.newmark_layout import Modal
 from squealstudy.kernels.newmark_vector import fill, move
 from squealstudy.kernels.tile import POINTS
 
@@ -68,7 +68,7 @@ def linear_jacobian(modal: Modal, k: int, level: int, row: np.ndarray, A: np.nda
     for m in range(modal.shapes.shape[0]):
         d, s, u, answer = tuned[0, m], tuned[1, m], modal.shapes[m], row[0]
         for j in range(u.size):
-            answer[j] = u[j] * (d * E[LAST_V, j] + s * E[LAST_Q, j])
+            answer[j] = u[j] * (d * E[at.LAST_V, j] + s * E[at.LAST_Q, j])
         for i in range(A.shape[0]):
             move(A[i], u[i], answer)
 
@@ -95,8 +95,8 @@ def add_point(
         x1 = b1 * D11 + b2 * D12
         x2 = b1 * D12 + b2 * D22
         for j in range(A.shape[1]):
-            A[i, j] += E[LAST_Q, j] * x0 * row[0, j]
-            A[i, j] += E[LAST_V, j] * (x1 * row[1, j] + x2 * row[2, j])
+            A[i, j] += E[at.LAST_Q, j] * x0 * row[0, j]
+            A[i, j] += E[at.LAST_V, j] * (x1 * row[1, j] + x2 * row[2, j])
 
 
 @fast_kernel
@@ -139,20 +139,8 @@ def true_jacobian(
     linear_jacobian(modal, k, level, row, A)
     law, points, E = modal.laws[k], modal.points[k], modal.steps[k, level]
     for i in range(modal.fixed.shape[2]):
-        area, factor = points[1, i], points[2, i]
-        p, kappa = law_at(int(law[0]), law[1], law[2], points[0, i] + point[0, i])
-        d11, d12, d22, s1, s2 = friction_tangent(
-            int(law[3]),
-            factor * law[4],
-            factor * law[5],
-            law[6],
-            law[7],
-            p,
-            point[1, i],
-            point[2, i],
-        )
-        normal = area * kappa - points[4, i]
-        push = area * kappa  # dt/dg = -kappa dt/dp, and the residual has -T^T t
-        drag = -area
+        kn, s1, s2, d11, d12, d22 = tangents(law, points, point, i)
         point_row(B, i, row)
-        add_point(A, row, E, normal, push * s1, drag * d11, drag * d12, push * s2, drag * d22)
+        add_point(
+            A, row, E, -kn, -s1, -d11, -d12, -s2, -d22
+        )  # of the residual, forces on its right

@@ -51,6 +51,21 @@ HISTORY = (
 )
 
 
+# points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m, contact stiffness
+# N/m inside the diagonal stiffness, base forces N
+POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
+POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2 = 4, 5, 6, 7
+# point: change of gap m, sliding velocity m/s, pressure Pa, friction force N; generalised forces N
+OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
+R_N, R_1, R_2 = 6, 7, 8
+# places in a design's row of laws: codes of contact law, curve (CONSTANT for none) and
+# regularisation; slope of friction at zero sliding, N s/m3; sliding velocity, m/s; the constant
+# coefficient, of others a typical large one; then values of the contact law's parameters, then
+# friction and those of its curve
+LAW_CONTACT, LAW_CURVE, LAW_REGULARISATION, LAW_SLOPE, LAW_SPEED, LAW_MU = 0, 1, 2, 3, 4, 5
+LAW_FIRST = 6
+CONSTANT = -1
+
 # rows of Modal.modes
 W2, C, LOAD = 0, 1, 2
 # rows of Modal.steps: propagator of (q, v); answers in q and v to the pull at the start and at the
@@ -64,17 +79,17 @@ N_STEP = 8
 Q, V, A, PULL, PULL_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5, 6
 Q_TRIAL, V_TRIAL, PULL_TRIAL, FORCE, DELTA, DELTA_OLD, ROOM = 7, 8, 9, 10, 11, 12, 13
 N_ROWS = 14
-# rows of Work.point after contact_point.OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted
-# last; t1, t2 of the iteration before; their change a second over the last sub-step
-OLD, GUESS, SLOPE = 9, 13, 15
+# rows of Work.point after OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted last; t1, t2 of
+# the iteration before; their change a second over the last sub-step
+OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
 N_POINT = 17
 
 
 class Modal(NamedTuple):
     """The design points; see analysis.transient.system for units. W2 contains N^T k_ref N."""
 
-    points: np.ndarray  # (nb, 8, nc) contact_point.POINT_*
-    laws: np.ndarray  # (nb, 9) contact_point.LAW_*
+    points: np.ndarray  # (nb, 8, nc) rows POINT_*
+    laws: np.ndarray  # (nb, N_LAW) laws.law_row
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.contact_point import OUT_X, R_N, point_forces
-from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.newmark_layout import FORCE, Q_TRIAL, V_TRIAL, Modal, Work
+from squealstudy.kernels import newmark_layout as at
+from squealstudy.kernels.contact_point import point_forces
+from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.newmark_layout import Modal, Work
 from squealstudy.kernels.newmark_vector import fill
 from squealstudy.kernels.tile import POINTS, observe_one, spread_one
 
@@ -20,7 +21,7 @@ def take_points(tile: np.ndarray, point: np.ndarray, first: int) -> None:
     """An observed tile (ROWS,) into the points (N_POINT, nc) from `first` on."""
     for c in range(3):
         for i in range(POINTS):
-            point[OUT_X + c, first + i] = tile[c * POINTS + i]
+            point[at.OUT_X + c, first + i] = tile[c * POINTS + i]
 
 
 @fast_kernel
@@ -28,22 +29,24 @@ def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
     """Generalised forces of the points from `first` on into a tile (ROWS,)."""
     for c in range(3):
         for i in range(POINTS):
-            tile[c * POINTS + i] = point[R_N + c, first + i]
+            tile[c * POINTS + i] = point[at.R_N + c, first + i]
 
 
-@part_kernel
-def one_panel(panel: np.ndarray, first: int, modal: Modal, work: Work, k: int) -> None:
-    """Add the forces of a panel of tiles (.., n, ROWS), its first point `first`, to row FORCE."""
-    x, point, tiles = work.x[k], work.point[k], work.tiles
-    q, v, F = x[Q_TRIAL], x[V_TRIAL], x[FORCE]
+@fast_kernel
+def observe_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
+    """Gaps and velocities of the points of a panel of tiles (.., n, ROWS) at a trial state."""
+    x, tiles = work.x[k], work.tiles
     for t in range(panel.shape[0]):
-        observe_one(panel[t], q, v, tiles[t, 0])
-        take_points(tiles[t, 0], point, first + t * POINTS)
-    last = first + panel.shape[0] * POINTS
-    point_forces(modal.points[k], modal.laws[k], point, first, last)
+        observe_one(panel[t], x[at.Q_TRIAL], x[at.V_TRIAL], tiles[t, 0])
+        take_points(tiles[t, 0], work.point[k], first + t * POINTS)
+
+
+@fast_kernel
+def spread_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
+    """Add the forces of the points of a panel, the first of them `first`, to row FORCE."""
     for t in range(panel.shape[0]):
-        give_forces(point, tiles[t, 0], first + t * POINTS)
-        spread_one(panel[t], tiles[t, 0], F)
+        give_forces(work.point[k], work.tiles[t, 0], first + t * POINTS)
+        spread_one(panel[t], work.tiles[t, 0], work.x[k, at.FORCE])
 
 
 @fast_kernel
@@ -58,8 +61,11 @@ def pass_one(B: np.ndarray, modal: Modal, work: Work, k: int) -> None:
         The rows Q_TRIAL and V_TRIAL of `work.x` are read, FORCE is overwritten with B^T r and
         `work.point` with the state of every point.
     """
-    fill(work.x[k, FORCE], 0.0)
+    fill(work.x[k, at.FORCE], 0.0)
     step = work.tiles.shape[0]
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
-        one_panel(panel, t * POINTS, modal, work, k)
+        first, last = t * POINTS, (t + panel.shape[0]) * POINTS
+        observe_panel(panel, first, work, k)
+        point_forces(modal.points[k], modal.laws[k], work.point[k], first, last)
+        spread_panel(panel, first, work, k)

@@ -9,64 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_correct import correct_fixed, correct_newton, direction, place
 from squealstudy.kernels.newmark_dense import point_row
-from squealstudy.kernels.newmark_layout import (
-    DELTA,
-    DONE,
-    E2_OLD,
-    FIRST_Q,
-    FIRST_V,
-    FIXED,
-    FLOOR2,
-    GUESS,
-    HALVINGS,
-    ITERATION,
-    LEVEL,
-    LOAD,
-    MAX_PASSES,
-    MODE,
-    NEWTON,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    OLD,
-    OMEGA,
-    PASSES,
-    POSITION,
-    PULL,
-    PULL_OLD,
-    PULL_TRIAL,
-    Q_BASE,
-    Q_TRIAL,
-    QQ,
-    QV,
-    RUNNING,
-    SINGULAR,
-    SLOPE,
-    START,
-    STATUS,
-    STEP,
-    STEP_LENGTH,
-    STEP_PASSES,
-    STORED_END,
-    STORED_START,
-    SUBSTEP,
-    SUBSTEP_OLD,
-    V_BASE,
-    V_TRIAL,
-    VQ,
-    VV,
-    Modal,
-    Q,
-    Saved,
-    Settings,
-    V,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import add_work, save, stored_energy
-from squealstudy.kernels.newmark_residual import friction_change, residual
-from squealstudy.kernels.newmark_vector import copy, dot, fill, move
+from squealstudy.kernels.newmark_residual import all_forces, friction_change, residual
+from squealstudy.kernels.newmark_vector import copy, dot, move
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite
 ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
@@ -82,10 +32,10 @@ def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
     for it as the method does that for any, and only the pull needs iterations.
     """
     for j in range(x.shape[1]):
-        q, v, pull = x[Q, j], x[V, j], x[PULL, j]
-        x[Q_BASE, j] = E[QQ, j] * q + E[QV, j] * v + E[FIRST_Q, j] * pull
-        x[V_BASE, j] = E[VQ, j] * q + E[VV, j] * v + E[FIRST_V, j] * pull
-        x[PULL_TRIAL, j] = pull + ratio * (pull - x[PULL_OLD, j])
+        q, v, pull = x[at.Q, j], x[at.V, j], x[at.PULL, j]
+        x[at.Q_BASE, j] = E[at.QQ, j] * q + E[at.QV, j] * v + E[at.FIRST_Q, j] * pull
+        x[at.V_BASE, j] = E[at.VQ, j] * q + E[at.VV, j] * v + E[at.FIRST_V, j] * pull
+        x[at.PULL_TRIAL, j] = pull + ratio * (pull - x[at.PULL_OLD, j])
     place(x, E)
 
 
@@ -93,32 +43,72 @@ def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
 def keep_state(x: np.ndarray) -> None:
     """The trial state is accepted."""
     for j in range(x.shape[1]):
-        x[Q, j], x[V, j] = x[Q_TRIAL, j], x[V_TRIAL, j]
-        x[PULL_OLD, j] = x[PULL, j]
-        x[PULL, j] = x[PULL_TRIAL, j]
+        x[at.Q, j], x[at.V, j] = x[at.Q_TRIAL, j], x[at.V_TRIAL, j]
+        x[at.PULL_OLD, j] = x[at.PULL, j]
+        x[at.PULL, j] = x[at.PULL_TRIAL, j]
 
 
 @fast_kernel
 def guess_friction(point: np.ndarray, h: float) -> None:
     """Friction forces of the points (N_POINT, nc) a time h after the accepted ones."""
     for i in range(point.shape[1]):
-        point[GUESS, i] = point[OLD + 2, i] + h * point[SLOPE, i]
-        point[GUESS + 1, i] = point[OLD + 3, i] + h * point[SLOPE + 1, i]
+        point[at.GUESS_1, i] = point[at.OLD_T1, i] + h * point[at.RATE_1, i]
+        point[at.GUESS_2, i] = point[at.OLD_T2, i] + h * point[at.RATE_2, i]
+
+
+@fast_kernel
+def open_part(settings: Settings, work: Work, k: int, h: float) -> float:
+    """Open a sub-step h; the ratio to the last one over which the pull is extrapolated, or 0."""
+    counts, real = work.counts[k], work.real[k]
+    known = settings.extrapolate and real[at.SUBSTEP_OLD] > 0.0
+    real[at.SUBSTEP], real[at.OMEGA] = h, 1.0
+    real[at.STEP_LENGTH], real[at.E2_OLD] = 1.0, 0.0
+    counts[at.ITERATION] = 0
+    guess_friction(work.point[k], h if settings.extrapolate else 0.0)
+    return h / real[at.SUBSTEP_OLD] if known else 0.0
+
+
+@fast_kernel
+def part_done(settings: Settings, counts: np.ndarray) -> bool:
+    """Count an accepted sub-step; whether it ends a whole step."""
+    counts[at.POSITION] += 1 << (settings.max_halvings - counts[at.LEVEL])
+    if counts[at.POSITION] < 1 << settings.max_halvings:
+        return False
+    counts[at.POSITION] = 0
+    counts[at.LEVEL] = 0
+    counts[at.STEP] += 1
+    return True
+
+
+@fast_kernel
+def halved(settings: Settings, counts: np.ndarray) -> bool:
+    """Halve the sub-step after it failed; False where it is the shortest."""
+    if counts[at.LEVEL] == settings.max_halvings:
+        return False
+    counts[at.LEVEL] += 1
+    counts[at.HALVINGS] += 1
+    return True
+
+
+@fast_kernel
+def count_pass(counts: np.ndarray) -> None:
+    """One more evaluation of the contact forces."""
+    counts[at.STEP_PASSES] += 1
+    counts[at.PASSES] += 1
+
+
+@fast_kernel
+def close_passes(counts: np.ndarray) -> None:
+    """The evaluations of a whole step that ends."""
+    counts[at.MAX_PASSES] = max(counts[at.MAX_PASSES], counts[at.STEP_PASSES])
+    counts[at.STEP_PASSES] = 0
 
 
 @part_kernel
 def begin(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
-    """Open a sub-step h from the accepted state."""
-    counts, real = work.counts[k], work.real[k]
-    known = settings.extrapolate and real[SUBSTEP_OLD] > 0.0
-    ratio = h / real[SUBSTEP_OLD] if known else 0.0
-    real[SUBSTEP] = h
-    real[OMEGA] = 1.0
-    real[STEP_LENGTH] = 1.0
-    real[E2_OLD] = 0.0
-    counts[ITERATION] = 0
-    predict(work.x[k], modal.steps[k, counts[LEVEL]], ratio)
-    guess_friction(work.point[k], h if settings.extrapolate else 0.0)
+    """Open a sub-step h from the accepted state, with a trial state."""
+    ratio = open_part(settings, work, k, h)
+    predict(work.x[k], modal.steps[k, work.counts[k, at.LEVEL]], ratio)
 
 
 @fast_kernel
@@ -126,23 +116,23 @@ def keep_points(point: np.ndarray, h: float) -> None:
     """The trial state of the points (N_POINT, nc) is accepted; slopes over h, none for h = 0."""
     rate = 1.0 / h if h > 0.0 else 0.0
     for i in range(point.shape[1]):
-        point[SLOPE, i] = (point[4, i] - point[OLD + 2, i]) * rate
-        point[SLOPE + 1, i] = (point[5, i] - point[OLD + 3, i]) * rate
-        point[OLD, i] = point[1, i]
-        point[OLD + 1, i] = point[2, i]
-        point[OLD + 2, i] = point[4, i]
-        point[OLD + 3, i] = point[5, i]
+        point[at.RATE_1, i] = (point[at.OUT_T1, i] - point[at.OLD_T1, i]) * rate
+        point[at.RATE_2, i] = (point[at.OUT_T2, i] - point[at.OLD_T2, i]) * rate
+        point[at.OLD_W1, i] = point[at.OUT_W1, i]
+        point[at.OLD_W2, i] = point[at.OUT_W2, i]
+        point[at.OLD_T1, i] = point[at.OUT_T1, i]
+        point[at.OLD_T2, i] = point[at.OUT_T2, i]
 
 
 @fast_kernel
 def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
     """Square of the force that rounding leaves in sums over the contact points."""
-    load = modal.modes[k, LOAD]
+    load = modal.modes[k, at.LOAD]
     total = dot(load, load)
-    mu, point, points = modal.laws[k, 4], work.point[k], modal.points[k]
+    mu, point, points = modal.laws[k, at.LAW_MU], work.point[k], modal.points[k]
     for i in range(modal.fixed.shape[2]):
-        normal = points[1, i] * point[3, i]
-        drag = points[2, i] * mu * normal
+        normal = points[at.POINT_AREA, i] * point[at.OUT_P, i]
+        drag = points[at.POINT_FRICTION, i] * mu * normal
         point_row(B, i, work.row)
         N, T1, T2 = work.row[0], work.row[1], work.row[2]
         total += dot(N, N) * normal * normal + (dot(T1, T1) + dot(T2, T2)) * drag * drag
@@ -153,27 +143,24 @@ def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
 def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
     """Pull of the initial state from the first evaluation; False if it is not finite."""
     x, real = work.x[k], work.real[k]
-    fill(x[PULL_TRIAL], 0.0)
-    e2, _ = residual(modal, work, k)
-    real[FLOOR2] = force_floor(B, modal, work, k)
-    copy(x[DELTA], x[PULL_TRIAL])
+    e2, _ = all_forces(modal, work, k)
+    real[at.FLOOR2] = force_floor(B, modal, work, k)
+    copy(x[at.DELTA], x[at.PULL_TRIAL])
     keep_state(x)
-    copy(x[PULL], x[PULL_OLD])
+    copy(x[at.PULL], x[at.PULL_OLD])
     keep_points(work.point[k], 0.0)
-    work.counts[k, MODE] = NEWTON if settings.newton else FIXED
+    work.counts[k, at.MODE] = at.NEWTON if settings.newton else at.FIXED
     return e2 < BIG
 
 
 @fast_kernel
 def fail(settings: Settings, counts: np.ndarray, reason: int) -> int:
     """After a failed iteration: halve, then a fresh Jacobian, then stop with the reason."""
-    if counts[LEVEL] < settings.max_halvings:
-        counts[LEVEL] += 1
-        counts[HALVINGS] += 1
-    elif counts[MODE] == FIXED:
-        counts[MODE] = NEWTON
-    else:
-        counts[STATUS] = reason
+    if not halved(settings, counts):
+        if counts[at.MODE] == at.FIXED:
+            counts[at.MODE] = at.NEWTON
+        else:
+            counts[at.STATUS] = reason
     return BEGIN
 
 
@@ -181,25 +168,20 @@ def fail(settings: Settings, counts: np.ndarray, reason: int) -> int:
 def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
     """Close a sub-step: the last residual still corrects the state, at no evaluation's cost."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
-    h = real[SUBSTEP]
-    if counts[MODE] == FIXED and direction(B, modal, settings, work, k):
-        move(x[PULL_TRIAL], real[OMEGA], x[DELTA])
-        place(x, modal.steps[k, counts[LEVEL]])
+    h = real[at.SUBSTEP]
+    if counts[at.MODE] == at.FIXED and direction(B, modal, settings, work, k):
+        move(x[at.PULL_TRIAL], real[at.OMEGA], x[at.DELTA])
+        place(x, modal.steps[k, counts[at.LEVEL]])
     add_work(modal, settings, work, k, h)
     keep_state(x)
-    real[SUBSTEP_OLD] = h
+    real[at.SUBSTEP_OLD] = h
     keep_points(work.point[k], h)
-    counts[MODE] = NEWTON if settings.newton else FIXED
-    counts[POSITION] += 1 << (settings.max_halvings - counts[LEVEL])
-    if counts[POSITION] < 1 << settings.max_halvings:
+    counts[at.MODE] = at.NEWTON if settings.newton else at.FIXED
+    if not part_done(settings, counts):
         return BEGIN
-    counts[POSITION] = 0
-    counts[LEVEL] = 0
-    counts[STEP] += 1
-    counts[MAX_PASSES] = max(counts[MAX_PASSES], counts[STEP_PASSES])
-    counts[STEP_PASSES] = 0
-    if counts[STEP] == settings.n_steps:
-        counts[STATUS] = DONE
+    close_passes(counts)
+    if counts[at.STEP] == settings.n_steps:
+        counts[at.STATUS] = at.DONE
     return CLOSE
 
 
@@ -207,23 +189,22 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
 def iterate(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
     """Judge an evaluation and correct, accept or give up; what to do next."""
     counts, real = work.counts[k], work.real[k]
-    counts[ITERATION] += 1
-    counts[STEP_PASSES] += 1
-    counts[PASSES] += 1
+    counts[at.ITERATION] += 1
+    count_pass(counts)
     e2, scale2 = residual(modal, work, k)
     change2, bound2 = friction_change(modal, work, k)
     if not (e2 < BIG and scale2 < BIG and change2 < BIG):
-        return fail(settings, counts, NOT_FINITE)
-    balanced = e2 <= settings.tolerance * settings.tolerance * scale2 + real[FLOOR2]
+        return fail(settings, counts, at.NOT_FINITE)
+    balanced = e2 <= settings.tolerance * settings.tolerance * scale2 + real[at.FLOOR2]
     if balanced and change2 <= settings.tolerance_t * settings.tolerance_t * bound2:
         return accept(B, modal, settings, work, k)
-    if counts[ITERATION] >= settings.max_iterations:
-        return fail(settings, counts, NOT_CONVERGED)
-    if counts[MODE] == FIXED:
+    if counts[at.ITERATION] >= settings.max_iterations:
+        return fail(settings, counts, at.NOT_CONVERGED)
+    if counts[at.MODE] == at.FIXED:
         solved = correct_fixed(B, modal, settings, work, k, e2)
     else:
         solved = correct_newton(B, modal, work, k, e2)
-    return GO_ON if solved else fail(settings, counts, SINGULAR)
+    return GO_ON if solved else fail(settings, counts, at.SINGULAR)
 
 
 @part_kernel
@@ -232,17 +213,17 @@ def advance(
 ) -> None:
     """After an evaluation at the trial state of design k: its next trial state, or its end."""
     counts = work.counts[k]
-    if counts[MODE] == START:
+    if counts[at.MODE] == at.START:
         if not start(B, modal, settings, work, k):
-            counts[STATUS] = NOT_FINITE
+            counts[at.STATUS] = at.NOT_FINITE
             return
-        work.real[k, STORED_START] = stored_energy(modal, work, k)
+        work.real[k, at.STORED_START] = stored_energy(modal, work, k)
         then = CLOSE
     else:
         then = iterate(B, modal, settings, work, k)
-    if then == CLOSE and settings.save_every > 0 and counts[STEP] % settings.save_every == 0:
+    if then == CLOSE and settings.save_every > 0 and counts[at.STEP] % settings.save_every == 0:
         save(modal, settings, work, saved, k)
-    if counts[STATUS] == DONE:
-        work.real[k, STORED_END] = stored_energy(modal, work, k)
-    if counts[STATUS] == RUNNING and then != GO_ON:
-        begin(modal, settings, work, k, settings.h / (1 << counts[LEVEL]))
+    if counts[at.STATUS] == at.DONE:
+        work.real[k, at.STORED_END] = stored_energy(modal, work, k)
+    if counts[at.STATUS] == at.RUNNING and then != GO_ON:
+        begin(modal, settings, work, k, settings.h / (1 << counts[at.LEVEL]))

@@ -17,9 +17,10 @@ import math
 
 import numpy as np
 
-from squealstudy.kernels.friction_laws import mu_at, resistance
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.newmark_layout import DELTA, GUESS, LAST_V, ROOM, Modal, Work
+from squealstudy.kernels.laws import mu_at, stick_slope
+from squealstudy.kernels.newmark_layout import Modal, Work
 from squealstudy.kernels.newmark_vector import dot, move
 
 STIFF = 0.05  # contraction that a point alone may cause before it is treated
@@ -37,20 +38,24 @@ def stiff_points(modal: Modal, work: Work, k: int, part: float) -> int:
 
     `part` of the whole step is taken; row ROOM holds what the modes' velocities change by.
     """
-    law, points, point, change = modal.laws[k], modal.points[k], work.point[k], work.x[k, ROOM]
+    law, points, point, change = modal.laws[k], modal.points[k], work.point[k], work.x[k, at.ROOM]
     T, stiff = modal.tangential, work.stiff
     m = 0
     for i in range(modal.own.size):
         own = part * modal.own[i]
-        force2 = point[4, i] * point[4, i] + point[5, i] * point[5, i]
-        s2 = point[1, i] * point[1, i] + point[2, i] * point[2, i]
+        force2 = (
+            point[at.OUT_T1, i] * point[at.OUT_T1, i] + point[at.OUT_T2, i] * point[at.OUT_T2, i]
+        )
+        s2 = point[at.OUT_W1, i] * point[at.OUT_W1, i] + point[at.OUT_W2, i] * point[at.OUT_W2, i]
         if force2 * own * own > STIFF * STIFF * s2:
-            mu, _ = mu_at(law[4], law[5], law[6], math.sqrt(s2))
+            mu, _, _ = mu_at(law, math.sqrt(s2), point[at.OUT_P, i])
             work.listed[m] = i
-            work.free[2 * m] = point[1, i] + dot(T[2 * i], change)
-            work.free[2 * m + 1] = point[2, i] + dot(T[2 * i + 1], change)
+            work.free[2 * m] = point[at.OUT_W1, i] + dot(T[2 * i], change)
+            work.free[2 * m + 1] = point[at.OUT_W2, i] + dot(T[2 * i + 1], change)
             stiff[m, Z_1] = stiff[m, Z_2] = 0.0
-            stiff[m, BOUND] = points[1, i] * points[2, i] * mu * point[3, i]
+            stiff[m, BOUND] = (
+                points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i] * mu * point[at.OUT_P, i]
+            )
             stiff[m, OWN] = own
             m += 1
     return m
@@ -67,9 +72,8 @@ def relax_point(
     """
     u1, u2 = w1 - row[OWN] * t1, w2 - row[OWN] * t2
     speed = math.sqrt(u1 * u1 + u2 * u2)
-    slope = area * law[7]
-    if law[3] == 1.0:
-        slope = resistance(1, slope, row[BOUND], math.sqrt(w1 * w1 + w2 * w2))
+    s = math.sqrt(w1 * w1 + w2 * w2)
+    slope = stick_slope(law, area * law[at.LAW_SLOPE], row[BOUND], s)
     rate = slope / (1.0 + row[OWN] * slope)
     if rate * speed > row[BOUND]:
         rate = row[BOUND] / speed
@@ -94,9 +98,15 @@ def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
     total = 0.0
     for a in range(m):
         i, row = work.listed[a], work.stiff[a]
-        t1, t2 = point[4, i] + row[Z_1], point[5, i] + row[Z_2]
+        t1, t2 = point[at.OUT_T1, i] + row[Z_1], point[at.OUT_T2, i] + row[Z_2]
         new1, new2 = relax_point(
-            modal.laws[k], modal.points[k, 1, i], free[2 * a], free[2 * a + 1], t1, t2, row
+            modal.laws[k],
+            modal.points[k, at.POINT_AREA, i],
+            free[2 * a],
+            free[2 * a + 1],
+            t1,
+            t2,
+            row,
         )
         e1, e2 = new1 - t1, new2 - t2
         row[Z_1] += e1
@@ -115,7 +125,11 @@ def mock_up(modal: Modal, work: Work, k: int, level: int) -> None:
     """Correct row DELTA, which holds the residual, for the stiff points; the friction expected."""
     if modal.own.size == 0:
         return
-    delta, answer, change = work.x[k, DELTA], modal.steps[k, level, LAST_V], work.x[k, ROOM]
+    delta, answer, change = (
+        work.x[k, at.DELTA],
+        modal.steps[k, level, at.LAST_V],
+        work.x[k, at.ROOM],
+    )
     for j in range(delta.size):
         change[j] = answer[j] * delta[j]
     part = 1.0 / (1 << level)
@@ -133,5 +147,5 @@ def mock_up(modal: Modal, work: Work, k: int, level: int) -> None:
         i, z1, z2 = work.listed[a], work.stiff[a, Z_1], work.stiff[a, Z_2]
         move(delta, z1, modal.tangential[2 * i])
         move(delta, z2, modal.tangential[2 * i + 1])
-        point[GUESS, i] += z1
-        point[GUESS + 1, i] += z2
+        point[at.GUESS_1, i] += z1
+        point[at.GUESS_2, i] += z2

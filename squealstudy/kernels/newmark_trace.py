@@ -7,21 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_entry_kernel
 from squealstudy.kernels.newmark_correct import place
-from squealstudy.kernels.newmark_layout import (
-    E2_OLD,
-    FIXED,
-    MODE,
-    PULL_TRIAL,
-    RUNNING,
-    START,
-    STATUS,
-    Modal,
-    Saved,
-    Settings,
-    Work,
-)
+from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.newmark_vector import copy
@@ -51,16 +40,16 @@ def newmark_trace(
     The step converged where `work.counts[0, STATUS]` is DONE; its last residual is not written.
     """
     counts, real, x, n = work.counts[0], work.real[0], work.x[0], 0
-    while counts[STATUS] == RUNNING and n < squares.size:
-        starts = counts[MODE] == START
+    while counts[at.STATUS] == at.RUNNING and n < squares.size:
+        starts = counts[at.MODE] == at.START
         pass_one(B, modal, work, 0)
         advance(B, modal, settings, work, saved, 0)
-        if counts[STATUS] != RUNNING or not (starts or counts[MODE] == FIXED):
+        if counts[at.STATUS] != at.RUNNING or not (starts or counts[at.MODE] == at.FIXED):
             break
         if starts and first.size > 0:
-            copy(first, x[PULL_TRIAL])
+            copy(first, x[at.PULL_TRIAL])
             place(x, modal.steps[0, 0])
         elif not starts:
-            squares[n] = real[E2_OLD]
+            squares[n] = real[at.E2_OLD]
             n += 1
     return n

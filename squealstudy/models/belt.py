@@ -23,31 +23,29 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     DAMPING,
-    DECAY_SPEED,
     FRICTION,
-    REGULARISATION_SPEED,
+    FRICTION_OPTION,
     SLIDING_SPEED,
-    SLOPE,
-    STATIC_RATIO,
     STIFFNESS_DAMPING,
+    friction_parameters,
 )
-from squealstudy.models.parameter import ModelDefinition, structural
+from squealstudy.models.parameter import Declared, ModelDefinition, structural
 
-PARAMETERS = (
+PARAMETERS: Declared = (
     replace(FRICTION, default=0.5),
     replace(SLIDING_SPEED, default=1.0, description="speed of the belt"),
     replace(DAMPING, default=0.05),
     STIFFNESS_DAMPING,
     replace(STATIC_RATIO, default=2.0),
     replace(DECAY_SPEED, default=0.5),
-    SLOPE,
-    REGULARISATION_SPEED,
+    friction_parameters,
     *structural(
         (
             ("mass", 1.0, "kg", "the mass"),
@@ -85,7 +83,7 @@ def build(
 BELT = ModelDefinition(
     "belt",
     "mass on a belt with falling friction: stick-slip, stable above 1.151 m/s; 2 DOF",
-    (),
+    (FRICTION_OPTION,),
     PARAMETERS,
     ("mass",),
     build,

@@ -6,6 +6,8 @@ The mass hangs on two inclined springs and rests on the belt through a contact s
     k11 = sum k_i cos^2 a_i, k12 = sum k_i sin a_i cos a_i, k22 = sum k_i sin^2 a_i + k3,
 
 which flutters where (k11 - k22)^2 + 4 k12 (k12 - mu k3) < 0: above mu = 0.75 with the defaults.
+
+Another contact law acts over the area A = k3 / 5e11 m2 per Pa/m: k3 is then A times its tangent.
 """
 
 from __future__ import annotations
@@ -21,13 +23,18 @@ from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
+    CONTACT_OPTION,
     DAMPING,
     FRICTION,
-    FRICTION_LAW,
+    FRICTION_OPTION,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
+    contact_laws,
+    contact_parameters,
+    friction_parameters,
 )
-from squealstudy.models.parameter import ModelDefinition, Parameter, structural
+from squealstudy.models.parameter import Declared, ModelDefinition, Option, structural
+from squealstudy.parameter import Parameter
 
 STIFFNESS = structural(
     (
@@ -42,15 +49,21 @@ ANGLES = (
     Parameter("alpha1", 150.0, "deg", "inclination of the first spring to the belt"),
     Parameter("alpha2", 30.0, "deg", "inclination of the second spring to the belt"),
 )
-PARAMETERS = (
+PARAMETERS: Declared = (
     FRICTION,
     SLIDING_SPEED,
     DAMPING,
     STIFFNESS_DAMPING,
-    *FRICTION_LAW,
+    friction_parameters,
+    contact_parameters,
     *STIFFNESS,
     *(replace(a, minimum=-360.0, maximum=360.0, structural=True) for a in ANGLES),
 )
+
+
+def bilateral_first() -> tuple[str, ...]:
+    """Names of all contact laws, that of the model's closed form first."""
+    return "bilateral", *(name for name in contact_laws() if name != "bilateral")
 
 
 def build(
@@ -82,7 +95,7 @@ def build(
 HOFFMANN = ModelDefinition(
     "hoffmann",
     "mass on two inclined springs and a belt (Hoffmann et al. 2002): flutter above mu 0.75; 2 DOF",
-    (),
+    (Option(CONTACT_OPTION.name, bilateral_first, CONTACT_OPTION.description), FRICTION_OPTION),
     PARAMETERS,
     ("mass",),
     build,

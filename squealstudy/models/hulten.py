@@ -15,26 +15,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from squealstudy.laws import curve_from_values
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     DAMPING,
     FRICTION,
-    FRICTION_LAW,
+    FRICTION_OPTION,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
-    OperatingPoint,
-    law_from_values,
+    friction_parameters,
 )
-from squealstudy.models.parameter import Assumption, ModelDefinition, structural
+from squealstudy.models.parameter import Assumption, Declared, ModelDefinition, structural
 
-PARAMETERS = (
+PARAMETERS: Declared = (
     FRICTION,
     SLIDING_SPEED,
     DAMPING,
     STIFFNESS_DAMPING,
-    *FRICTION_LAW,
+    friction_parameters,
     *structural(
         (
             ("frequency_1", 100.0, "Hz", "of the mass on its first contact"),
@@ -48,14 +48,8 @@ PARAMETERS = (
 
 def _friction(values: Mapping[str, float]) -> float:
     """The coefficient at the sliding speed."""
-    return OperatingPoint(
-        values["friction"],
-        1.0,
-        values["sliding_speed"],
-        law_from_values("bilateral", values),
-        values["friction_law.static_ratio"],
-        values["friction_law.decay_speed"],
-    ).mu_steady
+    curve = curve_from_values("exponential_fall", values)
+    return float(curve.at(values["friction"], values["sliding_speed"], np.zeros(1)).mu)
 
 
 BOTH_PRESS = Assumption(
@@ -87,7 +81,7 @@ def build(
 HULTEN = ModelDefinition(
     "hulten",
     "mass on two bilateral contacts at right angles (Hulten): flutter in closed form; 2 DOF",
-    (),
+    (FRICTION_OPTION,),
     PARAMETERS,
     ("mass",),
     build,

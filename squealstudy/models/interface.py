@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import ContactLaw
 
 
 @dataclass(frozen=True)

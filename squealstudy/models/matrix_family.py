@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.expression import Expression
-from squealstudy.models.parameter import ModelDefinition, Parameter
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.parameter import Parameter
 
 NAME = "matrices"
 DESCRIPTION = "a family M(p), C(p), K(p) of matrices from files, coefficients in named parameters"

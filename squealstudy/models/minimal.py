@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws import contact_law
+from squealstudy.laws.contact.unilateral import STIFFNESS
 from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface
-from squealstudy.models.operating import law_from_values
 
 ARM = 1.0  # m: the torque of a minimal model is its friction force
-LAW = law_from_values("bilateral", {})  # the areas of the points carry their stiffness
+LAW = contact_law("bilateral")  # the areas of the points carry their stiffness
 
 
 def point_mass(name: str, mass: float) -> Component:
@@ -34,7 +35,7 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
         sp.csr_matrix(N),
         sp.csr_matrix(T),
         sp.csr_matrix(N.shape),
-        stiffness / LAW.stiffness,
+        stiffness / LAW.value(STIFFNESS.name),
         np.zeros(n),
         np.full(n, ARM),
         LAW,

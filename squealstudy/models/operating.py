@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from squealstudy.models.law import ContactLaw
-from squealstudy.models.parameter import Assumption, Parameter
+import numpy as np
+
+from squealstudy.laws import (
+    CONTACT_LAWS,
+    FRICTION_CURVES,
+    ContactLaw,
+    Friction,
+    FrictionCurve,
+    friction_curve,
+)
+from squealstudy.laws.friction.exponential_fall import STATIC_RATIO
+from squealstudy.models.parameter import Assumption, Option
+from squealstudy.parameter import Parameter
 
 FRICTION = Parameter(
     "friction", 0.5, "", "friction coefficient mu, the dynamic one", minimum=0.0, maximum=5.0
@@ -24,21 +36,6 @@ STIFFNESS_DAMPING = Parameter(
     "s",
     "damping proportional to stiffness (Rayleigh's beta): beta omega / 2 on top of damping_ratio",
     minimum=0.0,
-)
-STATIC_RATIO = Parameter(
-    "friction_law.static_ratio",
-    1.0,
-    "",
-    "static over dynamic friction; 1: friction does not fall with speed",
-    minimum=1.0,
-    maximum=10.0,
-)
-DECAY_SPEED = Parameter(
-    "friction_law.decay_speed",
-    0.5,
-    "m/s",
-    "sliding speed over which the excess of static friction falls by e",
-    positive=True,
 )
 SLOPE = Parameter(
     "contact.kt",
@@ -59,26 +56,37 @@ REGULARISATION_SPEED = Parameter(
     minimum=0.0,
 )
 IN_TIME_ONLY = (SLOPE.name, REGULARISATION_SPEED.name)  # complex modes do not see them
-FRICTION_LAW = (STATIC_RATIO, DECAY_SPEED, SLOPE, REGULARISATION_SPEED)
-CONTACT_LAW = (
-    Parameter("contact.p0", 1e5, "Pa", "exponential law: pressure at zero gap", positive=True),
-    Parameter("contact.lambda", 5e5, "1/m", "exponential law: exponent", positive=True),
-    Parameter(
-        "contact.stiffness",
-        5e11,
-        "Pa/m^n",
-        "unilateral, power (n its exponent) and bilateral laws: stiffness",
-        positive=True,
-    ),
-    Parameter("contact.exponent", 1.5, "", "power law: exponent", minimum=1.0, maximum=10.0),
-)
+
+
+def contact_parameters() -> tuple[Parameter, ...]:
+    """Parameters of all registered contact laws."""
+    return CONTACT_LAWS.parameters()
+
+
+def friction_parameters() -> tuple[Parameter, ...]:
+    """Parameters of friction: those of all registered curves, and those of its slope in time."""
+    return *FRICTION_CURVES.parameters(), SLOPE, REGULARISATION_SPEED
+
+
+def contact_laws() -> tuple[str, ...]:
+    """Names of all registered contact laws."""
+    return CONTACT_LAWS.names
+
+
+def friction_laws() -> tuple[str, ...]:
+    """Names of all registered friction curves."""
+    return FRICTION_CURVES.names
+
+
+CONTACT_OPTION = Option("contact_law", contact_laws, "pressure over the gap")
+FRICTION_OPTION = Option("friction_law", friction_laws, "friction over sliding speed and pressure")
 
 LARGEST_FRICTION = 2.0  # of dry contacts; brakes are below 1
 LIGHT_DAMPING = 0.2  # up to which modes that are damped apart from each other are an approximation
 
 
 def _static_friction(values: Mapping[str, float]) -> float:
-    return values["friction"] * values["friction_law.static_ratio"]
+    return values["friction"] * values[STATIC_RATIO.name]
 
 
 def _damping_ratio(values: Mapping[str, float]) -> float:
@@ -103,50 +111,58 @@ class OperatingPoint:
     Attributes
     ----------
     friction : float
-        mu_d, the coefficient of fast sliding.
+        The coefficient of fast sliding, which scales `curve`.
     pressure : float
         Pa; factor on the assembly's `load`.
     sliding_speed : float
         |w0|, m/s.
     law : ContactLaw
-    static_ratio : float
-        mu_s/mu_d of mu(s) = mu_d + (mu_s - mu_d) exp(-s / decay_speed), s the sliding speed.
-    decay_speed : float
-        m/s.
+    curve : FrictionCurve
+        Friction over sliding speed and contact pressure.
     """
 
     friction: float
     pressure: float
     sliding_speed: float
     law: ContactLaw
-    static_ratio: float = 1.0
-    decay_speed: float = 0.5
+    curve: FrictionCurve = field(default_factory=friction_curve)
+
+    def friction_at(self, p: np.ndarray) -> Friction:
+        """Friction at the imposed sliding speed and contact pressures p (nc,) [Pa].
+
+        Floats where friction does not depend on pressure, else (nc,).
+        """
+        return self.curve.at(self.friction, self.sliding_speed, p)
+
+    def traction(self, p: np.ndarray) -> np.ndarray:
+        """Friction traction mu p [Pa] of steady sliding at contact pressures p (nc,) [Pa]."""
+        drag: np.ndarray = self.friction_at(p).mu * p
+        return drag
 
     @property
-    def mu_steady(self) -> float:
-        """Friction coefficient at the imposed sliding speed."""
-        return self._mu()[0]
+    def sliding_friction(self) -> tuple[float | str, ...]:
+        """What steady sliding knows of friction: equal for equal working points."""
+        if self.curve.pressure_dependent:
+            return (self.curve.kind, *self.curve.parameters, self.friction, self.sliding_speed)
+        return (float(self.friction_at(np.zeros(1)).mu),)
 
     @property
-    def friction_slope(self) -> float:
-        """The slope dmu/ds [s/m] there, zero or negative."""
-        return self._mu()[1]
+    def names(self) -> tuple[str, ...]:
+        """Its parameters, as in study files."""
+        own = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)
+        return (*own, *self.curve.names, *self.law.names)
 
-    def _mu(self) -> tuple[float, float]:
-        mu_d, mu_s = float(self.friction), float(self.static_ratio * self.friction)
-        if mu_s == mu_d:
-            return mu_d, 0.0
-        from squealstudy.kernels.friction_laws import mu_at  # numba
+    def value(self, name: str) -> float:
+        """Value of one of its parameters."""
+        if name in self.curve.names:
+            return self.curve.value(name)
+        return self.law.value(name) if name in self.law.names else float(getattr(self, name))
 
-        return mu_at(mu_s, mu_d, float(self.decay_speed), float(self.sliding_speed))
-
-
-def law_from_values(kind: str, values: Mapping[str, float]) -> ContactLaw:
-    """Contact law of the given kind from the values of the ``contact.*`` parameters."""
-    return ContactLaw(
-        kind,
-        values.get("contact.p0", 1e5),
-        values.get("contact.lambda", 5e5),
-        values.get("contact.stiffness", 5e11),
-        values.get("contact.exponent", 1.5),
-    )
+    def with_value(self, name: str, value: float) -> OperatingPoint:
+        """The point with another value of one of its parameters."""
+        if name in self.curve.names:
+            return replace(self, curve=self.curve.with_value(name, value))
+        if name in self.law.names:
+            return replace(self, law=self.law.with_value(name, value))
+        changed: dict[str, Any] = {name: value}
+        return replace(self, **changed)

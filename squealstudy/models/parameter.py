@@ -2,92 +2,36 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from squealstudy.errors import ParameterError
 from squealstudy.models.assembly import Assembly
+from squealstudy.parameter import Parameter
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """One named number of a model, SI units (angles in degrees).
-
-    Attributes
-    ----------
-    name : str
-        As in study files.
-    default : float
-    unit : str
-        Empty for a pure number.
-    description : str
-    minimum, maximum : float
-        Closed bounds; with `positive` the minimum itself is excluded.
-    positive : bool
-        The value must be greater than zero.
-    above, below : float
-        Open bounds.
-    structural : bool
-        True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
-    """
-
-    name: str
-    default: float
-    unit: str
-    description: str
-    minimum: float = -math.inf
-    maximum: float = math.inf
-    positive: bool = False
-    structural: bool = False
-    above: float = -math.inf
-    below: float = math.inf
-
-    def check(self, value: float) -> float:
-        """`value` as a float; ParameterError where it is not a finite number within bounds."""
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
-            raise ParameterError(self.name, f"expected a finite number, got {value!r}")
-        if self.positive and value <= 0:
-            raise ParameterError(
-                self.name, f"expected a positive value{self._unit()}, got {value:g}"
-            )
-        if value < self.minimum:
-            raise ParameterError(
-                self.name, f"expected at least {self.minimum:g}{self._unit()}, got {value:g}"
-            )
-        if value > self.maximum:
-            raise ParameterError(
-                self.name, f"expected at most {self.maximum:g}{self._unit()}, got {value:g}"
-            )
-        for bound, word, kept in (
-            (self.above, "above", value > self.above),
-            (self.below, "below", value < self.below),
-        ):
-            if not kept:
-                raise ParameterError(
-                    self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
-                )
-        return float(value)
-
-    def _unit(self) -> str:
-        return f" {self.unit}" if self.unit else ""
+Declared = tuple[Parameter | Callable[[], tuple[Parameter, ...]], ...]
 
 
 @dataclass(frozen=True)
 class Option:
     """A choice that is no number to sweep: mesh density, contact law.
 
-    ``choices`` lists the allowed values; the first is the default.
+    Attributes
+    ----------
+    name : str
+    allowed : tuple, or callable
+        The allowed values, the first is the default; a callable gives those of a register.
+    description : str
     """
 
     name: str
-    choices: tuple[str | int, ...]
+    allowed: tuple[str | int, ...] | Callable[[], tuple[str, ...]]
     description: str
+
+    @property
+    def choices(self) -> tuple[str | int, ...]:
+        """The allowed values, the first is the default."""
+        return self.allowed() if callable(self.allowed) else self.allowed
 
 
 @dataclass(frozen=True)
@@ -139,6 +83,8 @@ class ModelDefinition:
 
     Attributes
     ----------
+    declared : tuple of Parameter, or of callable
+        The model's parameters; a callable gives those of a register. The first of a name counts.
     build : callable
         (options, parameter values, all of them) -> Assembly.
     components : tuple of str
@@ -158,7 +104,7 @@ class ModelDefinition:
     name: str
     description: str
     options: tuple[Option, ...]
-    parameters: tuple[Parameter, ...]
+    declared: Declared
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
@@ -167,6 +113,15 @@ class ModelDefinition:
     )
     torque_unit: str = field(default="N", kw_only=True)
     changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All that can be varied, those of the laws registered by now among them."""
+        groups = ((p,) if isinstance(p, Parameter) else p() for p in self.declared)
+        known: dict[str, Parameter] = {}
+        for parameter in (p for group in groups for p in group):
+            known.setdefault(parameter.name, parameter)
+        return tuple(known.values())
 
     @property
     def energy_parts(self) -> tuple[str, ...]:

@@ -148,7 +148,7 @@ def hybrid_model(
     M_h, K_h = basis.project(assembly.M), basis.project(K)
     omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
     normal = c.area * point.pressure
-    drag = -operating.mu_steady * c.frictional * normal
+    drag = -c.area * c.frictional * operating.traction(point.pressure)
     return HybridModel(
         basis=basis,
         M=M_h,

@@ -181,6 +181,6 @@ def static_state(assembly: Assembly, point: WorkingPoint, operating: OperatingPo
     K = assembly.K_el + assembly.K_springs(static=True) + c.N.T @ sp.diags(k_n) @ c.N
     force = operating.pressure * assembly.load + assembly.constant_load
     force = force + c.N.T @ (normal + k_n * (point.gap - c.gap0))
-    force = force - c.T.T @ (operating.mu_steady * c.frictional * normal)
+    force = force - c.T.T @ (c.area * c.frictional * operating.traction(point.pressure))
     q: np.ndarray = factorise(K.tocsr()).solve(force)
     return q

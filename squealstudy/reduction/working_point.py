@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 
@@ -59,7 +59,7 @@ def working_point(
 
         g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p,
 
-    mu being the friction at the imposed sliding speed.
+    mu(p) being the friction at the imposed sliding speed.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def working_point(
         g = np.maximum(start, law.gap_at(HIGHEST_START * estimate))
     F, p, kappa = equations.imbalance(g)
     for iteration in range(1, MAX_ITERATIONS + 1):
-        J = equations.jacobian(kappa)
+        J = equations.jacobian(p, kappa)
         try:
             step = la.solve(J, -F, overwrite_a=True, check_finite=False)
         except la.LinAlgError:  # friction at its limit, or tangents that overflowed
@@ -102,7 +102,7 @@ def working_point(
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
-        f"{point.mu_steady:g}, pressure {point.pressure:g} Pa",
+        f"{point.friction:g}, pressure {point.pressure:g} Pa",
     )
 
 
@@ -123,9 +123,9 @@ class GapEquations:
     """Imbalance of the gaps and its Jacobian, at one operating point."""
 
     def __init__(self, space: ContactSpace, point: OperatingPoint) -> None:
-        mu = point.mu_steady * space.frictional
+        self._point, self._frictional = point, space.frictional
         self._law, self._k_c, self._gap0 = point.law, space.k_c, space.gap0
-        self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * (space.area * mu)
+        self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * space.area
         load = space.H_Nf @ np.array([point.pressure, 1.0])
         self._fixed = space.gap0 + load
         self._size = float(np.abs(load).max())
@@ -133,12 +133,14 @@ class GapEquations:
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m]."""
         p, kappa = self._law.evaluate(g)
-        F = g - self._fixed - self._H_A @ (p + self._k_c * (g - self._gap0)) + self._T_A @ p
+        drag = self._frictional * self._point.traction(p)
+        F = g - self._fixed - self._H_A @ (p + self._k_c * (g - self._gap0)) + self._T_A @ drag
         return F, p, kappa
 
-    def jacobian(self, kappa: np.ndarray) -> np.ndarray:
-        """dF/dg (nc, nc)."""
-        J = self._H_A * (kappa - self._k_c) - self._T_A * kappa
+    def jacobian(self, p: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+        """dF/dg (nc, nc) at evaluated points."""
+        grip = self._frictional * self._point.friction_at(p).following(p)
+        J = self._H_A * (kappa - self._k_c) - self._T_A * (grip * kappa)
         J[np.diag_indices_from(J)] += 1.0
         return J
 

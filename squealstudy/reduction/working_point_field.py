@@ -39,7 +39,7 @@ def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> Anchor:
     """An anchor at a working point; `space` is that of its component changes."""
-    J = GapEquations(space, operating).jacobian(point.tangent)
+    J = GapEquations(space, operating).jacobian(point.pressure, point.tangent)
     return Anchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
 
 
@@ -124,7 +124,6 @@ class BatchEquations:
         changes: Sequence[Changes],
     ) -> None:
         self.space, self._operating = space, operating
-        self._mu = np.array([[o.mu_steady] for o in operating]) * space.frictional
         self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
         self._cores = [self._core(c) for c in changes]
         self._load = np.array([[o.pressure, 1.0] for o in operating])
@@ -152,8 +151,9 @@ class BatchEquations:
         space = self.space
         pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
+        drag = np.array([o.traction(row) for o, row in zip(self._operating, p, strict=True)])
         s = space.area * (p + space.k_c * (g - space.gap0))
-        F = g - space.gap0 - self._movement(s, self._mu * space.area * p)
+        F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa
 
     def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:

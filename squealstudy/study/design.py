@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from squealstudy.laws import (
+    CONTACT_LAWS,
+    FRICTION_CURVES,
+    curve_from_values,
+    law_from_values,
+)
 from squealstudy.models.matrix_family import FamilyDefinition
-from squealstudy.models.operating import OperatingPoint, law_from_values
+from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import ModeParameter, parse_parameter
 from squealstudy.system.design_state import DesignState, ModeKey
@@ -19,15 +25,39 @@ class Design:
     Attributes
     ----------
     model : ModelDefinition
-    law_kind : str
-        Contact law of the study's model options.
+    options : mapping of str -> str or int
+        A value of every option of the model.
     values : mapping of parameter name -> float
         Every plain parameter of the model, and the mode parameters in use.
     """
 
     model: ModelDefinition
-    law_kind: str
+    options: Mapping[str, str | int]
     values: Mapping[str, float]
+
+    @property
+    def law_kind(self) -> str:
+        """Contact law of the model's options; models without a choice are bilateral."""
+        return str(self.options.get(CONTACT_OPTION.name, "bilateral"))
+
+    @property
+    def law_identity(self) -> list[str]:
+        """Contact law and friction curve, with the hashes of their files."""
+        laws = (CONTACT_LAWS[self.law_kind], FRICTION_CURVES[self.curve_kind])
+        return [text for law in laws for text in (law.name, law.source)]
+
+    @property
+    def own_values(self) -> dict[str, float]:
+        """The values that name the design point: without parameters of others' laws not in use."""
+        used = {p.name for p in CONTACT_LAWS[self.law_kind].parameters}
+        used |= {p.name for p in FRICTION_CURVES[self.curve_kind].parameters}
+        left = (CONTACT_LAWS.names_outside() | FRICTION_CURVES.names_outside()) - used
+        return {k: v for k, v in self.values.items() if k not in left}
+
+    @property
+    def curve_kind(self) -> str:
+        """Friction curve of the model's options; that by default for models without a choice."""
+        return str(self.options.get(FRICTION_OPTION.name, FRICTION_OPTION.choices[0]))
 
     @property
     def has_working_point(self) -> bool:
@@ -49,14 +79,12 @@ class Design:
     def operating_point(self) -> OperatingPoint:
         """Friction and its law, pressure, sliding speed and contact law."""
         v = self.values
-        law = law_from_values(self.law_kind, v)
         return OperatingPoint(
-            v["friction"],
-            v.get("pressure", 1.0),
-            v["sliding_speed"],
-            law,
-            v["friction_law.static_ratio"],
-            v["friction_law.decay_speed"],
+            friction=v["friction"],
+            pressure=v.get("pressure", 1.0),
+            sliding_speed=v["sliding_speed"],
+            law=law_from_values(self.law_kind, v),
+            curve=curve_from_values(self.curve_kind, v),
         )
 
     def state(self) -> DesignState:

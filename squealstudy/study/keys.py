@@ -13,6 +13,8 @@ import squealstudy
 
 # the code whose change changes a reduction or a result
 NUMERIC_PACKAGES = (
+    "laws",
+    "parameter.py",
     "kernels",
     "linalg",
     "models",

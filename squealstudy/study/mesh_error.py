@@ -82,7 +82,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
 def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, float]:
     """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
     started = time.perf_counter()
-    design = Design(plan.study.model, plan.law_kind, plan.nominal_values)
+    design = Design(plan.study.model, plan.study.options, plan.nominal_values)
     structure = Structure(plan.structure_key(design), design)
     key, reason = build_structure(build_task(plan, structure, threads))
     if reason:

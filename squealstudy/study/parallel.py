@@ -7,16 +7,19 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
 
 from squealstudy.errors import SquealstudyError
+from squealstudy.extensions import Extensions, extension_files
 from squealstudy.study.process import watch_parent
 
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
 
+_started_with: list[tuple[Path, ...]] = []  # files of the workers that may be there
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 Progress = Callable[[str, int, int], None]  # stage, done, total
@@ -85,7 +88,9 @@ class Workers:
 
         from joblib import Parallel, delayed, parallel_config
 
-        calls = [delayed(_on_one_thread)(os.getpid(), function, task) for task in tasks]
+        files = Extensions(extension_files())
+        _renew_workers(files.paths)
+        calls = [delayed(_in_worker)(files, os.getpid(), function, task) for task in tasks]
         try:
             with parallel_config(backend="loky", inner_max_num_threads=1):
                 yield from Parallel(
@@ -106,6 +111,22 @@ def _on_one_thread(parent: int, function: Callable[[Item], Found], task: Item) -
         watch_parent(parent)
     with threadpool_limits(1):
         return function(task)
+
+
+def _in_worker(
+    _files: Extensions, parent: int, function: Callable[[Item], Found], task: Item
+) -> Found:
+    """A task in a worker, which has executed the files of the study when it gets here."""
+    return _on_one_thread(parent, function, task)
+
+
+def _renew_workers(files: tuple[Path, ...]) -> None:
+    """End workers that began without these files: their kernels know other laws."""
+    from joblib.externals.loky import get_reusable_executor
+
+    if _started_with and _started_with[-1] != files:
+        get_reusable_executor().shutdown(wait=True)
+    _started_with[:] = [files]
 
 
 def split_chunks(tasks: Sequence[Item], jobs: int) -> list[Sequence[Item]]:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from squealstudy.errors import ParameterError
+from squealstudy.parameter import Parameter
 
 if TYPE_CHECKING:  # scipy stays out of `squealstudy schema`
-    from squealstudy.models.parameter import ModelDefinition, Parameter
+    from squealstudy.models.parameter import ModelDefinition
 
 FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
 QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
@@ -99,8 +100,6 @@ class ModeParameter:
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a number within bounds."""
-        from squealstudy.models.parameter import Parameter
-
         if self.quantity == FREQUENCY_SCALE:
             limits = Parameter(self.name, self.default, "", "", maximum=10.0, positive=True)
         else:

@@ -12,7 +12,12 @@ import numpy as np
 
 from squealstudy.errors import StudyFileError
 from squealstudy.models.matrix_family import FamilyDefinition
-from squealstudy.models.operating import CONTACT_LAW, OperatingPoint
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    FRICTION_OPTION,
+    OperatingPoint,
+    contact_parameters,
+)
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
 from squealstudy.study.design import Design, extreme_scales
@@ -28,8 +33,9 @@ from squealstudy.system.design_state import ModeKey
 if TYPE_CHECKING:
     from squealstudy.study.model_kind import ModelKind
 
-LAW_OPTION = "contact_law"
-STRUCTURE_SOURCES = ("kernels", "linalg", "models", "reduction")  # they decide a reduction
+LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
+# they decide a reduction
+STRUCTURE_SOURCES = ("laws", "parameter.py", "linalg", "models", "reduction")
 # beside them, they decide its finer model
 FINER_SOURCES = ("system", "analysis/full_order")
 REANALYSIS_SOURCES = ("study/complex_modes",)  # boxes, charts, what a basis must reach
@@ -66,7 +72,7 @@ class Plan:
         self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
-            Design(study.model, self.law_kind, self._resolved({**study.values, **point}))
+            Design(study.model, study.options, self._resolved({**study.values, **point}))
             for point in self.swept
         )
 
@@ -84,11 +90,6 @@ class Plan:
     def identity(self) -> list[Any]:
         """What a design point's row depends on, by its kind, beside its parameters."""
         return self.kind.identity(self)
-
-    @property
-    def law_kind(self) -> str:
-        """Contact law of the model's options; models without a choice are bilateral."""
-        return str(self.study.options.get(LAW_OPTION, "bilateral"))
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -113,7 +114,7 @@ class Plan:
     @cached_property
     def nominal(self) -> OperatingPoint:
         """The [parameters] as they stand: where the basis is made."""
-        return Design(self.study.model, self.law_kind, self.study.values).operating_point()
+        return Design(self.study.model, self.study.options, self.study.values).operating_point()
 
     @cached_property
     def training(self) -> tuple[OperatingPoint, ...]:
@@ -125,7 +126,7 @@ class Plan:
         if not has_mesh(self.study) or not self.study.definition.reduction.enrichment:
             return ()
         points = []
-        trained = {"pressure", *(p.name for p in CONTACT_LAW)}
+        trained = {"pressure", *(p.name for p in contact_parameters())}
         if self.study.definition.reduction.friction_training:
             trained.add("friction")
         for sweep in self.study.sweeps:
@@ -134,7 +135,7 @@ class Plan:
                 swept = [point[name] for point in self.swept]
                 for value in sorted({min(swept), max(swept)}):
                     values = {**self.study.values, name: value}
-                    design = Design(self.study.model, self.law_kind, values)
+                    design = Design(self.study.model, self.study.options, values)
                     points.append(design.operating_point())
         return tuple(points)
 
@@ -168,12 +169,12 @@ class Plan:
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
         return content_hash(
             {
-                "source": source_hash(STRUCTURE_SOURCES),
+                "source": [source_hash(STRUCTURE_SOURCES), *self.study.extensions],
                 "model": self.study.model.name,
-                "options": {k: v for k, v in self.study.options.items() if k != LAW_OPTION},
+                "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
                 "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
                 "trained at": [
-                    [p.mu_steady, p.pressure, p.law.kind, *p.law.parameters]
+                    [*p.sliding_friction, p.pressure, p.law.kind, *p.law.parameters]
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
@@ -193,7 +194,7 @@ class Plan:
         ]
         return content_hash(
             {
-                "source": source_hash(),
+                "source": [source_hash(), *self.study.extensions],
                 "terms": terms,
                 "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
                 "band": list(self.band_hz),
@@ -223,7 +224,7 @@ class Plan:
                 key = self.structure_key(design)
                 keys[structure] = key, self._model_hash(key)
             key, model_hash = keys[structure]
-            name = point_id(model_hash, design.values)
+            name = point_id(model_hash, design.own_values)
             draws[name] += 1
             if draws[name] > 1:
                 name = content_hash([name, draws[name]])
@@ -237,7 +238,7 @@ class Plan:
                 structure_key,
                 source_hash(),
                 list(self.band_hz),
-                self.law_kind,
+                self.designs[0].law_identity,
                 *self.identity,
                 *self.method.identity,
                 *([] if self.method.rung.exact else [source_hash(REANALYSIS_SOURCES)]),

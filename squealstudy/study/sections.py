@@ -38,6 +38,11 @@ class StudySection(Section):
         "sensitivities of complex modes"
     )
     description: str = Field(default="", description="free text, copied to the results")
+    extensions: Annotated[tuple[str, ...], Strict(False)] = Field(
+        default=(),
+        description="files of Python that are executed first, relative to the study file: laws "
+        "and the like that are not in the package; their content names the results",
+    )
 
 
 class ModelSection(Section):

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.analysis.tables.validity import BETWEEN
+from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrix_family import FamilyDefinition
 from squealstudy.models.operating import LIGHT_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
@@ -88,8 +89,8 @@ def validity_arrow(plan: Plan, table: pa.Table) -> pa.Table:
 
 def open_reason(law_kind: str, share: float) -> str:
     """What a working point breaks whose contact is open over a share of its area, or nothing."""
-    bilateral = law_kind == "bilateral"
-    rule, most = (CLOSED_RULE, 0.0) if bilateral else (OPEN_RULE, MOSTLY_OPEN)
+    pulls = CONTACT_LAWS[law_kind].pulls
+    rule, most = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, MOSTLY_OPEN)
     return f"{rule}: {share:.3g}" if share > most else ""
 
 
@@ -113,7 +114,7 @@ def _of_the_point(design: Design, row: Mapping[Hashable, object]) -> list[str]:
     texts = []
     if "class" not in row:  # at the working point; in time its worker has told
         texts.append(open_reason(design.law_kind, _number(row, "open_share")))
-    elif design.law_kind == "bilateral":
+    elif CONTACT_LAWS[design.law_kind].pulls:
         texts.append(open_reason(design.law_kind, _number(row, "open_share_max")))
     kick = _number(row, "perturbation") / design.operating_point().sliding_speed
     texts += [f"{KICK_RULE}: {kick:.4g}"] if kick > FAR_KICK else []

@@ -56,7 +56,7 @@ def working_point_key(design: Design) -> str:
     op = state.operating
     return content_hash(
         [
-            float(op.mu_steady).hex(),
+            [x if isinstance(x, str) else x.hex() for x in op.sliding_friction],
             float(op.pressure).hex(),
             op.law.kind,
             [x.hex() for x in op.law.parameters],

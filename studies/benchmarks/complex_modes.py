@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.full_order.modes import full_order_modes
 from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.analysis.point import solve_point, state_working_point
+from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes
 from squealstudy.reduction.prepared import prepare
@@ -35,7 +35,7 @@ REPEATS = 5
 
 
 def at(pressure: float, friction: float, **changes: dict) -> DesignState:
-    return DesignState(OperatingPoint(friction, pressure, 0.5, ContactLaw()), **changes)
+    return DesignState(OperatingPoint(friction, pressure, 0.5, contact_law()), **changes)
 
 
 STATES = {
@@ -56,7 +56,7 @@ def main() -> None:
     mesh = parser.parse_args().mesh
     brake = MODELS["disc_brake"]
     options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
-    ContactLaw().evaluate(np.zeros(1))  # compile
+    contact_law().evaluate(np.zeros(1))  # compile
 
     started = time.perf_counter()
     assembly = brake.build(options, brake.defaults())

@@ -36,9 +36,9 @@ from squealstudy.analysis.transient.growing_modes import growing_modes
 from squealstudy.analysis.transient.reference_modes import reference_modes
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, MotionPoint
+from squealstudy.analysis.transient.system import MotionPoint
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
@@ -49,7 +49,7 @@ from squealstudy.system.design_state import DesignState
 
 ZETA = 0.005
 SPEED = 0.5  # m/s
-NOMINAL = OperatingPoint(0.5, 12e5, SPEED, ContactLaw())
+NOMINAL = OperatingPoint(0.5, 12e5, SPEED, contact_law())
 TOP, CUTOFF, LOAD_CUTOFF = 8e3, 12e3, 9e3  # Hz
 TOLERANCE = 1e-4
 LAST = 0.4  # of a run, for the figures of the torque
@@ -78,7 +78,7 @@ def main() -> None:
     point = working_point(space, NOMINAL)
     if options.above:
         print_above(assembly, point)
-    friction = FrictionLaw(0.5, 0.5, 0.5 * point.pressure.max() / (0.02 * SPEED))
+    friction = FrictionLaw(0.5, 0.5 * point.pressure.max() / (0.02 * SPEED))
     print(f"brake and working point: {time.perf_counter() - started:.0f} s", flush=True)
     found = {}
     lam, u, v = 0j, np.zeros(0), np.zeros(0)

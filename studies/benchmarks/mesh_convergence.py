@@ -27,12 +27,12 @@ from component_reference import extrapolated
 from mesh_chart import mesh_chart
 
 from squealstudy.analysis.point import solve_point
+from squealstudy.laws import contact_law
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.disc_brake.density import DENSITIES, MEDIUM
 from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.solid import FULL, REDUCED
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
@@ -40,7 +40,7 @@ from squealstudy.system.design_state import DesignState
 
 TOP = 6e3  # Hz, of the free modes
 BAND = (500.0, 8000.0)
-NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
 TABLE, CHART = Path("results/mesh_convergence.csv"), Path("results/charts/mesh.png")
 COLUMNS = ["geometry", "component", "mesh", "points", "dof", "low", "high", "median"]  # errors, %
 SOLIDS = {"disc": (5, 3), "inner_pad": (4, 1), "caliper": (4, 2)}  # order, layers of the reference

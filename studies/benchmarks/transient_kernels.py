@@ -29,14 +29,13 @@ from threadpoolctl import threadpool_limits
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import KernelRun, simulate
 from squealstudy.analysis.transient.system import (
-    FrictionLaw,
     ModalSystem,
     MotionPoint,
     stick_number,
 )
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
 
 STEP = 1e-6
@@ -56,14 +55,14 @@ def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, Mo
     rng = np.random.default_rng(3)
     w2 = (2 * np.pi * np.geomspace(800, highest, n)) ** 2
     area = rng.uniform(0.5, 1.5, nc) * 1e-2 / nc
-    law = ContactLaw("exponential", p0=1e5, lam=5e5)
+    law = contact_law("exponential", p0=1e5, lam=5e5)
     p = rng.uniform(0.5, 1.5, nc) * 1e6
-    k = area * p * law.lam
+    k = area * p * law.value("contact.lambda")
     shapes = rng.normal(size=(3, nc, n)) * np.sqrt(0.04 * w2 / k.sum())
     values, phi = la.eigh(np.diag(w2) + shapes[0].T @ (k[:, None] * shapes[0]))
     N, T1, T2 = shapes @ phi
     mu, speed = 0.5, 0.5
-    friction = FrictionLaw(mu, mu, mu * p.max() / (0.02 * speed))
+    friction = FrictionLaw(mu, mu * p.max() / (0.02 * speed))
     gap = np.array([law.gap_at(x) for x in p])
     force = np.column_stack([area * p, -mu * area * p, 0 * p])
     one = np.ones(nc)
@@ -83,7 +82,7 @@ def kick(system: ModalSystem, level: float) -> np.ndarray:
 def designs_of(design: MotionPoint, nb: int, v0: np.ndarray) -> list[MotionPoint]:
     friction = design.friction
     values = np.linspace(0.5, 0.4, nb)
-    return [replace(design, friction=replace(friction, mu_s=m, mu_d=m), v0=v0) for m in values]
+    return [replace(design, friction=replace(friction, friction=m), v0=v0) for m in values]
 
 
 def seconds(call: Callable[[], object]) -> float:
@@ -181,7 +180,7 @@ def rate(y, B, modal, work):
 def against_dop853(n: int = 100, nc: int = 50, duration: float = 5e-3) -> None:
     """Time of both at the error of Newmark at 1 us, pre-warped."""
     system, design = brake_like(n, nc)
-    design = replace(design, friction=replace(design.friction, kind="smooth"))
+    design = replace(design, friction=replace(design.friction, regularisation="smooth"))
     settings = MotionSettings(duration, STEP, 0, Newmark(prewarp=True))
     B, modal, _, work, _ = plain_arrays(system, design, duration)
     v0 = kick(system, LEVELS["stick-slip"])

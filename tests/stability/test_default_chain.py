@@ -23,7 +23,7 @@ from squealstudy.analysis.method_stability.default_chain import (
     run,
 )
 from squealstudy.analysis.transient.system import CLOSING_LIMIT, closing_number
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import contact_law
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.study.transient.forecast import _closing
 
@@ -110,8 +110,8 @@ def test_newton_recovers_what_halving_does_not():
 
 
 def test_closing_number():
-    assert closing_number(ContactLaw("exponential", lam=5e5), 0.5, 1e-6) == pytest.approx(0.25)
-    assert closing_number(ContactLaw("bilateral"), 0.5, 1e-6) == 0.0
+    assert closing_number(contact_law("exponential", lam=5e5), 0.5, 1e-6) == pytest.approx(0.25)
+    assert closing_number(contact_law("bilateral"), 0.5, 1e-6) == 0.0
 
 
 def test_check_warns_of_contact_too_stiff_for_the_step():

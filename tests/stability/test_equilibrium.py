@@ -19,7 +19,7 @@ from squealstudy.analysis.method_stability.equilibrium import (
     one_point,
 )
 from squealstudy.errors import ConvergenceError
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import contact_law
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.working_point import working_point
 
@@ -79,5 +79,5 @@ def test_a_singular_jacobian_is_a_failure_with_a_name(monkeypatch):
 
     monkeypatch.setattr(la, "solve", singular)
     with pytest.raises(ConvergenceError) as caught:
-        working_point(one_point(0.0), OperatingPoint(0.5, 1e6, 1.0, ContactLaw()))
+        working_point(one_point(0.0), OperatingPoint(0.5, 1e6, 1.0, contact_law()))
     assert caught.value.status == "working_point"

@@ -139,7 +139,7 @@ def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np
             small = linearise(prepared.model, point, state)
             contact = contact_weights(prepared.model, point, state.operating)
             changes = state.stiffness_changes(component_frequencies(prepared.model))
-            for left in (False, True) if state.operating.mu_steady else (False,):
+            for left in (False, True) if state.operating.friction else (False,):
                 C, K = (small.C.T, small.K.T) if left else (small.C, small.K)
                 top = 2 * np.pi * made.top_hz
                 lam, x = dense_roots(C, K, (LOWEST * top, top))

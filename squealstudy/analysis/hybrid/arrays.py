@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.errors import ModelError
 from squealstudy.kernels import hybrid_layout as layout
+from squealstudy.kernels.laws import law_row
 from squealstudy.reduction.hybrid import HybridModel
 
 
@@ -45,7 +46,7 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.Hybrid:
         B=_sparse(B),
         B_modes=np.ascontiguousarray(B @ model.phi),
         points=points,
-        law=design.law_row(),
+        law=law_row(design.contact, design.friction, design.speed),
         omega2=model.omega**2,
         c=np.asarray(design.c, dtype=float),
         beta=float(design.beta),

@@ -17,6 +17,7 @@ from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels.hybrid_balance import balance
 from squealstudy.kernels.hybrid_commit import commit, start
 from squealstudy.kernels.hybrid_predict import predict
+from squealstudy.kernels.newmark_layout import LAW_MU, POINT_NORMAL
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.reduction.hybrid import HybridModel
 
@@ -174,8 +175,8 @@ class _Run:
     def _solver(self) -> StepSolver:
         """The factor of the present size of step, made when it is first needed."""
         if self._level not in self._solvers:
-            normal = self._hybrid.points[:, 5]
-            drag = self._hybrid.law[4] * normal
+            normal = self._hybrid.points[:, POINT_NORMAL]
+            drag = self._hybrid.law[LAW_MU] * normal
             forces = np.column_stack([normal, drag, drag]).ravel()
             h = self._settings.step / (1 << self._level)
             self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)

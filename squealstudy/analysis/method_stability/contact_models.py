@@ -15,9 +15,9 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.analysis.method_stability.contract import Knob
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
-from squealstudy.kernels.contact_point import POINT_NORMAL
-from squealstudy.models.law import ContactLaw
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.kernels.newmark_layout import POINT_NORMAL
+from squealstudy.laws import FrictionLaw, contact_law
 
 REFERENCE_PRESSURE = 1e6  # Pa
 REFERENCE_LAMBDA = 5e5  # 1/m
@@ -72,7 +72,7 @@ def single_point() -> tuple[ModalSystem, np.ndarray]:
 
 
 def _system(omega2: np.ndarray, rows: np.ndarray, area: np.ndarray, p: np.ndarray) -> ModalSystem:
-    law = ContactLaw("exponential", lam=REFERENCE_LAMBDA)
+    law = contact_law("exponential", lam=REFERENCE_LAMBDA)
     nc = len(area)
     return ModalSystem(
         omega2=omega2,
@@ -119,14 +119,14 @@ def stuck_state(values: Mapping[str, float]) -> ContactState:
 
 def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> MotionPoint:
     """Steady sliding at a multiple of the reference's pressures, under its own law."""
-    law = ContactLaw("exponential", lam=values["lambda"])
+    law = contact_law("exponential", lam=values["lambda"])
     p, mu = values["preload"] * p_ref, values["friction"]
     normal = system.area * p
     speed = values["sliding_speed"]
     drag = -system.area * np.minimum(mu * p, values["kt"] * speed)
     return MotionPoint(
         law,
-        FrictionLaw(mu, mu, values["kt"]),
+        FrictionLaw(mu, values["kt"]),
         speed,
         2 * DAMPING_RATIO * np.sqrt(system.omega2),
         gap=np.array([law.gap_at(float(x)) for x in p]),

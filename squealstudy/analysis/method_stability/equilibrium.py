@@ -31,10 +31,10 @@ from squealstudy.analysis.method_stability.contract import (
     named,
 )
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import ContactInterface, SpringInterface
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.minimal import point_mass
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
@@ -87,7 +87,7 @@ class Equilibrium:
         knobs = checked(self.knobs, values)
         lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA
         predicted = knobs["friction"] / largest_friction(lam, load)
-        law = ContactLaw("exponential", p0=P_0, lam=lam)
+        law = contact_law("exponential", p0=P_0, lam=lam)
         point = OperatingPoint(knobs["friction"], knobs["pressure"], 1.0, law)
         space = one_point(knobs["tension"])
         uniform = law.gap_at(max(knobs["pressure"], 1.0))
@@ -119,7 +119,7 @@ def one_point(tension: float) -> ContactSpace:
         np.array([AREA]),
         np.zeros(1),
         np.ones(1),
-        ContactLaw(),
+        contact_law(),
         np.ones(1),
     )
     loads = np.array([0.0, -AREA]), np.array([0.0, tension])

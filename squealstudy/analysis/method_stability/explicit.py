@@ -30,8 +30,8 @@ from squealstudy.analysis.transient.doubts import energy_drift
 from squealstudy.analysis.transient.motion import Motion
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
-from squealstudy.models.law import ContactLaw
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrator import DRIFT_LIMIT
 
 STEPS = 4000
@@ -105,8 +105,8 @@ def swing(knobs: Mapping[str, float]) -> Motion:
         k_ref=none[0],
         force=np.zeros((1, 3)),
     )
-    law = ContactLaw("exponential", p0=BOUND, lam=1e12)
-    friction = FrictionLaw(1.0, 1.0, max(knobs["stick_rate"], np.finfo(float).tiny))
+    law = contact_law("exponential", p0=BOUND, lam=1e12)
+    friction = FrictionLaw(1.0, max(knobs["stick_rate"], np.finfo(float).tiny))
     design = MotionPoint(law, friction, 0.0, np.array([2 * knobs["damping_ratio"] * omega]))
     method = CentralDifference(velocity="lagged" if knobs["lagged"] >= 0.5 else "extrapolated")
     settings = MotionSettings(STEPS * knobs["step"], knobs["step"], 1, method)

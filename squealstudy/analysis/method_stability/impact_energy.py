@@ -28,8 +28,8 @@ from squealstudy.analysis.transient.doubts import energy_drift
 from squealstudy.analysis.transient.motion import Motion
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
-from squealstudy.models.law import ContactLaw
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
@@ -112,8 +112,8 @@ def fly(knobs: Mapping[str, float]) -> Motion:
         k_ref=none[0],
         force=np.zeros((1, 3)),
     )
-    law = ContactLaw("exponential", p0=P_0, lam=knobs["lambda"])
-    still = MotionPoint(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(1))
+    law = contact_law("exponential", p0=P_0, lam=knobs["lambda"])
+    still = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(1))
     design = replace(still, v0=np.array([knobs["velocity"]]))
     duration = max(IMPACTS * np.pi / omega, 2 * knobs["step"])
     method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()

@@ -14,7 +14,7 @@ from squealstudy.analysis.method_stability.contact_models import ContactState
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import KernelRun
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.friction_laws import friction_tangent
+from squealstudy.kernels.laws import friction_tangent, law_row
 from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.kernels.newmark_trace import newmark_trace
 from squealstudy.motion.integrators.newmark import Newmark
@@ -92,10 +92,10 @@ def jacobians(
     linear = np.diag(1.0 + hc * design.c + hk * system.omega2)
     fixed = linear + hk * N.T @ (((contact_factor - 1.0) * k_ref)[:, None] * N)
     p, kappa = design.contact.evaluate((system.gap if design.gap is None else design.gap) + N @ q)
-    f = design.friction
+    law = law_row(design.contact, design.friction, design.speed)
     w1, w2 = design.speed + T1 @ v, T2 @ v
     slopes = [
-        friction_tangent(0, r * f.mu_s, r * f.mu_d, f.v_mu, f.k_t, *point)
+        friction_tangent(law, r, *point)
         for r, *point in zip(system.frictional, p, w1, w2, strict=True)
     ]
     d11, d12, d22, s1, s2 = (system.area * np.array(slopes).T)[:, :, None]

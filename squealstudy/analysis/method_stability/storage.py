@@ -26,8 +26,8 @@ from squealstudy.analysis.method_stability.contract import (
 from squealstudy.analysis.transient.doubts import STORAGE_LIMIT, storage_number
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
-from squealstudy.models.law import ContactLaw
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
 
 UNIT = 2.0**-24  # round-off of single precision
@@ -86,7 +86,7 @@ class Storage:
 
 def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
     """Two modes of one frequency under a contact point that they slide along."""
-    law = ContactLaw("exponential", lam=lam)
+    law = contact_law("exponential", lam=lam)
     one, none = np.ones(1), np.zeros((1, 2))
     pressure = FORCE / one
     system = ModalSystem(
@@ -101,7 +101,7 @@ def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
         k_ref=pressure * lam,
         force=np.column_stack([pressure, 0 * one, 0 * one]),
     )
-    return system, MotionPoint(law, FrictionLaw(0.0, 0.0, 1.0), 0.0, np.zeros(2))
+    return system, MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(2))
 
 
 def predict(knobs: Mapping[str, float]) -> float:

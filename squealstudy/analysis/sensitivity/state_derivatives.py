@@ -9,12 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.sensitivity.law_change import (
-    FRICTION_PARAMETERS,
-    friction_change,
-    law_change,
-    tangent_slope,
-)
 from squealstudy.analysis.sensitivity.state_parameter import (
     DAMPING,
     FREQUENCY,
@@ -23,6 +17,7 @@ from squealstudy.analysis.sensitivity.state_parameter import (
     StateParameter,
 )
 from squealstudy.analysis.sensitivity.working_point_motion import WorkingPointMotion
+from squealstudy.models.operating import FRICTION, SLIDING_SPEED, OperatingPoint
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import (
@@ -46,6 +41,19 @@ class WeightChange(NamedTuple):
 
     weights: StructureWeights
     ratios: np.ndarray | None = None
+
+
+def friction_change(operating: OperatingPoint, name: str, p: np.ndarray) -> ContactChange:
+    """Friction by the sliding speed, its coefficient or a parameter of its curve.
+
+    At fixed pressures p (nc,) [Pa].
+    """
+    rows = operating.curve.slopes(operating.friction, operating.sliding_speed, p)
+    if name == SLIDING_SPEED.name:
+        mu, by_speed, by_pressure = rows[0]
+        return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure, speed=1.0)
+    mu, by_speed, by_pressure = rows[2 + [FRICTION.name, *operating.curve.names].index(name)]
+    return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure)
 
 
 class StateDerivatives:
@@ -73,21 +81,28 @@ class StateDerivatives:
             return WeightChange(StructureWeights(elastic_damping=own.elastic, **by_beta))
         if name == PRESSURE:
             return self._moved(self.motion.by_pressure())
-        if name in FRICTION_PARAMETERS:
-            change = friction_change(operating, name)
-            by = ContactChange(mu=change.mu, by_speed=change.slope, speed=change.speed)
-            return self._moved(self.motion.by_friction(by.mu), by)
-        dp, dkappa = law_change(operating.law, name, self._point.gap)
-        return self._moved(self.motion.by_law(dp), ContactChange(pressure=dp, tangent=dkappa))
+        if name in operating.law.names:
+            dp, dkappa = operating.law.slopes(self._point.gap)[1 + operating.law.names.index(name)]
+            return self._moved(self.motion.by_law(dp), ContactChange(pressure=dp, tangent=dkappa))
+        by = friction_change(operating, name, self._point.pressure)
+        return self._moved(self.motion.by_friction(by.mu), by)
 
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
         """Derivative of the contact weights with the motion `gap` (nc,) of the gaps."""
-        point, law = self._point, self._state.operating.law
-        total = by._replace(
-            pressure=by.pressure - point.tangent * gap,
-            tangent=by.tangent + tangent_slope(law, point.gap) * gap,
-        )
-        return contact_weights_change(self.structure, point, self._state.operating, total)
+        point, operating = self._point, self._state.operating
+        dp, dkappa = operating.law.slopes(point.gap)[0]
+        total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
+        if operating.curve.pressure_dependent:
+            rows = operating.curve.slopes(
+                operating.friction, operating.sliding_speed, point.pressure
+            )
+            mu, by_speed, by_pressure = rows[1] * total.pressure
+            total = total._replace(
+                mu=by.mu + mu,
+                by_speed=by.by_speed + by_speed,
+                by_pressure=by.by_pressure + by_pressure,
+            )
+        return contact_weights_change(self.structure, point, operating, total)
 
     def _moved(self, gap: np.ndarray, by: ContactChange | None = None) -> WeightChange:
         contact = self.contact(gap, by or ContactChange())

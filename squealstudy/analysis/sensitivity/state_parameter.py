@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
-from squealstudy.analysis.sensitivity.law_change import FRICTION_PARAMETERS, LAW_PARAMETERS
 from squealstudy.errors import ParameterError
 from squealstudy.system.design_state import DesignState, ModeKey
 
 PRESSURE, DAMPING, STIFFNESS_DAMPING = "pressure", "damping_ratio", "stiffness_damping"
 FREQUENCY = "frequency_scale"
-PLAIN = (PRESSURE, DAMPING, STIFFNESS_DAMPING, *FRICTION_PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -78,20 +75,11 @@ class StateParameter:
         """The state with this parameter at `value`."""
         if self.modes:
             return self._moved_modes(state, value)
-        operating = state.operating
         if self.name == DAMPING:
             return replace(state, damping_ratio=value)
         if self.name == STIFFNESS_DAMPING:
             return replace(state, stiffness_damping=value)
-        if self.name in FRICTION_PARAMETERS:
-            field: dict[str, Any] = {FRICTION_PARAMETERS[self.name]: value}
-            operating = replace(operating, **field)
-        elif self.name == PRESSURE:
-            operating = replace(operating, pressure=value)
-        else:
-            field = {LAW_PARAMETERS[operating.law.kind][self.name]: value}
-            operating = replace(operating, law=replace(operating.law, **field))
-        return replace(state, operating=operating)
+        return replace(state, operating=state.operating.with_value(self.name, value))
 
     def _plain_value(self, state: DesignState) -> float:
         operating = state.operating
@@ -99,18 +87,12 @@ class StateParameter:
             return float(state.damping_ratio)
         if self.name == STIFFNESS_DAMPING:
             return float(state.stiffness_damping)
-        if self.name == PRESSURE:
-            return float(operating.pressure)
-        if self.name in FRICTION_PARAMETERS:
-            return float(getattr(operating, FRICTION_PARAMETERS[self.name]))
-        fields = LAW_PARAMETERS[operating.law.kind]
-        if self.name not in fields:
+        if self.name not in operating.names:
+            laws = f"the {operating.law.kind} contact law and {operating.curve.kind} friction"
             raise ParameterError(
-                self.name,
-                f"the {operating.law.kind} contact law does not depend on it, "
-                f"it has {', '.join(fields)}",
+                self.name, f"{laws} do not depend on it, they have {', '.join(operating.names)}"
             )
-        return float(getattr(operating.law, fields[self.name]))
+        return operating.value(self.name)
 
     def _mode_value(self, state: DesignState, mode: int) -> float:
         if not self.component:

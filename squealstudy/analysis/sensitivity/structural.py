@@ -157,7 +157,7 @@ class StaticResponse:
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
-        self._mu = operating.mu_steady * c.frictional
+        self._mu = operating.friction_at(w.pressure).mu * c.frictional
         load = operating.pressure * full.assembly.load + full.assembly.constant_load
         normal = c.area * (w.pressure + k_c * (w.gap - c.gap0))
         sliding = c.area * self._mu * w.pressure

@@ -40,15 +40,16 @@ class WorkingPointMotion:
         self._space, self._operating = space, operating
         self._changes = {j: dk for j, dk in stiffness_changes.items() if dk}
         self._now = space.changed(self._changes)
-        self._mu = operating.mu_steady * space.frictional
+        following = operating.friction_at(point.pressure).following(point.pressure)
+        self._grip = following * space.frictional
         self.point = point
         A = space.area
         J = self._now.H_NN * (A * (point.tangent - space.k_c))
-        J -= self._now.H_NT * (A * self._mu * point.tangent)
+        J -= self._now.H_NT * (A * self._grip * point.tangent)
         J[np.diag_indices_from(J)] += 1.0
         self._lu = la.lu_factor(J, overwrite_a=True, check_finite=False)
         self._normal = A * (point.pressure + space.k_c * (point.gap - space.gap0))
-        self._sliding = A * self._mu * point.pressure
+        self._sliding = A * space.frictional * operating.traction(point.pressure)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""
@@ -69,7 +70,7 @@ class WorkingPointMotion:
     def by_law(self, dp: np.ndarray) -> np.ndarray:
         """Motion by a change dp (nc,) of the pressure at fixed gaps."""
         force = self._space.area * dp
-        return self.solve(self._now.H_NT @ (self._mu * force) - self._now.H_NN @ force)
+        return self.solve(self._now.H_NT @ (self._grip * force) - self._now.H_NN @ force)
 
     def by_mode_stiffness(self, column: int) -> np.ndarray:
         """Motion by a component mode's modal stiffness, m s^2: column of U of the space."""

@@ -11,6 +11,7 @@ from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.laws import law_row
 from squealstudy.kernels.newmark_correct import NOT_FACTORED
 from squealstudy.kernels.tile import LANES, POINTS, ROWS
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
@@ -76,7 +77,7 @@ def modal_arrays(
     tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
     modal = layout.Modal(
         points=points,
-        laws=np.array([x.law_row() for x in designs], dtype=float),
+        laws=np.array([law_row(x.contact, x.friction, x.speed) for x in designs]),
         modes=modes,
         steps=steps,
         shapes=_padded_rows(system.shapes, n),

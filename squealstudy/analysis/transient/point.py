@@ -9,14 +9,14 @@ import numpy as np
 
 from squealstudy.analysis.transient.growing_modes import growing_modes
 from squealstudy.analysis.transient.reference_modes import ReferenceModes
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ParameterError
+from squealstudy.laws import FrictionLaw
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import ContactStructure, structure_weights
 
-TANH_SATURATION = 5.0  # tanh is 1 to 1e-4 there
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
 
 
@@ -43,13 +43,8 @@ def friction_law(
         Friction so soft that steady sliding is not steady.
     """
     operating = state.operating
-    friction = FrictionLaw(
-        operating.friction * operating.static_ratio,
-        operating.friction,
-        slope if slope > 0 else automatic_slope(state, point, saturation),
-        operating.decay_speed,
-        kind,
-    )
+    k_t = slope if slope > 0 else automatic_slope(state, point, saturation)
+    friction = FrictionLaw(operating.friction, k_t, operating.curve, kind)
     _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
     return friction
 
@@ -60,8 +55,9 @@ def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> fl
     It does so at the static friction coefficient, where the working point presses hardest.
     """
     operating = state.operating
-    mu = max(operating.friction * operating.static_ratio, LEAST_FRICTION)
-    return float(mu * max(point.pressure.max(), 1e-300) / speed)
+    hardest = max(float(point.pressure.max()), 1e-300)
+    mu = max(operating.curve.at_rest(operating.friction, hardest), LEAST_FRICTION)
+    return mu * hardest / speed
 
 
 def _check_slope(
@@ -72,9 +68,8 @@ def _check_slope(
     `saturation` [m/s] is what its slope follows from; 0 where the slope itself is given.
     """
     operating = state.operating
-    least = operating.mu_steady * float(point.pressure.max()) / operating.sliding_speed
-    if friction.kind == "smooth":
-        least *= TANH_SATURATION
+    least = float(operating.traction(point.pressure).max()) / operating.sliding_speed
+    least *= friction.saturation
     if friction.k_t >= least:
         return
     if saturation > 0:
@@ -123,7 +118,7 @@ def motion_point(
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
     normal = system.area * point.pressure
-    drag = -operating.mu_steady * system.frictional * normal
+    drag = -system.area * system.frictional * operating.traction(point.pressure)
     made = MotionPoint(
         contact=operating.law,
         friction=friction,

@@ -79,7 +79,7 @@ def reference_modes(
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
     normal = model.area * point.pressure
-    drag = -state.operating.mu_steady * model.frictional * normal
+    drag = -model.area * model.frictional * state.operating.traction(point.pressure)
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
         omega2=omega2,

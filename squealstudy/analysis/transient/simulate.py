@@ -20,9 +20,9 @@ from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ParameterError
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.contact_point import POINT_GAP
 from squealstudy.kernels.integrator_state import BLOW_UP
 from squealstudy.kernels.newmark_batch import newmark_batch
+from squealstudy.kernels.newmark_layout import POINT_GAP
 from squealstudy.motion.integrator import Integrator, KernelIntegrator
 
 OUTCOMES = {

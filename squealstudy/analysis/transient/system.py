@@ -23,50 +23,13 @@ import numpy as np
 
 from squealstudy.analysis.transient.growing_modes import GrowingModes, none_growing
 from squealstudy.errors import ModelError
-from squealstudy.kernels import friction_laws
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import ContactLaw, FrictionLaw
 
 if TYPE_CHECKING:
     from squealstudy.reduction.hybrid import HybridModel
 
 STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
 CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
-FRICTION_CODES = {"regularised": friction_laws.REGULARISED, "smooth": friction_laws.SMOOTH}
-
-
-@dataclass(frozen=True)
-class FrictionLaw:
-    """Coulomb friction, regularised, constant or falling with speed (THEORY.md eq. (7) to (9)).
-
-    Parameters
-    ----------
-    mu_s, mu_d : float
-        Static and dynamic coefficient; equal for constant friction.
-    v_mu : float
-        m/s, mu = mu_d + (mu_s - mu_d) exp(-|w| / v_mu).
-    k_t : float
-        Slope at zero sliding, N s/m3.
-    kind : str
-        ``regularised`` (kinked) or ``smooth`` (tanh).
-
-    Raises
-    ------
-    ModelError
-        Unknown kind, or values that are not finite or of the wrong sign.
-    """
-
-    mu_s: float
-    mu_d: float
-    k_t: float
-    v_mu: float = 1.0
-    kind: str = "regularised"
-
-    def __post_init__(self) -> None:
-        if self.kind not in FRICTION_CODES:
-            raise ModelError(f"friction law '{self.kind}' is none of {', '.join(FRICTION_CODES)}")
-        values = (self.mu_s, self.mu_d, self.k_t, self.v_mu)
-        if not (np.isfinite(values).all() and min(values) >= 0 and self.k_t > 0 < self.v_mu):
-            raise ModelError(f"friction law needs mu >= 0, k_t > 0, v_mu > 0, got {values}")
 
 
 @dataclass(frozen=True)
@@ -230,17 +193,6 @@ class MotionPoint:
         columns = (gap, system.area, system.frictional, system.radius, system.k_ref)
         return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
 
-    def law_row(self) -> np.ndarray:
-        """(9,) for the kernels."""
-        return law_row(self.contact, self.friction, self.speed)
-
-
-def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndarray:
-    """Laws and sliding velocity (9,), contact_point.LAW_* of the kernels."""
-    f = friction
-    row = (contact.code, *contact.parameters, FRICTION_CODES[f.kind], f.mu_s, f.mu_d, f.v_mu, f.k_t)
-    return np.array([*row, speed], dtype=float)
-
 
 def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:
     """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
@@ -255,9 +207,8 @@ def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float
 
 
 def closing_number(contact: ContactLaw, velocity: float, step: float) -> float:
-    """Lambda h v: a contact that closes at `velocity` [m/s] stiffens by e to this in a step.
+    """Closing rate times h v: closing at `velocity` [m/s], a contact stiffens by e to this a step.
 
-    Impacts beyond `CLOSING_LIMIT` are not resolved in time. Laws that are no exponentials have no
-    such number: 0.
+    Impacts beyond `CLOSING_LIMIT` are not resolved in time. 0 for laws that have no such rate.
     """
-    return contact.lam * step * velocity if contact.kind == "exponential" else 0.0
+    return contact.closing_rate * step * velocity

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import subprocess
 import sys
 import time
@@ -16,9 +15,10 @@ import numpy as np
 
 from squealstudy.analysis.transient.settings import MotionSettings
 from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import FrictionLaw, ModalSystem, MotionPoint
+from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.extensions import extension_files
 from squealstudy.kernels.jit import compiled_directory
-from squealstudy.models.law import ContactLaw
+from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
 
 if sys.platform != "win32":
@@ -36,12 +36,13 @@ def begin_warming(single_storage: bool = False) -> None:
     """
     if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
         return
-    call = f"from {__name__} import warm_kernels; warm_kernels({single_storage})"
+    files = [str(path) for path in extension_files()]
+    read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
+    call = f"{read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
     nothing = subprocess.DEVNULL
     _begun.append(
         subprocess.Popen(
             [sys.executable, "-c", call],
-            env=os.environ | {"NUMBA_CACHE_DIR": numba.config.CACHE_DIR},
             stdin=nothing,
             stdout=nothing,
             stderr=nothing,
@@ -113,5 +114,5 @@ def smallest() -> tuple[ModalSystem, MotionPoint]:
         force=np.zeros((1, 3)),
         sensed=np.array([1]),
     )
-    law = ContactLaw("exponential", p0=1.0, lam=1.0)
-    return system, MotionPoint(law, FrictionLaw(0.5, 0.5, 1.0), 1.0, one)
+    law = contact_law("exponential", p0=1.0, lam=1.0)
+    return system, MotionPoint(law, FrictionLaw(0.5, 1.0), 1.0, one)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from squealstudy.laws import law_from_values
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
 from squealstudy.models.disc_brake.density import DENSITIES
@@ -15,7 +16,6 @@ from squealstudy.models.disc_brake.parameters import COMPONENTS
 from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.correspondence import corresponding_rows
 from squealstudy.models.fem.sampling import surface_nodes
-from squealstudy.models.operating import law_from_values
 
 
 def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:

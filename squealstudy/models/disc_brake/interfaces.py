@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import component_slices, expand_rows
 from squealstudy.models.component import Component
 from squealstudy.models.disc_brake.faces import brake_faces
@@ -14,7 +15,6 @@ from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.sampling import facing_surface, sample_surface
 from squealstudy.models.fem.solid import Solid
 from squealstudy.models.interface import ContactInterface, SpringInterface
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.surface import Surface
 
 AXIAL = np.array([0.0, 0.0, 1.0])

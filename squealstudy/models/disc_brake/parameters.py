@@ -10,15 +10,18 @@ import numpy as np
 
 from squealstudy.models.operating import (
     ASSUMPTIONS,
-    CONTACT_LAW,
+    CONTACT_OPTION,
     DAMPING,
     FRICTION,
-    FRICTION_LAW,
+    FRICTION_OPTION,
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
+    contact_parameters,
+    friction_parameters,
 )
-from squealstudy.models.parameter import Assumption, Option, Parameter, structural
+from squealstudy.models.parameter import Assumption, Declared, Option, structural
+from squealstudy.parameter import Parameter
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 OPTIONS = (
@@ -28,7 +31,8 @@ OPTIONS = (
         "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
     Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
-    Option("contact_law", ("exponential", "unilateral", "power", "bilateral"), "contact law"),
+    CONTACT_OPTION,
+    FRICTION_OPTION,
 )
 
 MEET = 1e-6  # m or rad: breaks of a mesh nearer than this leave no room for a cell
@@ -143,13 +147,13 @@ STRUCTURE = structural(
 
 # of the first version; at 4 kHz the two of today make a damping ratio of .7 %
 UNDAMPED = {DAMPING.name: 0.0, STIFFNESS_DAMPING.name: 0.0}
-PARAMETERS = (
+PARAMETERS: Declared = (
     FRICTION,
     PRESSURE,
     SLIDING_SPEED,
     replace(DAMPING, default=0.005),
     replace(STIFFNESS_DAMPING, default=1.5e-7),  # s
-    *FRICTION_LAW,
-    *CONTACT_LAW,
+    friction_parameters,
+    contact_parameters,
     *(_bounded(p) for p in STRUCTURE),
 )

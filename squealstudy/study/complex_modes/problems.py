@@ -69,7 +69,7 @@ class SweptStructure:
     @cached_property
     def path(self) -> Path:
         """Where the sweep basis is kept."""
-        chart, law = self.chart.identity(), self.chart.design.law_kind
+        chart, law = self.chart.identity(), self.chart.design.law_identity
         code = [source_hash(), source_hash(("study/complex_modes",))]
         content = [code, chart, law, self.band_hz, self.tolerance]
         return prepared_path(self.key) / "sweep_bases" / f"{content_hash(content)}.npz"

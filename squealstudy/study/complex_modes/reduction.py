@@ -61,8 +61,9 @@ class SampleTask:
     @property
     def path(self) -> Path:
         """Beside the prepared model; other studies with the same point find it."""
-        values = sorted((k, float(v).hex()) for k, v in self.point.design.values.items())
-        name = content_hash([source_hash(), self.point.design.law_kind, self.band_hz, values])
+        values = sorted((k, float(v).hex()) for k, v in self.point.design.own_values.items())
+        laws = self.point.design.law_identity
+        name = content_hash([source_hash(), laws, self.band_hz, values])
         return prepared_path(self.point.prepared_key) / "reduction_errors" / f"{name}.json"
 
     def read(self) -> Sample | None:

@@ -60,7 +60,7 @@ class Sensitivities(ModelKind):
 
     def identity(self, plan: Plan) -> list[Any]:
         """What is asked; StudyFileError for a name unknown."""
-        asked = asked_parameters(plan.study, plan.law_kind)
+        asked = asked_parameters(plan.study, plan.designs[0])
         section = plan.study.section.model_dump(mode="json", exclude={"parameters"})
         tolerance = plan.study.definition.modes.stability_tolerance
         return [section, [item.name for item in asked], tolerance, source_hash(SOURCES)]
@@ -124,7 +124,7 @@ def request(plan: Plan) -> Request:
     """What the study asks of every design point."""
     definition = plan.study.definition
     return Request(
-        asked_parameters(plan.study, plan.law_kind),
+        asked_parameters(plan.study, plan.designs[0]),
         mode_choice(plan.study.section, definition.modes.stability_tolerance),
         plan.study.section.change,
         plan.band_hz,

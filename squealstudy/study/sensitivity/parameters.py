@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from squealstudy.analysis.sensitivity.law_change import LAW_PARAMETERS
 from squealstudy.analysis.sensitivity.mode_choice import ModeChoice
 from squealstudy.analysis.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
 from squealstudy.errors import ParameterError, StudyFileError
-from squealstudy.models.operating import CONTACT_LAW, IN_TIME_ONLY
+from squealstudy.models.operating import (
+    IN_TIME_ONLY,
+    OperatingPoint,
+    contact_parameters,
+    friction_parameters,
+)
 from squealstudy.study.definition import Study
+from squealstudy.study.design import Design
 from squealstudy.study.parameters import (
     ModeParameter,
     PlainParameter,
@@ -41,7 +46,7 @@ class Asked:
         return self.parameter.structural
 
 
-def asked_parameters(study: Study, law_kind: str) -> tuple[Asked, ...]:
+def asked_parameters(study: Study, design: Design) -> tuple[Asked, ...]:
     """The parameters of the [sensitivity] section, or the default ones.
 
     Raises
@@ -56,34 +61,38 @@ def asked_parameters(study: Study, law_kind: str) -> tuple[Asked, ...]:
             f"model '{study.model.name}' has no components and no contact: there are no "
             "sensitivities of it",
         )
-    section = study.section
+    section, operating = study.section, design.operating_point()
     if not section.parameters:
-        return tuple(_asked(name, study, law_kind) for name in _default_names(study, law_kind))
+        return tuple(_asked(name, study, operating) for name in _default_names(study, operating))
     found = []
     for number, name in enumerate(section.parameters):
         try:
-            found.append(_asked(name, study, law_kind))
+            found.append(_asked(name, study, operating))
         except ParameterError as error:
             raise source.error(("sensitivity", "parameters", number), error.message) from None
     return tuple(found)
 
 
-def _asked(name: str, study: Study, law_kind: str) -> Asked:
+def _asked(name: str, study: Study, operating: OperatingPoint) -> Asked:
     every = EVERY in name
     parameter = parse_parameter(name.replace(EVERY, ONE), study.model)
     if every and not (isinstance(parameter, ModeParameter) and parameter.component):
         raise ParameterError(name, f"expected mode numbers of the assembly, got '{name}'")
     if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
-    if name in {p.name for p in CONTACT_LAW} and name not in LAW_PARAMETERS[law_kind]:
-        known = ", ".join(LAW_PARAMETERS[law_kind])
-        raise ParameterError(name, f"the {law_kind} contact law has {known}, not '{name}'")
+    for law, sort, known in (
+        (operating.law, "contact law", contact_parameters()),
+        (operating.curve, "friction law", friction_parameters()),
+    ):
+        if name in {p.name for p in known} - set(law.names):
+            its = ", ".join(law.names) or "no parameters"
+            raise ParameterError(name, f"the {law.kind} {sort} has {its}, not '{name}'")
     return Asked(name, parameter, every)
 
 
-def _default_names(study: Study, law_kind: str) -> Iterator[str]:
+def _default_names(study: Study, operating: OperatingPoint) -> Iterator[str]:
     known = {p.name for p in study.model.parameters}
-    ignored = {p.name for p in CONTACT_LAW} - set(LAW_PARAMETERS[law_kind])
+    ignored = {p.name for p in contact_parameters()} - set(operating.law.names)
     yield from (name for name in DEFAULTS if name in known - ignored)
     for component in study.model.components:
         yield f"{component}.modes{EVERY}.{FREQUENCY}"

@@ -12,15 +12,15 @@ import numpy as np
 
 import squealstudy
 from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
+from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.law import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.design_state import DesignState
 
-NOMINAL = OperatingPoint(0.5, 12e5, 0.5, ContactLaw())
+NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
 ENDS = (2e5, 30e5)  # Pa
 SPEEDS = (0.1, 3.0)  # m/s
 MODE = ("caliper", 8)

@@ -1,0 +1,234 @@
+"""The source of the kernels' choice among laws: a branch, and a loop over points, for each.
+
+A law's functions are compiled as they stand in its file, but for `exp` of `math`, for which they
+get one that loops over points can vectorise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from types import FunctionType
+from typing import Any
+
+from squealstudy.kernels.exponential import exponential
+from squealstudy.kernels.jit import exact_kernel
+from squealstudy.kernels.newmark_layout import (
+    CONSTANT,
+    LAW_CONTACT,
+    LAW_CURVE,
+    LAW_FIRST,
+    LAW_MU,
+    LAW_REGULARISATION,
+    LAW_SLOPE,
+)
+from squealstudy.laws import ContactLawDefinition, FrictionCurveDefinition, Regularisation
+
+HEAD = '''"""Written by squealstudy.kernels.law_text."""
+
+
+@kernel
+def contact_at(law, g):
+{contact_at}
+    return NAN, NAN
+
+
+@fast_kernel
+def potential(law, g):
+{potential}
+    return NAN
+
+
+@fast_kernel
+def pressures(law, gap, x, p, first, last):
+{pressures}
+
+@fast_kernel
+def mean_pressures(law, gap, x, x0, p, first, last):
+{mean_pressures}
+
+@kernel
+def mu_at(law, s, p):
+    if law[{curve}] == {constant}:
+        return law[{mu}], 0.0, 0.0
+{mu_at}
+    return NAN, NAN, NAN
+
+
+@fast_kernel
+def resistance(law, k_t, bound, s):
+{resistance}
+    return NAN
+
+
+@fast_kernel
+def stick_slope(law, k_t, bound, s):
+{slope}
+    return NAN
+
+
+@kernel
+def partials(law, k_t, bound, s):
+{partials}
+    return NAN, NAN, NAN
+
+
+@fast_kernel
+def frictions(law, area, factor, w1, w2, p, t1, t2, first, last):
+    k_t = law[{k_t}]
+{frictions}
+'''
+
+
+def law_text(
+    contact: Sequence[ContactLawDefinition],
+    curves: Sequence[FrictionCurveDefinition],
+    slopes: Sequence[Regularisation],
+) -> str:
+    """Text of a module that needs the names of `law_names`."""
+    held = range(len(slopes))
+    friction_at = friction_place(contact)
+    by_curve = [f"curve_{c}_mu(s, p, {_row(friction_at, _count(x))})" for c, x in enumerate(curves)]
+    loops = [
+        _friction_loop(c, friction_at, _count(x), r)
+        for c, x in [(CONSTANT, None), *enumerate(curves)]
+        for r in held
+    ]
+    return HEAD.format(
+        curve=LAW_CURVE,
+        constant=CONSTANT,
+        mu=LAW_MU,
+        k_t=LAW_SLOPE,
+        contact_at=_choice(
+            LAW_CONTACT, [_contact(c, x, "pressure") for c, x in enumerate(contact)]
+        ),
+        potential=_choice(
+            LAW_CONTACT, [_contact(c, x, "potential") for c, x in enumerate(contact)]
+        ),
+        pressures="".join(_pressure_loop(c, x) for c, x in enumerate(contact)),
+        mean_pressures="".join(_mean_loop(c, x) for c, x in enumerate(contact)),
+        mu_at=_choice(LAW_CURVE, by_curve),
+        resistance=_choice(
+            LAW_REGULARISATION, [f"slope_{r}_resistance(k_t, bound, s)" for r in held]
+        ),
+        slope=_choice(LAW_REGULARISATION, [f"slope_{r}_slope(k_t, bound, s)" for r in held]),
+        partials=_choice(LAW_REGULARISATION, [f"slope_{r}_partials(k_t, bound, s)" for r in held]),
+        frictions="".join(loops),
+    )
+
+
+def law_names(
+    contact: Sequence[ContactLawDefinition],
+    curves: Sequence[FrictionCurveDefinition],
+    slopes: Sequence[Regularisation],
+) -> dict[str, Any]:
+    """The laws' functions, compiled, by the names that `law_text` calls them."""
+    names: dict[str, Any] = {"NAN": math.nan}
+    made: dict[Callable[..., Any], Any] = {math.exp: exponential}
+    for code, law in enumerate(contact):
+        names[f"contact_{code}_pressure"] = compiled(law.pressure, made)
+        names[f"contact_{code}_potential"] = compiled(law.potential, made)
+        if law.mean_pressure is not None:
+            names[f"contact_{code}_mean"] = compiled(law.mean_pressure, made)
+    for code, curve in enumerate(curves):
+        names[f"curve_{code}_mu"] = compiled(curve.mu, made)
+    for code, slope in enumerate(slopes):
+        names[f"slope_{code}_resistance"] = compiled(slope.resistance, made)
+        names[f"slope_{code}_slope"] = compiled(slope.slope, made)
+        names[f"slope_{code}_partials"] = compiled(slope.partials, made)
+    return names
+
+
+def compiled(function: Callable[..., Any], made: dict[Callable[..., Any], Any]) -> Any:
+    """A function of a law's file for kernels, with the functions that it calls."""
+    if function not in made:
+        assert isinstance(function, FunctionType)
+        own = dict(function.__globals__)
+        for name in function.__code__.co_names:
+            called = own.get(name)
+            if called is math.exp or isinstance(called, FunctionType):
+                own[name] = compiled(called, made)
+        copy = FunctionType(
+            function.__code__, own, function.__name__, function.__defaults__, function.__closure__
+        )
+        made[function] = exact_kernel(copy)
+    return made[function]
+
+
+def friction_place(contact: Sequence[ContactLawDefinition]) -> int:
+    """Place of friction in a row of laws, before the parameters of its curve."""
+    return LAW_FIRST + max(len(law.parameters) for law in contact)
+
+
+def _count(curve: FrictionCurveDefinition | None) -> int:
+    return 0 if curve is None else 1 + len(curve.parameters)
+
+
+def _row(first: int, count: int) -> str:
+    """Values of a law's parameters in its row."""
+    return ", ".join(f"law[{first + i}]" for i in range(count))
+
+
+def _choice(place: int, results: Sequence[str]) -> str:
+    lines = (
+        f"    if law[{place}] == {code}:\n        return {r}" for code, r in enumerate(results)
+    )
+    return "\n".join(lines)
+
+
+def _contact(code: int, law: ContactLawDefinition, function: str) -> str:
+    values = "".join(f", law[{LAW_FIRST + i}]" for i in range(len(law.parameters)))
+    return f"contact_{code}_{function}(g{values})"
+
+
+def _loop(condition: str, first: int, count: int, lines: Sequence[str]) -> str:
+    """A loop over points with the values of a law in variables a0, a1, ..: rows may overlap."""
+    values = [f"        a{i} = law[{first + i}]" for i in range(count)]
+    body = [f"            {line}" for line in lines]
+    head = [f"    if {condition}:", *values, "        for i in range(first, last):"]
+    return "\n".join([*head, *body]) + "\n"
+
+
+def _pressure_loop(code: int, law: ContactLawDefinition) -> str:
+    count = len(law.parameters)
+    values = "".join(f", a{i}" for i in range(count))
+    line = f"p[i] = contact_{code}_pressure(gap[i] + x[i]{values})[0]"
+    return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, [line])
+
+
+def _mean_loop(code: int, law: ContactLawDefinition) -> str:
+    """By the law's own mean, else by the difference of its potential where the gap changes much.
+
+    The middle errs by the square of the relative change then, the difference by the round-off over
+    it: both by some 1e-10 where they meet.
+    """
+    count = len(law.parameters)
+    values = "".join(f", a{i}" for i in range(count))
+    lines = ["g, d = gap[i] + x[i], 2.0 * (x[i] - x0[i])"]
+    if law.mean_pressure is not None:
+        lines.append(f"p[i] = contact_{code}_mean(g, d{values})")
+    else:
+        lines += [
+            "if abs(d) <= 1e-5 * abs(g):",
+            f"    p[i] = contact_{code}_pressure(g{values})[0]",
+            "else:",
+            f"    U0 = contact_{code}_potential(g - 0.5 * d{values})",
+            f"    p[i] = (U0 - contact_{code}_potential(g + 0.5 * d{values})) / d",
+        ]
+    return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, lines)
+
+
+def _friction_loop(code: int, first: int, count: int, regularisation: int) -> str:
+    values = "".join(f", a{i}" for i in range(count))
+    mu = "mu" if code == CONSTANT else f"curve_{code}_mu(s, p[i]{values})[0]"
+    lines = [
+        "s = math_sqrt(w1[i] * w1[i] + w2[i] * w2[i])",
+        f"bound = factor[i] * {mu} * p[i]",
+        f"f = area[i] * slope_{regularisation}_resistance(k_t, bound, s)",
+        "t1[i], t2[i] = -f * w1[i], -f * w2[i]",
+    ]
+    chosen = f"law[{LAW_CURVE}] == {code} and law[{LAW_REGULARISATION}] == {regularisation}"
+    loop = _loop(chosen, first, count, lines)
+    if code == CONSTANT:
+        loop = loop.replace("        for i", f"        mu = law[{LAW_MU}]\n        for i", 1)
+    return loop

@@ -1,0 +1,216 @@
+"""Contact laws: the pressure over the gap; a file of `laws/contact` each."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.laws.registry import SHARED, Registry, Sourced, at_points, central_slope
+from squealstudy.parameter import Parameter
+
+MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
+BISECTIONS = 200
+WIDEST = 1e3  # m: a gap beyond which no contact is looked for
+
+Scalar = Callable[..., float]
+Pair = Callable[..., tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class ContactLawDefinition(Sourced):
+    """A contact law p(g) of the gap g [m], positive when open, as functions of one point.
+
+    Every function takes the law's parameters behind its other arguments, in their order, as
+    floats. Kernels compile those of a point: plain arithmetic, branches and functions of `math`
+    imported by name (``from math import exp``; kernels then have one that loops over points
+    vectorise). What is None follows from the others, slower or less exactly.
+
+    Attributes
+    ----------
+    name, description : str
+    parameters : tuple of Parameter
+        Laws share parameters of equal names, which must be equal definitions.
+    pressure : (g, ..) -> p [Pa], -dp/dg [Pa/m]
+        NaN for a NaN.
+    potential : (g, ..) -> U [J/m2]
+        Stored energy per area: the integral of p from g to an open gap.
+    mean_pressure : (g, d, ..) -> [Pa]
+        Mean over the gaps from g - d/2 to g + d/2: what d p makes U lose over a step.
+    gap_at : (p, ..) -> g
+        Gap of a pressure p > 0: where a static solution starts.
+    gap_scale : (p, ..) -> [m]
+        Change of gap over which the law at pressure p changes by its own size.
+    closing_rate : (..) -> [1/m]
+        Rate with closing at which the tangent grows by e; laws without one have 0.
+    evaluate : (g, ..) -> p, -dp/dg
+        `pressure` for an array of gaps.
+    slopes : (g, ..) -> sequence of (of pressure, of tangent)
+        Derivatives at an array of gaps: by the gap, then by every parameter.
+    pulls : bool
+        Whether an open gap pulls: for contact that is meant to stay closed.
+    """
+
+    name: str
+    description: str
+    parameters: tuple[Parameter, ...]
+    pressure: Pair
+    potential: Scalar
+    mean_pressure: Scalar | None = None
+    gap_at: Scalar | None = None
+    gap_scale: Scalar | None = None
+    closing_rate: Scalar | None = None
+    evaluate: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None
+    slopes: Callable[..., Sequence[tuple[np.ndarray, np.ndarray]]] | None = None
+    pulls: bool = False
+
+    @property
+    def functions(self) -> tuple[Callable[..., object], ...]:
+        """Those that kernels compile."""
+        return self.pressure, self.potential, *filter(None, [self.mean_pressure])
+
+    @cached_property
+    def arguments(self) -> tuple[str, ...]:
+        """Short names of the parameters: what `pressure` calls them."""
+        return tuple(inspect.signature(self.pressure).parameters)[1:]
+
+
+CONTACT_LAWS: Registry[ContactLawDefinition] = Registry("contact law", SHARED.check)
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """A contact law with values of its parameters.
+
+    Parameters
+    ----------
+    kind : str
+        Name of a registered law.
+    parameters : tuple of float
+        In the order of its definition.
+
+    Raises
+    ------
+    ModelError
+        Unknown law, or a value out of its parameter's bounds.
+    """
+
+    kind: str
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        known = self.definition.parameters
+        if len(known) != len(self.parameters):
+            raise ModelError(f"{self.kind} contact law has {len(known)} parameters")
+        try:
+            checked = tuple(p.check(float(v)) for p, v in zip(known, self.parameters, strict=True))
+        except ParameterError as e:
+            raise ModelError(f"{self.kind} contact law: {e}") from None
+        object.__setattr__(self, "parameters", checked)
+
+    @property
+    def definition(self) -> ContactLawDefinition:
+        """Its functions."""
+        return CONTACT_LAWS[self.kind]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its parameters, as in study files."""
+        return tuple(p.name for p in self.definition.parameters)
+
+    def value(self, name: str) -> float:
+        """Value of the parameter of that name, as in study files."""
+        return self.parameters[self.names.index(name)]
+
+    def with_value(self, name: str, value: float) -> ContactLaw:
+        """The law with another value of a parameter."""
+        at = self.names.index(name)
+        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
+
+    def evaluate(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pressure p(g) [Pa] and tangent -dp/dg [Pa/m] at gaps g (n,) [m]."""
+        g, law = np.asarray(g, dtype=float), self.definition
+        if law.evaluate is not None:
+            return law.evaluate(g, *self.parameters)
+        p, kappa = at_points(law.pressure, 2, g, *self.parameters)
+        return p, kappa
+
+    def slopes(self, g: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Derivatives of pressure and tangent at gaps g (n,): by the gap, then by each parameter.
+
+        By central differences, to some 1e-9 of their size, for a law that does not give them.
+        """
+        law, values = self.definition, self.parameters
+        if law.slopes is not None:
+            return list(law.slopes(g, *values))
+        size = float(np.abs(g).max(initial=0.0))
+        found = [central_slope(lambda step: np.array(self.evaluate(g + step)), 0.0, size)]
+        for name, value in zip(self.names, values, strict=True):
+
+            def moved(x: float, name: str = name) -> np.ndarray:
+                return np.array(self.with_value(name, x).evaluate(g))
+
+            found.append(central_slope(moved, value))
+        return [(dp, dkappa) for dp, dkappa in found]
+
+    def gap_at(self, p: float) -> float:
+        """The gap [m] at which the pressure is p > 0 [Pa]: where a static solution starts."""
+        law = self.definition
+        if law.gap_at is not None:
+            return float(law.gap_at(p, *self.parameters))
+        return self._searched_gap(p)
+
+    def gap_scale(self, p: float) -> float:
+        """Change of gap [m] over which the law at pressure p changes by its own size."""
+        law = self.definition
+        if law.gap_scale is not None:
+            return max(float(law.gap_scale(p, *self.parameters)), 1e-300)
+        _, kappa = self.evaluate(np.array([self.gap_at(p)]))
+        return max(p / float(kappa[0]), 1e-300)
+
+    @property
+    def closing_rate(self) -> float:
+        """Rate with closing at which the tangent grows by e, 1/m; 0 for a law without one."""
+        rate = self.definition.closing_rate
+        return 0.0 if rate is None else float(rate(*self.parameters))
+
+    def _searched_gap(self, p: float) -> float:
+        """`gap_at` by bisection, for a pressure that falls as the gap opens."""
+
+        def presses(g: float) -> bool:
+            return bool(self.evaluate(np.array([g]))[0][0] >= p)
+
+        closed, opened = -1e-12, 1e-12
+        while not presses(closed) and -closed < WIDEST:
+            closed, opened = 2.0 * closed, closed
+        while presses(opened) and opened < WIDEST:
+            closed, opened = opened, 2.0 * abs(opened)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (closed + opened)
+            closed, opened = (middle, opened) if presses(middle) else (closed, middle)
+        return 0.5 * (closed + opened)
+
+
+def contact_law(kind: str = "exponential", **parameters: float) -> ContactLaw:
+    """A law with the named parameters (as its functions call them), the others at their defaults.
+
+    Raises
+    ------
+    ModelError
+        As ContactLaw; a parameter that the law does not have.
+    """
+    law = CONTACT_LAWS[kind]
+    if unknown := parameters.keys() - set(law.arguments):
+        raise ModelError(f"{kind} contact law has {', '.join(law.arguments)}, not {unknown.pop()}")
+    defaults = zip(law.arguments, law.parameters, strict=True)
+    return ContactLaw(kind, tuple(parameters.get(name, p.default) for name, p in defaults))
+
+
+def law_from_values(kind: str, values: Mapping[str, float]) -> ContactLaw:
+    """Contact law of the given kind from the values of a study's parameters."""
+    known = CONTACT_LAWS[kind].parameters
+    return ContactLaw(kind, tuple(values.get(p.name, p.default) for p in known))

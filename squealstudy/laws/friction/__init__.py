@@ -1,0 +1,1 @@
+"""Friction curves of the package, one file each: the folder is read by itself."""

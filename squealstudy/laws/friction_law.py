@@ -1,0 +1,259 @@
+"""Friction: curves of the coefficient over sliding speed and pressure, and their regularisations.
+
+With sliding velocity w (two tangential directions), s = |w|, e = w/s and pressure p, the traction
+of a point is t = -f(s, p) e with the bound b = mu(s, p) max(p, 0): a curve of `laws/friction` gives
+mu, a regularisation of `laws/regularisation` gives f up to the bound, from the slope k_t [N s/m3]
+at zero sliding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.laws.registry import SHARED, Registry, Sourced, at_points, central_slope
+from squealstudy.parameter import Parameter
+
+Number = float | np.ndarray
+
+
+class Friction(NamedTuple):
+    """A friction coefficient and its derivatives, floats or one a contact point."""
+
+    mu: Number
+    by_speed: Number  # s/m
+    by_pressure: Number  # 1/Pa
+
+    def following(self, p: np.ndarray) -> Number:
+        """Derivative mu + p dmu/dp of the traction mu p by the pressures p (nc,) [Pa]."""
+        return self.mu + p * self.by_pressure if np.any(self.by_pressure) else self.mu
+
+
+@dataclass(frozen=True)
+class FrictionCurveDefinition(Sourced):
+    """A friction coefficient over sliding speed s [m/s] and pressure p [Pa]: functions of floats.
+
+    Behind s and p they take the study's ``friction`` (the coefficient of fast sliding, which scales
+    a curve: with 0 it is 0) and the curve's parameters, in their order. Kernels compile `mu`: plain
+    arithmetic, branches and functions of `math` imported by name.
+
+    Attributes
+    ----------
+    name, description : str
+    parameters : tuple of Parameter
+        Beside ``friction``.
+    mu : (s, p, friction, ..) -> mu, dmu/ds [s/m], dmu/dp [1/Pa]
+    pressure_dependent : bool
+        Whether mu depends on p; to say that it does not saves time.
+    constant : (..) -> bool or None
+        Whether parameters make mu the same everywhere; None for never.
+    slopes : (s, p, friction, ..) -> sequence of (of mu, of dmu/ds, of dmu/dp), or None
+        Derivatives by s, p, friction and every parameter; None for central differences.
+    """
+
+    name: str
+    description: str
+    parameters: tuple[Parameter, ...]
+    mu: Callable[..., tuple[float, float, float]]
+    pressure_dependent: bool = True
+    constant: Callable[..., bool] | None = None
+    slopes: Callable[..., Sequence[tuple[float, float, float]]] | None = None
+
+    @property
+    def functions(self) -> tuple[Callable[..., object], ...]:
+        """Those that kernels compile."""
+        return (self.mu,)
+
+
+@dataclass(frozen=True)
+class Regularisation(Sourced):
+    """Friction f(s) about zero sliding, from the slope k_t there to a bound b: functions of floats.
+
+    Attributes
+    ----------
+    name, description : str
+    resistance : (k_t, b, s) -> f / s
+        k_t where s = 0, 0 where b <= 0; without branches, so that loops over points vectorise.
+    slope : (k_t, b, s) -> [N s/m3]
+        Slope of the straight line that a point which is about to stick is solved with.
+    partials : (k_t, b, s) -> f, df/ds, df/db
+        With b > 0 and s > 0.
+    saturation : float
+        k_t s over b from which on f is the bound.
+    """
+
+    name: str
+    description: str
+    resistance: Callable[[float, float, float], float]
+    slope: Callable[[float, float, float], float]
+    partials: Callable[[float, float, float], tuple[float, float, float]]
+    saturation: float
+    parameters: tuple[Parameter, ...] = ()
+
+    @property
+    def functions(self) -> tuple[Callable[..., object], ...]:
+        """Those that kernels compile."""
+        return self.resistance, self.slope, self.partials
+
+
+FRICTION_CURVES: Registry[FrictionCurveDefinition] = Registry("friction law", SHARED.check)
+REGULARISATIONS: Registry[Regularisation] = Registry("regularisation of friction", SHARED.check)
+
+
+@dataclass(frozen=True)
+class FrictionCurve:
+    """A friction curve with values of its parameters.
+
+    Parameters
+    ----------
+    kind : str
+        Name of a registered curve.
+    parameters : tuple of float
+        In the order of its definition.
+
+    Raises
+    ------
+    ModelError
+        Unknown curve, or a value out of its parameter's bounds.
+    """
+
+    kind: str
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        known = self.definition.parameters
+        if len(known) != len(self.parameters):
+            raise ModelError(f"friction law {self.kind} has {len(known)} parameters")
+        try:
+            checked = tuple(p.check(float(v)) for p, v in zip(known, self.parameters, strict=True))
+        except ParameterError as e:
+            raise ModelError(f"friction law {self.kind}: {e}") from None
+        object.__setattr__(self, "parameters", checked)
+
+    @property
+    def definition(self) -> FrictionCurveDefinition:
+        """Its functions."""
+        return FRICTION_CURVES[self.kind]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its parameters, as in study files."""
+        return tuple(p.name for p in self.definition.parameters)
+
+    @property
+    def constant(self) -> bool:
+        """Whether mu is the same everywhere."""
+        constant = self.definition.constant
+        return constant is not None and bool(constant(*self.parameters))
+
+    @property
+    def pressure_dependent(self) -> bool:
+        """Whether mu may differ from point to point."""
+        return self.definition.pressure_dependent and not self.constant
+
+    def value(self, name: str) -> float:
+        """Value of the parameter of that name, as in study files."""
+        return self.parameters[self.names.index(name)]
+
+    def with_value(self, name: str, value: float) -> FrictionCurve:
+        """The curve with another value of a parameter."""
+        at = self.names.index(name)
+        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
+
+    def at(self, friction: float, s: float, p: np.ndarray) -> Friction:
+        """Coefficient at a sliding speed s [m/s] and pressures p (n,) [Pa].
+
+        Floats for all points together where the curve does not depend on pressure, else (n,).
+        """
+        mu = self.definition.mu
+        if self.constant:
+            return Friction(float(friction), 0.0, 0.0)
+        if not self.pressure_dependent:
+            return Friction(*mu(float(s), 0.0, float(friction), *self.parameters))
+        return Friction(*at_points(mu, 3, s, p, friction, *self.parameters))
+
+    def at_rest(self, friction: float, p: float) -> float:
+        """Static coefficient: without sliding, at a pressure p [Pa]."""
+        return float(np.max(self.at(friction, 0.0, np.array([p])).mu))
+
+    def slopes(self, friction: float, s: float, p: np.ndarray) -> np.ndarray:
+        """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `at` (k, 3, 1 or n).
+
+        By s, by p, by friction and by each of the curve's parameters in turn; by central
+        differences, to some 1e-9 of their size, for a curve that does not give them.
+        """
+        law, values = self.definition, (float(friction), *self.parameters)
+        at = p if law.pressure_dependent else np.zeros(1)
+        count = 2 + len(values)
+        if law.slopes is not None:
+            slopes = law.slopes
+            rows = at_points(lambda *x: np.ravel(slopes(*x)), 3 * count, s, at, *values)
+            return rows.reshape(count, 3, -1)
+        found = []
+        for number in range(count):
+            arguments = [float(s), at, *values]
+            size = float(np.abs(at).max(initial=0.0)) if number == 1 else 0.0
+            start = 0.0 if number == 1 else float(arguments[number])
+
+            def moved(x: float, n: int = number, own: list[Number] = arguments) -> np.ndarray:
+                changed = [(at + x if n == 1 else x) if i == n else a for i, a in enumerate(own)]
+                return at_points(law.mu, 3, *changed)
+
+            found.append(central_slope(moved, start, size))
+        return np.array(found)
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """Friction of a motion in time: coefficient, curve and regularisation.
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient of fast sliding, not negative.
+    k_t : float
+        Slope at zero sliding, N s/m3.
+    curve : FrictionCurve
+    regularisation : str
+        Name of a registered one: ``regularised`` (kinked), ``smooth`` (tanh).
+
+    Raises
+    ------
+    ModelError
+        Unknown regularisation, or values that are not finite or of the wrong sign.
+    """
+
+    friction: float
+    k_t: float
+    curve: FrictionCurve = field(default_factory=lambda: friction_curve())
+    regularisation: str = "regularised"
+
+    def __post_init__(self) -> None:
+        REGULARISATIONS[self.regularisation]
+        values = (self.friction, self.k_t)
+        if not (np.isfinite(values).all() and self.friction >= 0 and self.k_t > 0):
+            raise ModelError(f"friction law needs friction >= 0 and k_t > 0, got {values}")
+
+    @property
+    def saturation(self) -> float:
+        """k_t s over the bound from which on friction is the bound."""
+        return REGULARISATIONS[self.regularisation].saturation
+
+
+def friction_curve(kind: str = "exponential_fall", **parameters: float) -> FrictionCurve:
+    """A curve with the named parameters (the last part of their names), the others at defaults."""
+    law = FRICTION_CURVES[kind]
+    short = {p.name.rpartition(".")[2]: p.default for p in law.parameters}
+    if unknown := parameters.keys() - short.keys():
+        raise ModelError(f"friction law {kind} has {', '.join(short)}, not {unknown.pop()}")
+    return FrictionCurve(kind, tuple((short | parameters).values()))
+
+
+def curve_from_values(kind: str, values: Mapping[str, float]) -> FrictionCurve:
+    """Friction curve of the given kind from the values of a study's parameters."""
+    known = FRICTION_CURVES[kind].parameters
+    return FrictionCurve(kind, tuple(values.get(p.name, p.default) for p in known))

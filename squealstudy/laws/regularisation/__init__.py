@@ -1,0 +1,1 @@
+"""Regularisations of friction about zero sliding, one file each: the folder is read by itself."""

@@ -1,0 +1,75 @@
+"""A named number: its unit, default and bounds, as study files give it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from squealstudy.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One named number of a model, SI units (angles in degrees).
+
+    Attributes
+    ----------
+    name : str
+        As in study files.
+    default : float
+    unit : str
+        Empty for a pure number.
+    description : str
+    minimum, maximum : float
+        Closed bounds; with `positive` the minimum itself is excluded.
+    positive : bool
+        The value must be greater than zero.
+    above, below : float
+        Open bounds.
+    structural : bool
+        True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
+    """
+
+    name: str
+    default: float
+    unit: str
+    description: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    positive: bool = False
+    structural: bool = False
+    above: float = -math.inf
+    below: float = math.inf
+
+    def check(self, value: float) -> float:
+        """`value` as a float; ParameterError where it is not a finite number within bounds."""
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+        ):
+            raise ParameterError(self.name, f"expected a finite number, got {value!r}")
+        if self.positive and value <= 0:
+            raise ParameterError(
+                self.name, f"expected a positive value{self._unit()}, got {value:g}"
+            )
+        if value < self.minimum:
+            raise ParameterError(
+                self.name, f"expected at least {self.minimum:g}{self._unit()}, got {value:g}"
+            )
+        if value > self.maximum:
+            raise ParameterError(
+                self.name, f"expected at most {self.maximum:g}{self._unit()}, got {value:g}"
+            )
+        for bound, word, kept in (
+            (self.above, "above", value > self.above),
+            (self.below, "below", value < self.below),
+        ):
+            if not kept:
+                raise ParameterError(
+                    self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
+                )
+        return float(value)
+
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
