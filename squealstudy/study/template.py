@@ -17,7 +17,8 @@ from pydantic.fields import FieldInfo
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODEL_NAMES, MODELS
 from squealstudy.models.matrix_family import NAME as MATRICES
-from squealstudy.models.parameter import ModelDefinition, Parameter
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.parameter import Parameter
 from squealstudy.study.files import write_atomic
 from squealstudy.study.kinds import kind_named, kind_names, model_kind
 from squealstudy.study.parameters import did_you_mean
