@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.errors import ExtensionError, ParameterError
-from squealstudy.extensions import load_extension
+from squealstudy.errors import ParameterError
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.parameters import (
     StudyParameter,
@@ -17,7 +16,14 @@ from squealstudy.study.parameters import (
     parse_parameter,
 )
 from squealstudy.study.sections import ModelSection, StudyDefinition
-from squealstudy.study.source import SourceText, parse_toml, read_text, shown, validate
+from squealstudy.study.source import (
+    SourceText,
+    extensions_of,
+    parse_toml,
+    read_text,
+    shown,
+    validate,
+)
 from squealstudy.study.sweeps import Sweep, resolve_sweeps
 from squealstudy.study.toml_lines import KeyPath
 
@@ -85,7 +91,6 @@ def load_any(path: str | Path) -> Any:
     """
     source = SourceText(Path(path), read_text(Path(path)))
     tables = parse_toml(source.path, source.text)
-    _extensions(source, tables)  # a kind may be one of theirs
     kind = kind_of_file(source, tables)
     return resolve_study(source, tables) if kind is None else kind.read(source, tables)
 
@@ -125,7 +130,7 @@ def parse_study(text: str, path: Path) -> Study:
 
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
     """The study of a file's tables, perhaps with some values changed; errors are about the file."""
-    extensions = _extensions(source, tables)
+    extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
@@ -175,22 +180,6 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
     if "fidelity" in tables and not found.has_fidelity:
         raise source.error(("fidelity",), f"a {kind.name} study has no [fidelity] section")
     return found
-
-
-def _extensions(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, ...]:
-    """Execute the files that a study names, before it is read any further; their hashes."""
-    section = tables.get("study")
-    names = section.get("extensions", ()) if isinstance(section, Mapping) else ()
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        return ()  # none, or validation says what is wrong
-    found = []
-    for number, name in enumerate(names):
-        try:
-            found.append(load_extension(source.path.parent / name))
-        except ExtensionError as error:
-            keys = ("study", "extensions", number)
-            raise source.error(keys, f"{shown(name)}: {error.message}") from error
-    return tuple(found)
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
-from squealstudy.study.source import SourceText, shown
+from squealstudy.study.source import SourceText, extensions_of, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,6 +61,7 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
     StudyFileError
         A kind that there is not.
     """
+    extensions_of(source, tables)  # before kernels are imported: they may hold laws
     from squealstudy.study.parameters import did_you_mean
 
     study = tables.get("study")

@@ -13,7 +13,8 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from squealstudy.errors import StudyFileError
+from squealstudy.errors import ExtensionError, StudyFileError
+from squealstudy.extensions import load_extension
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.toml_lines import KeyLines, KeyPath, key_lines
 
@@ -93,6 +94,22 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         what = str(e)[: place.start()].replace("Cannot overwrite a value", "a key is given twice")
         column = f" (column {place[2]})" if place[2] else " (end of file)"
         raise StudyFileError(f"not valid TOML: {what}{column}", path, line=line) from None
+
+
+def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, ...]:
+    """Execute the files that a study names, before it is read any further; their hashes."""
+    section = tables.get("study")
+    names = section.get("extensions", ()) if isinstance(section, Mapping) else ()
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return ()  # none, or validation says what is wrong
+    found = []
+    for number, name in enumerate(names):
+        try:
+            found.append(load_extension(source.path.parent / name))
+        except ExtensionError as error:
+            keys = ("study", "extensions", number)
+            raise source.error(keys, f"{shown(name)}: {error.message}") from error
+    return tuple(found)
 
 
 def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> Model:
