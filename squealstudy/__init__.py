@@ -9,6 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from squealstudy.engine.pictures import register_plot
+    from squealstudy.engine.results import Results
+    from squealstudy.engine.template import new_study
     from squealstudy.face import (
         Model,
         Study,
@@ -18,9 +21,6 @@ if TYPE_CHECKING:
         read_study,
         run,
     )
-    from squealstudy.study.pictures import register_plot
-    from squealstudy.study.results import Results
-    from squealstudy.study.template import new_study
 
 __version__ = "0.2.0"
 __all__ = [
@@ -40,9 +40,9 @@ __all__ = [
 
 FACE = "squealstudy.face"  # where the names are that are not elsewhere
 ELSEWHERE = {
-    "Results": "squealstudy.study.results",
-    "new_study": "squealstudy.study.template",
-    "register_plot": "squealstudy.study.pictures",
+    "Results": "squealstudy.engine.results",
+    "new_study": "squealstudy.engine.template",
+    "register_plot": "squealstudy.engine.pictures",
 }
 
 

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 from squealstudy import screen
 from squealstudy.errors import ParameterError, SquealstudyError
-from squealstudy.models.catalogue import MODEL_NAMES, MODELS
-from squealstudy.models.matrix_family import DESCRIPTION as OF_MATRICES
-from squealstudy.models.matrix_family import NAME as MATRICES
+from squealstudy.models.catalogue import MODELS, model_names
+from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
+from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.study.definition import Study as ResolvedStudy
 from squealstudy.study.definition import resolve_study
 from squealstudy.study.kinds import kind_of_file
@@ -34,10 +34,10 @@ from squealstudy.study.variants import changed
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.engine.parallel import Progress
+    from squealstudy.engine.results import Results
+    from squealstudy.engine.runner import RunReport
     from squealstudy.models.parameter import ModelDefinition
-    from squealstudy.study.parallel import Progress
-    from squealstudy.study.results import Results
-    from squealstudy.study.runner import RunReport
 
 SENSITIVITY = "sensitivity"
 LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
@@ -151,7 +151,7 @@ def open_results(path: str | Path) -> Results:
     ResultsError
         Missing, not of squealstudy, or not finished.
     """
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
     return Results.open(path)
 
@@ -199,13 +199,13 @@ def _run(
     warn: Callable[[str], None],
 ) -> RunReport:
     """Run a study as it is, or with the settings that its [fidelity] section has chosen."""
-    from squealstudy.study.manifest import check_owner
-    from squealstudy.study.runner import run_study
+    from squealstudy.engine.manifest import check_owner
+    from squealstudy.engine.runner import run_study
 
     plan, resolved = study.plan(), study.resolved
     if not isinstance(resolved, ResolvedStudy) or resolved.definition.fidelity is None:
         return run_study(plan, directory, jobs, yes, progress, warn)
-    from squealstudy.study.fidelity.run import resolve, run_resolved
+    from squealstudy.fidelity.run import resolve, run_resolved
 
     resolved.kind.check_limit(plan, yes)
     check_owner(directory, plan.owner)
@@ -361,8 +361,8 @@ def model(name: str, **values: Any) -> Model:
         raise SquealstudyError(f"model '{MATRICES}' is made of the files that its study names")
     if name not in MODELS:
         raise SquealstudyError(
-            f"unknown model '{name}', expected {', '.join(MODEL_NAMES)}"
-            + did_you_mean(name, MODEL_NAMES)
+            f"unknown model '{name}', expected {', '.join(model_names())}"
+            + did_you_mean(name, model_names())
         )
     return Model(MODELS[name], values)
 

@@ -27,14 +27,15 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from squealstudy.analysis.full_order.modes import full_order_roots, full_order_system
-from squealstudy.analysis.transient.warmup import alone, warm_kernels
+from squealstudy.engine.plan import LOAD_FACTOR
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
+from squealstudy.motion.warmup import alone, warm_kernels
 from squealstudy.reduction.cmt import (
     Basis,
     BasisSettings,
@@ -51,7 +52,6 @@ from squealstudy.reduction.prepared import (
     with_shapes,
 )
 from squealstudy.reduction.working_point import WorkingPoint, working_point
-from squealstudy.study.plan import LOAD_FACTOR
 
 threadpoolctl.threadpool_limits(1)  # as in workers; more threads are slower on a loaded machine
 hypothesis.settings.register_profile(
@@ -113,7 +113,7 @@ def needs_kernels(path: Path) -> bool:
 def pytest_sessionstart(session):
     """Kernels are compiled beside the tests that need none, which come first."""
     if session.config.getoption("numprocesses", 0) and not session.config.option.collectonly:
-        code = "from squealstudy.analysis.transient.warmup import warm_kernels; warm_kernels()"
+        code = "from squealstudy.motion.warmup import warm_kernels; warm_kernels()"
         session.config.compiling = subprocess.Popen([sys.executable, "-c", code])
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from squealstudy.study.results import Results
+from squealstudy.engine.results import Results
 
 
 def made(kind="complex_modes", units=None, directory=Path("made"), history=None, **tables):

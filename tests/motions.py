@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from squealstudy.analysis.transient.growing_modes import GrowingModes, none_growing
-from squealstudy.analysis.transient.motion import EnergyBalance, Motion
-from squealstudy.analysis.transient.simulate import simulate
+from squealstudy.motion.growing_modes import GrowingModes, none_growing
+from squealstudy.motion.motion import EnergyBalance, Motion
+from squealstudy.motion.simulate import simulate
 
 
 def started(designs, q0, v0):

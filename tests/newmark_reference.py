@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.motion.system import ModalSystem, MotionPoint
 
 
 def mu_of(f, s):

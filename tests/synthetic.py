@@ -6,11 +6,11 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import Linearisation, in_band, light
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import Linearisation, in_band, light
+from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
 

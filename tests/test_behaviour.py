@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.runs.behaviour import classify
-from squealstudy.analysis.runs.energies import transfer
-from squealstudy.analysis.runs.envelope import windows
-from squealstudy.analysis.runs.settling import settled
+from squealstudy.motion.outcome.behaviour import classify
+from squealstudy.motion.outcome.energies import transfer
+from squealstudy.motion.outcome.envelope import windows
+from squealstudy.motion.outcome.settling import settled
 
 TIME = np.arange(10000) * 1e-5
 LINE = 3000.0  # Hz

@@ -14,19 +14,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import squealstudy
-from squealstudy.analysis.tables.boundary_map import full_points, full_tables
-from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
+from squealstudy.engine.pictures import save_figure
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.study.boundary import BoundaryGrid, refine
-from squealstudy.study.cell_rule import CellRule
-from squealstudy.study.complex_modes.counts import read_unstable_counts
-from squealstudy.study.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.boundary import BoundaryGrid, refine
+from squealstudy.kinds.complex_modes.cell_rule import CellRule
+from squealstudy.kinds.complex_modes.counts import read_unstable_counts
+from squealstudy.kinds.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.rounds import grown, most_points
 from squealstudy.study.definition import parse_study
-from squealstudy.study.pictures import save_figure
-from squealstudy.study.plan import Plan
-from squealstudy.study.rounds import grown, most_points
-from squealstudy.study.runner import run_study
+from squealstudy.tables.boundary_map import full_points, full_tables
+from squealstudy.tables.mode_ranking import rank_modes
 
 TOLERANCE = 1e-7
 

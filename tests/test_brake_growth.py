@@ -10,16 +10,16 @@ import scipy.linalg as la
 from conftest import NOMINAL
 from motions import run_one
 
-from squealstudy.analysis.transient.growing_modes import (
+from squealstudy.laws import FrictionLaw
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.motion.growing_modes import (
     growth_sensors,
     none_growing,
     projection,
 )
-from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.system import MotionPoint
-from squealstudy.laws import FrictionLaw
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.motion.reference_modes import reference_modes
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from squealstudy import open_results
-from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import main
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.point import solve_point
 
 STUDY = """[study]
 name = "lockin"
@@ -110,7 +110,7 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
     def fail(*_):
         raise ConvergenceError("not_converged", "no luck")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail)
     for _ in range(2):
         assert command(monkeypatch, "run", "study.toml", "-j", "1") == 2
         screen = capsys.readouterr()
@@ -124,7 +124,7 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
             raise ConvergenceError("not_converged", "no luck")
         return solve_point(prepared, state, *more)
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail_above)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail_above)
     for _ in range(2):
         assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
         assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy import screen
-from squealstudy.analysis.tables.comparison import COLUMNS, _partners, compare
-from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
 from squealstudy.cli import app as cli
 from squealstudy.cli.compare import TITLES, comparison, summary
+from squealstudy.engine.results import Results
 from squealstudy.errors import ResultsError
-from squealstudy.study.complex_modes.onsets import onsets_arrow
-from squealstudy.study.results import Results
+from squealstudy.kinds.complex_modes.onsets import onsets_arrow
+from squealstudy.tables.comparison import COLUMNS, _partners, compare
+from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
 
 CALIPER = "caliper.modes[8].damping_ratio"
 

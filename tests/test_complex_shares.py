@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import growing, made_up
 
-from squealstudy.analysis.runs.energies import (
+from squealstudy.motion.growing_modes import coordinates, mode_planes
+from squealstudy.motion.outcome.energies import (
     complex_shares,
     held_energies,
     level_shares,
     mode_energies,
     transfer,
 )
-from squealstudy.analysis.runs.summary import growth_rows
-from squealstudy.analysis.transient.growing_modes import coordinates, mode_planes
+from squealstudy.motion.outcome.summary import growth_rows
 
 TIME = np.arange(0.0, 0.1, 2e-5)
 OMEGA = 2 * np.pi * np.array([1000.0, 1010.0, 1700.0])

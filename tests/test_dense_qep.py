@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
-from squealstudy.analysis.reanalysis.problem import in_band
 from squealstudy.linalg import dense_qep
 from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
 from squealstudy.linalg.dense_roots import (
@@ -15,6 +14,7 @@ from squealstudy.linalg.dense_roots import (
     dense_roots,
     pairs_inside,
 )
+from squealstudy.modes.reanalysis.problem import in_band
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)

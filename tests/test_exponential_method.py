@@ -11,15 +11,15 @@ from motions import run_one, started
 from newmark_reference import acceleration
 from test_newmark import KICK, distance, random_system
 
-from squealstudy.analysis.transient.doubts import energy_drift
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
+from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.propagators import propagator_levels, propagators
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
 
 SHORT = MotionSettings(1e-3, 2e-6, 1, ExactFreeMotion(), tolerance=1e-10)
 REST = np.zeros(12)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.models.expression import ExpressionError, parse_expression
+from squealstudy.models.matrices.expression import ExpressionError, parse_expression
 
 POINT = {"a": 1.7, "b": -0.6, "omega": 12.0}
 VALUES = {

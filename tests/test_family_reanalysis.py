@@ -9,17 +9,17 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.reanalysis.biorthogonal import biorthogonal
-from squealstudy.analysis.reanalysis.estimate import two_sided_error
-from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import light
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.sparse_cholesky import SparseCholesky
-from squealstudy.models.expression import parse_expression
-from squealstudy.models.matrix_family import FamilyTerm, MatrixFamily
+from squealstudy.models.matrices.expression import parse_expression
+from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
+from squealstudy.modes.reanalysis.biorthogonal import biorthogonal
+from squealstudy.modes.reanalysis.estimate import two_sided_error
+from squealstudy.modes.reanalysis.family_problem import FamilyProblem
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"

@@ -10,29 +10,29 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from squealstudy import open_results
-from squealstudy.analysis.tables.finding_errors import FoundError, Miscount
 from squealstudy.cli.app import app
 from squealstudy.cli.run import fidelity as facts
+from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.keys import source_hash
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.study.cache import is_prepared, load_any
-from squealstudy.study.complex_modes.solve_tasks import SolveTask
+from squealstudy.fidelity import frequency_search
+from squealstudy.fidelity import run as fidelity_run
+from squealstudy.fidelity import scene as fidelity_scene
+from squealstudy.fidelity.audit import Audit, drawn_points
+from squealstudy.fidelity.choice import Choice, Combination, Tried, Untried, choose, pays
+from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
+from squealstudy.fidelity.kept import _path
+from squealstudy.fidelity.ladders import Rung, free_ladders, training_step
+from squealstudy.fidelity.run import _plain, resolve, run_resolved
+from squealstudy.fidelity.scene import MISSED, Scene, largest
+from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
+from squealstudy.kinds.complex_modes.measuring import _solved
+from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
-from squealstudy.study.fidelity import frequency_search
-from squealstudy.study.fidelity import run as fidelity_run
-from squealstudy.study.fidelity import scene as fidelity_scene
-from squealstudy.study.fidelity.audit import Audit, drawn_points
-from squealstudy.study.fidelity.choice import Choice, Combination, Tried, Untried, choose, pays
-from squealstudy.study.fidelity.frequency_search import ModeSearch, search_modes
-from squealstudy.study.fidelity.kept import _path
-from squealstudy.study.fidelity.ladders import Rung, free_ladders, training_step
-from squealstudy.study.fidelity.run import _plain, resolve, run_resolved
-from squealstudy.study.fidelity.scene import MISSED, Scene, largest
-from squealstudy.study.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
-from squealstudy.study.keys import source_hash
-from squealstudy.study.measure.frequency_domain import _solved
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.plan import Plan
-from squealstudy.study.tasks import Solved
+from squealstudy.tables.finding_errors import FoundError, Miscount
 
 BELT = """
 [study]
@@ -683,7 +683,7 @@ def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatc
 
 
 def test_hashes_of_single_files_are_of_their_text():
-    assert source_hash(("study/transient_section.py",)) != source_hash(())
+    assert source_hash(("kinds/transient/section.py",)) != source_hash(())
 
 
 class SlowAtFirst:

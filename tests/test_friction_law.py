@@ -11,14 +11,6 @@ from blocks import OPERATING as BLOCKS_OPERATING
 from blocks import blocks
 from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
 
-from squealstudy.analysis.full_order import modes as full_order_module
-from squealstudy.analysis.full_order.modes import (
-    expected_roots,
-    full_order_roots,
-    full_order_system,
-    stiffness_residuals,
-)
-from squealstudy.analysis.full_order.pairs import paired_with_full_order
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.laws import friction_at, law_row
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
@@ -26,6 +18,14 @@ from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.full_order import modes as full_order_module
+from squealstudy.modes.full_order.modes import (
+    expected_roots,
+    full_order_roots,
+    full_order_system,
+    stiffness_residuals,
+)
+from squealstudy.modes.full_order.pairs import paired_with_full_order
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column

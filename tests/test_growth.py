@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from squealstudy.analysis.runs.growth import fit_growth
+from squealstudy.motion.outcome.growth import fit_growth
 
 TIME = np.arange(10000) * 1e-5
 W = 2e4  # rad/s

@@ -12,19 +12,19 @@ from blocks import NX, NZ, OPERATING, blocks
 from conftest import CUTOFF, NOMINAL, TOP
 from motions import run_one
 
-from squealstudy.analysis.hybrid.arrays import uniform_damping
-from squealstudy.analysis.hybrid.run import simulate_hybrid
-from squealstudy.analysis.transient.growing_modes import none_growing
-from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
+from squealstudy.motion.growing_modes import none_growing
+from squealstudy.motion.hybrid.arrays import uniform_damping
+from squealstudy.motion.hybrid.run import simulate_hybrid
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.reference_modes import reference_modes
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model

@@ -14,15 +14,15 @@ from motions import run_one, started
 from scipy.integrate import solve_ivp
 from test_newmark import KICK, belt, linear_case, point_system, random_system
 
-from squealstudy.analysis.integrators.adaptive import Adaptive, Equations
-from squealstudy.analysis.integrators.fixed_step import own_arrays
-from squealstudy.analysis.integrators.warmup import warm_integrators
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.laboratory.integrators.adaptive import Adaptive, Equations
+from squealstudy.laboratory.integrators.fixed_step import own_arrays
+from squealstudy.laboratory.integrators.warmup import warm_integrators
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.motion.integrator import Integrator, integrator, integrators, register_integrator
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
 
 INTEGRATORS = integrators()
 SOLVERS = [name for name, method in INTEGRATORS.items() if issubclass(method, Adaptive)]

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import squealstudy
-from squealstudy.analysis.runs.levels import mean_interval, pooled_interval
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.kinds.work_precision.variants import make_variants
+from squealstudy.motion.outcome.levels import mean_interval, pooled_interval
 from squealstudy.study.definition import load_any, load_plan, parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 STUDIES = Path(__file__).parents[1] / "studies"
 NEIGHBOURS = """

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.runs.levels import last_window, mean_interval, spectrum, torque_levels
+from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum, torque_levels
 
 STEP = 1e-5
 

@@ -11,11 +11,11 @@ import scipy.io
 import scipy.sparse as sp
 
 import squealstudy
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.study.definition import load_study, parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 STUDY = Path(__file__).resolve().parents[1] / "studies" / "outside_data" / "m0_speed.toml"
 FILES = {

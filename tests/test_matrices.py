@@ -13,22 +13,22 @@ import scipy.io
 import scipy.sparse as sp
 
 import squealstudy
-from squealstudy.analysis.full_order.family_point import (
+from squealstudy.cli import app as cli
+from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
+from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
+from squealstudy.models.matrices.expression import parse_expression
+from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
+from squealstudy.models.matrices.files import read_matrix
+from squealstudy.modes.full_order.family_point import (
     family_system,
     solve_family_point,
 )
-from squealstudy.cli import app as cli
-from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
-from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
-from squealstudy.models.expression import parse_expression
-from squealstudy.models.matrix_family import FamilyTerm, MatrixFamily
-from squealstudy.models.matrix_files import read_matrix
 from squealstudy.reduction.prepared_family import prepare_family
-from squealstudy.study.cache import is_prepared, load_any
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 from squealstudy.study.schema import study_schema
 
 W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from conftest import CUTOFF, benchmark
 
-from squealstudy.analysis.point import PointModes
+from squealstudy.engine.mesh_error import mesh_error
+from squealstudy.engine.plan import Plan
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.disc_brake.density import COARSE, DENSITIES, FINE, MEDIUM
-from squealstudy.models.disc_brake.parameters import ASCENDING
-from squealstudy.models.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.density import COARSE, DENSITIES, FINE, MEDIUM
+from squealstudy.models.catalogue.disc_brake.parameters import ASCENDING
+from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.grid import cylindrical_mesh
 from squealstudy.models.fem.sampling import shape_functions
 from squealstudy.models.fem.solid import FULL
+from squealstudy.modes.point import PointModes
 from squealstudy.study.definition import load_study
-from squealstudy.study.mesh_error import mesh_error
-from squealstudy.study.plan import Plan
 
 STUDY = Path(__file__).parents[1] / "studies" / "friction_pressure.toml"
 SOLIDS = ("disc", "inner_pad", "caliper")
@@ -167,7 +167,7 @@ def test_error_of_a_mesh_is_that_of_paired_light_modes(monkeypatch):
     own = [-3.0 + 1010j, 8.0 + 2000j, -900.0 + 3000j]
     finer = [-2.0 + 1000j, -4.0 + 2000j, -800.0 + 3000j, 1.0 + 9000j]
     answers = iter([found_modes(own), found_modes(finer)])
-    monkeypatch.setattr("squealstudy.study.mesh_error._nominal_modes", lambda *_: next(answers))
+    monkeypatch.setattr("squealstudy.engine.mesh_error._nominal_modes", lambda *_: next(answers))
     found = mesh_error(Plan(load_study(STUDY)), 1)
     assert found.meshes == ("medium", "fine")
     assert found.frequency == pytest.approx([0.01, 0.0], abs=1e-4)

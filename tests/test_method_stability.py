@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from squealstudy import open_results
-from squealstudy.analysis.tables.agreement import agreement
 from squealstudy.cli import app as cli
 from squealstudy.cli.app import app
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.definition import load_plan
-from squealstudy.study.runner import run_study
+from squealstudy.tables.agreement import agreement
 
 SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))
 CAUTIOUS = ("tracking_step",)  # the prediction is where labels may go wrong, not where they do

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.runs.energies import (
+from squealstudy.motion.outcome.energies import (
     energy_outside,
     first_window,
     modal_shares,

@@ -7,10 +7,10 @@ import pytest
 
 import squealstudy as sq
 from squealstudy.cli import app as cli
+from squealstudy.engine.template import study_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.study.kinds import kind_named, kind_names, model_kind
-from squealstudy.study.template import study_text
 
 OF_METHODS = [name for name in kind_names() if kind_named(name).of_methods]
 KINDS = [name for name in kind_names() if name not in OF_METHODS]

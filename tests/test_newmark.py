@@ -13,18 +13,18 @@ from motions import run_one as run
 from motions import started
 from scipy.integrate import solve_ivp
 
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import (
-    ModalSystem,
-    MotionPoint,
-    stick_number,
-)
 from squealstudy.kernels import newmark_layout
 from squealstudy.kernels.laws import N_LAW, friction_at, friction_tangent, law_row, mu_at
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import (
+    ModalSystem,
+    MotionPoint,
+    stick_number,
+)
 
 LAWS = [(kind, *mu) for mu in ((0.4, 0.4), (0.6, 0.3)) for kind in ("regularised", "smooth")]
 P, K_T, V_MU = 1e6, 2e7, 0.3  # sticks below 0.02 m/s at mu 0.4

@@ -11,20 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import squealstudy
-from squealstudy.analysis.tables.crossings import line_crossings
-from squealstudy.analysis.tracking.onset_interpolation import cubic_onsets
-from squealstudy.analysis.tracking.onsets import FollowedMode, Samples, refine_onset
-from squealstudy.analysis.tracking.refinement import Modes
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.kinds.complex_modes.between import Neighbourhoods
+from squealstudy.kinds.complex_modes.onset_lines import first_onset
+from squealstudy.modes.tracking.onset_interpolation import cubic_onsets
+from squealstudy.modes.tracking.onsets import FollowedMode, Samples, refine_onset
+from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.stability_boundary import stability_boundary
-from squealstudy.study.complex_modes.between import Neighbourhoods
 from squealstudy.study.definition import parse_study
-from squealstudy.study.measure.onset_lines import first_onset
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.parallel import Workers
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
+from squealstudy.tables.crossings import line_crossings
 
 HZ = 2 * np.pi
 W1, W2 = 100 * HZ, 75 * HZ

@@ -11,10 +11,10 @@ from conftest import NOMINAL, build_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.analysis.reanalysis.collocated import collocate
 from squealstudy.errors import ModelError
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
+from squealstudy.modes.reanalysis.collocated import collocate
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point

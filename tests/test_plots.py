@@ -12,6 +12,7 @@ from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
+from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ResultsError
 from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.plane import study_plane
@@ -24,7 +25,6 @@ from squealstudy.plots.style import (
     quantity,
     set_ticks,
 )
-from squealstudy.study.pictures import save_figure
 
 ENDS = ("point_before", "point_after")
 ONSETS = pd.DataFrame(columns=["track", "direction", "onset", "status", *ENDS])
@@ -718,7 +718,7 @@ def test_pictures_leave_pyplot_alone():
     code = (
         "import sys, squealstudy.plots.evolution, squealstudy.plots.stability_map, "
         "squealstudy.plots.stability_diagram, squealstudy.plots.ranking_bars, "
-        "squealstudy.study.pictures; print('matplotlib.pyplot' in sys.modules)"
+        "squealstudy.engine.pictures; print('matplotlib.pyplot' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

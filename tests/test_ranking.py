@@ -6,13 +6,13 @@ from hypothesis import strategies as st
 from made_results import made
 
 from squealstudy import screen
-from squealstudy.analysis.tables.mode_ranking import (
+from squealstudy.errors import ResultsError
+from squealstudy.tables.mode_ranking import (
     COLUMNS,
     frequency_text,
     parameter_columns,
     rank_modes,
 )
-from squealstudy.errors import ResultsError
 
 SCALE = "caliper.modes[12-14].frequency_scale"
 

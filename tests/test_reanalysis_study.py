@@ -12,19 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy import open_results
+from squealstudy.engine.estimate import Estimate, _timed, run_seconds
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.study.complex_modes import problems, unreduced
-from squealstudy.study.complex_modes.chart import chart_of
-from squealstudy.study.complex_modes.kind import ComplexModes
-from squealstudy.study.complex_modes.problems import swept_structures
-from squealstudy.study.complex_modes.solve_tasks import solve_tasks, split_boxes
-from squealstudy.study.complex_modes.worker import solve_points
+from squealstudy.kinds.complex_modes import problems, unreduced
+from squealstudy.kinds.complex_modes.chart import chart_of
+from squealstudy.kinds.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.problems import swept_structures
+from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks, split_boxes
+from squealstudy.kinds.complex_modes.worker import solve_points
 from squealstudy.study.definition import parse_study
-from squealstudy.study.estimate import Estimate, _timed, run_seconds
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.parallel import Workers
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 HULTEN = """
 [study]
@@ -259,8 +259,8 @@ def test_without_a_basis_auto_solves_all_points_exactly(tmp_path, monkeypatch):
     def windows_anyway(*arguments):
         return "windows", "for the test"
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", refuse)
-    monkeypatch.setattr("squealstudy.study.method._cheapest", windows_anyway)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.kind.make_basis", refuse)
+    monkeypatch.setattr("squealstudy.engine.method._cheapest", windows_anyway)
     text = HULTEN.replace("num = 41", "num = 17") + "tolerance = 3.7e-5\n"  # a box of its own
     results = run(text, tmp_path)
     assert set(results.points["method"]) == {"dense"}
@@ -327,7 +327,7 @@ def test_a_box_without_a_basis_names_the_way_out(tmp_path, monkeypatch):
     def fail(*arguments):
         raise ConvergenceError("working_point", "most of the box has no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.kind.make_basis", fail)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.kind.make_basis", fail)
     with pytest.raises(StudyFileError, match=r"key 'modes.method': no sweep basis .*dense"):
         run(HULTEN + 'method = "windows"\n', tmp_path)
 
@@ -344,7 +344,7 @@ def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     (task,) = swept_structures(plan)
     unbuilt = replace(task, key="0" * 16)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("squealstudy.study.complex_modes.kind.swept_structures", lambda _: [unbuilt])
+        patch.setattr("squealstudy.kinds.complex_modes.kind.swept_structures", lambda _: [unbuilt])
         ComplexModes().prepare(plan, lambda *_: None)
     assert not unbuilt.path.is_file()
     build_structures(plan, Workers())

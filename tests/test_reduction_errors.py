@@ -12,35 +12,35 @@ import scipy.sparse as sp
 from conftest import full_order
 from test_tables import drifting, modes_of, plan_of, write
 
-from squealstudy.analysis import point as point_module
-from squealstudy.analysis.full_order import finer_model
-from squealstudy.analysis.full_order.finer_model import (
-    Reduction,
-    reduction_errors,
-    with_finer_model,
-)
-from squealstudy.analysis.full_order.modes import full_order_system
-from squealstudy.analysis.point import solve_point, state_working_point, working_point_error
+from squealstudy.engine.cache import load_prepared, save_prepared
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.kinds.complex_modes import reduction
+from squealstudy.kinds.complex_modes.columns import read_columns
+from squealstudy.kinds.complex_modes.counts import uncertain_roots
+from squealstudy.kinds.complex_modes.errors import mode_errors, widening
+from squealstudy.kinds.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.reduction import CARRIED, Sample, carried
+from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.component import Component
 from squealstudy.models.interface import ContactInterface, SpringInterface
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes import point as point_module
+from squealstudy.modes.full_order import finer_model
+from squealstudy.modes.full_order.finer_model import (
+    Reduction,
+    reduction_errors,
+    with_finer_model,
+)
+from squealstudy.modes.full_order.modes import full_order_system
+from squealstudy.modes.point import solve_point, state_working_point, working_point_error
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.working_point import working_point_result
 from squealstudy.root_pairs import partner_distances
-from squealstudy.study.cache import load_prepared, save_prepared
-from squealstudy.study.complex_modes import reduction
-from squealstudy.study.complex_modes.columns import read_columns
-from squealstudy.study.complex_modes.counts import uncertain_roots
-from squealstudy.study.complex_modes.errors import mode_errors, widening
-from squealstudy.study.complex_modes.kind import ComplexModes
-from squealstudy.study.complex_modes.reduction import CARRIED, Sample, carried
-from squealstudy.study.complex_modes.tables import build_tables
 from squealstudy.study.definition import parse_study
-from squealstudy.study.parallel import Workers
-from squealstudy.study.plan import Plan
 from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies

@@ -14,18 +14,18 @@ from scipy.stats import qmc
 
 import squealstudy
 from squealstudy import screen as screens
-from squealstudy.analysis.robust.probability import probability_interval, robust_table
-from squealstudy.analysis.robust.saltelli import saltelli_rows
-from squealstudy.analysis.robust.sobol_table import saltelli_estimate, sobol_table
-from squealstudy.analysis.tables.mode_ranking import rank_modes
 from squealstudy.cli.app import main
+from squealstudy.engine.pictures import save_figure
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
+from squealstudy.kinds.complex_modes.robust_screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
-from squealstudy.study.complex_modes.robust_screen import indices as indices_screen
 from squealstudy.study.definition import parse_study
-from squealstudy.study.pictures import save_figure
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
+from squealstudy.tables.mode_ranking import rank_modes
+from squealstudy.tables.robust.probability import probability_interval, robust_table
+from squealstudy.tables.robust.saltelli import saltelli_rows
+from squealstudy.tables.robust.sobol_table import saltelli_estimate, sobol_table
 
 NAMES = ("x1", "x2", "x3")
 
@@ -279,7 +279,7 @@ refine_onsets = false
 
 def run(
     directory: Path, kind: str, samples: int, study: str = STUDY
-) -> squealstudy.study.results.Results:
+) -> squealstudy.engine.results.Results:
     text = study.replace("TYPE", kind).replace("SAMPLES", str(samples))
     run_study(Plan(parse_study(text, Path("s.toml"))), directory, jobs=1)
     return squealstudy.open_results(directory)
@@ -414,7 +414,7 @@ def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch
     def fail(*_):
         raise ConvergenceError("not_converged", "no working point")
 
-    monkeypatch.setattr("squealstudy.study.complex_modes.problems.solve_point", fail)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail)
     with contextlib.suppress(ResultsError):  # run says that every point failed
         run(tmp_path / "r", "latin_hypercube", 8)
     names = [path.stem for path in squealstudy.open_results(tmp_path / "r").draw(tmp_path)]

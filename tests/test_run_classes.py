@@ -14,10 +14,10 @@ import pytest
 from rich.console import Console
 
 from squealstudy import screen
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 BELT = """

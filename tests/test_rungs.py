@@ -10,9 +10,9 @@ import scipy.linalg as la
 from conftest import NOMINAL
 from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance, hulten, machine
 
-from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.linalg.companion import all_pairs
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 from squealstudy.modes.rungs.two_step import (
     is_symmetric,

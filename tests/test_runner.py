@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 
 import squealstudy
+from squealstudy.engine import chunks
+from squealstudy.engine.parallel import split_chunks
+from squealstudy.engine.plan import Plan, reference_choice
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
-from squealstudy.study import chunks
 from squealstudy.study.definition import parse_study
-from squealstudy.study.parallel import split_chunks
-from squealstudy.study.plan import Plan, reference_choice
-from squealstudy.study.runner import run_study
 
 HULTEN = """
 [study]

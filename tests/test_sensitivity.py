@@ -13,26 +13,26 @@ from blocks import blocks
 from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
 
-from squealstudy.analysis.sensitivity.assembly_change import check_same_mesh
-from squealstudy.analysis.sensitivity.damping_gradient import DampingGradient
-from squealstudy.analysis.sensitivity.finite_change import followed_root, reduced_pencil
-from squealstudy.analysis.sensitivity.mode_choice import ModeChoice, chosen_roots
-from squealstudy.analysis.sensitivity.mode_family import biorthogonality, mode_family
-from squealstudy.analysis.sensitivity.mode_sensitivities import CONDITION_LIMIT
-from squealstudy.analysis.sensitivity.reduced import (
-    ChosenModes,
-    point_sensitivities,
-    solve_families,
-)
-from squealstudy.analysis.sensitivity.root_figures import figure_slopes, figures
-from squealstudy.analysis.sensitivity.state_derivatives import friction_change
-from squealstudy.analysis.sensitivity.state_parameter import StateParameter
-from squealstudy.analysis.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.errors import ParameterError
 from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve, law_from_values
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.sensitivity.assembly_change import check_same_mesh
+from squealstudy.modes.sensitivity.damping_gradient import DampingGradient
+from squealstudy.modes.sensitivity.finite_change import followed_root, reduced_pencil
+from squealstudy.modes.sensitivity.mode_choice import ModeChoice, chosen_roots
+from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_family
+from squealstudy.modes.sensitivity.mode_sensitivities import CONDITION_LIMIT
+from squealstudy.modes.sensitivity.reduced import (
+    ChosenModes,
+    point_sensitivities,
+    solve_families,
+)
+from squealstudy.modes.sensitivity.root_figures import figure_slopes, figures
+from squealstudy.modes.sensitivity.state_derivatives import friction_change
+from squealstudy.modes.sensitivity.state_parameter import StateParameter
+from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.design_state import DesignState

@@ -12,20 +12,20 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy
-from squealstudy.analysis.tables.sensitivity_ranking import (
+from squealstudy.cli.app import main
+from squealstudy.engine.chunks import write_rows
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.kinds.sensitivity.rows import SCHEMA, failed_row
+from squealstudy.kinds.sensitivity.tables import build_tables
+from squealstudy.plots.sensitivity_bars import sensitivity_bars
+from squealstudy.study.definition import parse_study
+from squealstudy.tables.sensitivity_ranking import (
     mode_sensitivities,
     rank_sensitivities,
     step_text,
 )
-from squealstudy.cli.app import main
-from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.plots.sensitivity_bars import sensitivity_bars
-from squealstudy.study.chunks import write_rows
-from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
-from squealstudy.study.sensitivity.rows import SCHEMA, failed_row
-from squealstudy.study.sensitivity.tables import build_tables
 
 HULTEN = """[study]
 name = "slopes"

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import squealstudy
+from squealstudy.engine.runner import run_study
 from squealstudy.study.definition import load_plan
-from squealstudy.study.runner import run_study
 
 STUDIES = Path(__file__).parents[1] / "studies"
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import squealstudy
-from squealstudy.analysis.point import solve_point
-from squealstudy.study.cache import load_prepared
+from squealstudy.engine.cache import load_prepared
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
+from squealstudy.modes.point import solve_point
 from squealstudy.study.definition import load_any, parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 SHIPPED = Path(__file__).parents[1] / "studies"
 STUDIES = sorted(SHIPPED.glob("*.toml"))

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from squealstudy.engine.comparison import compare_results
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError
-from squealstudy.study.comparison import compare_results
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 STUDIES = Path(__file__).parents[1] / "studies"
 

@@ -13,24 +13,24 @@ import pytest
 from motions import started
 from test_newmark import KICK, random_system
 
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
 from squealstudy.cli.app import main
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
+from squealstudy.fidelity.ladders import free_ladders
+from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.time_search import RunSearch
+from squealstudy.kinds.transient import forecast
+from squealstudy.kinds.transient import slope_pilot as pilot_module
+from squealstudy.kinds.transient.plan_facts import training_designs
 from squealstudy.models.operating import REGULARISATION_SHARE, REGULARISATION_SPEED
 from squealstudy.motion.integrator import integrator
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
 from squealstudy.study.definition import parse_study
-from squealstudy.study.fidelity.ladders import free_ladders
-from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import RunSearch
-from squealstudy.study.measure import slope_pilot as pilot_module
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.parallel import Workers
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
-from squealstudy.study.transient import forecast
-from squealstudy.study.transient.plan_facts import training_designs
 
 NAME = REGULARISATION_SPEED.name
 PRESSURE = 200 * np.pi / (1e8 / 5e11)  # of the belt's contact, Pa; its static friction is 1

@@ -10,10 +10,10 @@ from test_ranking import MU, STUDY, P, linear_study, modes_table, points_table
 from test_robust import tables
 
 from squealstudy import screen
-from squealstudy.analysis.robust.probability import robust_table
-from squealstudy.analysis.tables.mode_ranking import rank_modes
-from squealstudy.analysis.tables.stability import is_uncertain
-from squealstudy.study.complex_modes import robust_screen
+from squealstudy.kinds.complex_modes import robust_screen
+from squealstudy.tables.mode_ranking import rank_modes
+from squealstudy.tables.robust.probability import robust_table
+from squealstudy.tables.stability import is_uncertain
 
 
 def labelled(modes, error):

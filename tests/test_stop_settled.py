@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 from motions import changed, growing, made_up, started
 
-from squealstudy.analysis.runs.energies import moving_energy
-from squealstudy.analysis.runs.settling import known_outcome, level_drift
-from squealstudy.analysis.runs.summary import run_levels, summarise
-from squealstudy.analysis.runs.verdict import expected_rise, run_verdict
-from squealstudy.analysis.transient.growing_modes import none_growing
-from squealstudy.analysis.transient.motion import Motion
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import Watch, simulate
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.cli.app import main
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.growing_modes import none_growing
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.energies import moving_energy
+from squealstudy.motion.outcome.settling import known_outcome, level_drift
+from squealstudy.motion.outcome.summary import run_levels, summarise
+from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import Watch, simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 SHORT = MotionSettings(duration=1.2e-3, step=2e-6, save_every=5)
 N = 10

@@ -9,18 +9,16 @@ import scipy.sparse as sp
 from conftest import TOP
 
 import squealstudy
-from squealstudy.analysis.tracking.joining import join_tracks
-from squealstudy.analysis.tracking.labels import TrackTree, track
-from squealstudy.analysis.tracking.pairing import pair_modes
-from squealstudy.analysis.tracking.tree import cross_edges, tracking_tree
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.catalogue.disc_brake.density import COARSE, MEDIUM
+from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
 from squealstudy.models.component import Component
-from squealstudy.models.disc_brake.density import COARSE, MEDIUM
-from squealstudy.models.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.correspondence import corresponding_rows
-from squealstudy.models.minimal import bilateral_points
+from squealstudy.models.minimal_parts import bilateral_points
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
@@ -29,9 +27,11 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
+from squealstudy.modes.tracking.joining import join_tracks
+from squealstudy.modes.tracking.labels import TrackTree, track
+from squealstudy.modes.tracking.pairing import pair_modes
+from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 HZ = 2 * np.pi
 PLACES = (np.arange(30) + 0.5) / 30  # along a string, from end to end
@@ -116,7 +116,6 @@ reference_points = 0
 def strings(monkeypatch, tmp_path):
     """Runs a study of the strings over given sweeps; its modes with the values of its points."""
     monkeypatch.setitem(catalogue.MODELS, "strings", STRINGS)
-    monkeypatch.setattr(catalogue, "MODEL_NAMES", (*catalogue.MODEL_NAMES, "strings"))
 
     def run(sweeps, more=""):
         plan = Plan(parse_study(STUDY.format(sweeps=sweeps) + more, Path("study.toml")))

@@ -9,20 +9,20 @@ import pytest
 from conftest import NOMINAL
 from synthetic import SyntheticProblem, constant, in_order, random_brake, whole_box
 
-from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import in_band, light
-from squealstudy.analysis.reanalysis.sweep_basis import (
+from squealstudy.errors import ConvergenceError
+from squealstudy.laws import contact_law, friction_curve
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
+from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import in_band, light
+from squealstudy.modes.reanalysis.sweep_basis import (
     _next_points,
     build_sweep_basis,
     corners,
     sample_box,
 )
-from squealstudy.errors import ConvergenceError
-from squealstudy.laws import contact_law, friction_curve
-from squealstudy.linalg.dense_roots import dense_roots
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise

@@ -12,21 +12,21 @@ import pyarrow.parquet as pq
 import pytest
 
 import squealstudy
-from squealstudy.analysis.point import PointModes
-from squealstudy.analysis.tables.mode_ranking import rank_modes
-from squealstudy.analysis.tables.stability import stability_names
+from squealstudy.engine.chunks import DIRECTORY, finished_points, read_chunks, write_rows
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
 from squealstudy.errors import ResultsError
-from squealstudy.study.chunks import DIRECTORY, finished_points, read_chunks, write_rows
-from squealstudy.study.complex_modes import follow
-from squealstudy.study.complex_modes.columns import read_columns
-from squealstudy.study.complex_modes.counts import read_unstable_counts
-from squealstudy.study.complex_modes.errors import ModeErrors
-from squealstudy.study.complex_modes.follow import Follower
-from squealstudy.study.complex_modes.rows import SCHEMA, failed_row, solved_row
-from squealstudy.study.complex_modes.tables import build_tables, modes_table
+from squealstudy.kinds.complex_modes import follow
+from squealstudy.kinds.complex_modes.columns import read_columns
+from squealstudy.kinds.complex_modes.counts import read_unstable_counts
+from squealstudy.kinds.complex_modes.errors import ModeErrors
+from squealstudy.kinds.complex_modes.follow import Follower
+from squealstudy.kinds.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
+from squealstudy.modes.point import PointModes
 from squealstudy.study.definition import parse_study
-from squealstudy.study.parallel import Workers
-from squealstudy.study.plan import Plan
+from squealstudy.tables.mode_ranking import rank_modes
+from squealstudy.tables.stability import stability_names
 
 GRID = """
 [study]
@@ -276,7 +276,7 @@ def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, 
 
 def test_refined_studies_have_the_same_tables_on_any_number_of_workers(tmp_path):
     text = GRID.format(num=5, lines=3).replace("= false", "= true")
-    from squealstudy.study.runner import run_study
+    from squealstudy.engine.runner import run_study
 
     for jobs in (1, 2):
         plan = Plan(parse_study(text, Path("study.toml")))

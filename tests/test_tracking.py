@@ -12,15 +12,15 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 import squealstudy
-from squealstudy.analysis.tracking.labels import TrackTree, expected_roots, track
-from squealstudy.analysis.tracking.pairing import mac, pair_modes
-from squealstudy.analysis.tracking.refinement import Modes, Refinement
-from squealstudy.analysis.tracking.tree import levels, tracking_tree
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.tracking.labels import TrackTree, expected_roots, track
+from squealstudy.modes.tracking.pairing import mac, pair_modes
+from squealstudy.modes.tracking.refinement import Modes, Refinement
+from squealstudy.modes.tracking.tree import levels, tracking_tree
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 

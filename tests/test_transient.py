@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from motions import run_one
 
-from squealstudy.analysis.transient.motion import EnergyBalance
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import prewarped
+from squealstudy.motion.motion import EnergyBalance
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
 
 
 def oscillator():

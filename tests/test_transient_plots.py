@@ -14,13 +14,13 @@ from matplotlib.text import Annotation, Text
 from transient_tables import growth_table, history_table, modes_table, points_table
 
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.transient import screen
 from squealstudy.plots.growth_comparison import growth_pairs
 from squealstudy.plots.levels import bar_places, design_names, stacked_shares, sweep_line
 from squealstudy.plots.modal_energies import leading_modes
 from squealstudy.plots.over_time import EndLabel, binned, design_text, end_labels, outline, spread
 from squealstudy.plots.spectrogram import short_time_levels
 from squealstudy.plots.torque_history import phases
-from squealstudy.study.transient import screen
 
 UNITS = {"friction": "", "pressure": "Pa"}
 KINDS = ["stable", "limit_cycle", "irregular", "failed", "limit_cycle", "growing"]

@@ -9,21 +9,21 @@ import pytest
 from conftest import CUTOFF, NOMINAL
 from motions import run_one
 
-from squealstudy.analysis.transient.growing_modes import growing_modes, left_vectors
-from squealstudy.analysis.transient.modal_basis import Training, truncated, with_pod
-from squealstudy.analysis.transient.point import (
+from squealstudy.errors import ParameterError
+from squealstudy.laws import friction_curve
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.motion.growing_modes import growing_modes, left_vectors
+from squealstudy.motion.modal_basis import Training, truncated, with_pod
+from squealstudy.motion.point import (
     contact_speed,
     friction_law,
     motion_point,
     perturbed,
     tangent,
 )
-from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.errors import ParameterError
-from squealstudy.laws import friction_curve
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.motion.reference_modes import reference_modes
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.design_state import DesignState

@@ -3,8 +3,8 @@ import pandas as pd
 import pytest
 from transient_tables import modes_table, points_table
 
-from squealstudy.analysis.tables.energy_ranking import COLUMNS, rank_energy, transient_parameters
 from squealstudy.errors import ResultsError
+from squealstudy.tables.energy_ranking import COLUMNS, rank_energy, transient_parameters
 
 KINDS = ["limit_cycle", "irregular", "growing", "stable", "failed"]
 SCALE = "caliper.modes[8].frequency_scale"

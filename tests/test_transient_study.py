@@ -10,14 +10,14 @@ import pandas as pd
 import pytest
 import scipy.signal
 
+from squealstudy.engine.names import HISTORIES, STATES
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.kinds.transient.batch import sampling, training_path
+from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.study.definition import parse_study
-from squealstudy.study.names import HISTORIES, STATES
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
-from squealstudy.study.transient.batch import sampling, training_path
-from squealstudy.study.transient_section import TransientSection
 
 BELT = """
 [study]

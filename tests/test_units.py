@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit_scaling import Units, same_table, scaled_text, solved, study_of
 
-from squealstudy.analysis.point import solve_point, state_working_point
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
+from squealstudy.modes.point import solve_point, state_working_point
 from squealstudy.study.definition import load_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 from squealstudy.wording import in_digits

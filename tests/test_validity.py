@@ -11,14 +11,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import squealstudy
-from squealstudy.analysis.tables.validity import validity_counts
 from squealstudy.cli import app as cli
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.engine.validity import open_reason, parameter_reasons, with_validity
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
-from squealstudy.study.validity import open_reason, parameter_reasons, with_validity
+from squealstudy.tables.validity import validity_counts
 
 STUDY = """
 [study]

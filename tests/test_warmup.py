@@ -7,11 +7,11 @@ import sys
 import threading
 import time
 
-from squealstudy.analysis.transient import warmup
 from squealstudy.kernels.newmark_batch import newmark_batch
+from squealstudy.motion import warmup
 
 SCRIPT = """
-from squealstudy.analysis.transient.warmup import warm_kernels
+from squealstudy.motion.warmup import warm_kernels
 from squealstudy.kernels.newmark_batch import newmark_batch
 print(warm_kernels())
 print(sum(newmark_batch.stats.cache_misses.values()))

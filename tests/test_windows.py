@@ -19,14 +19,14 @@ from synthetic import (
     whole_box,
 )
 
-from squealstudy.analysis.point import DENSE
-from squealstudy.analysis.reanalysis.collocated import collocate
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.problem import light
-from squealstudy.analysis.reanalysis.ritz import ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.point import DENSE
+from squealstudy.modes.reanalysis.collocated import collocate
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.polynomials import interpolation
+from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.ritz import ritz_roots
+from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 
 

@@ -9,16 +9,16 @@ from made_results import made
 from typer.testing import CliRunner
 
 from squealstudy import open_results
-from squealstudy.analysis.point import solve_point
 from squealstudy.cli.app import app
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
+from squealstudy.kinds.complex_modes import problems
+from squealstudy.kinds.transient.measuring import together
 from squealstudy.kinds.work_precision import kind as kind_module
-from squealstudy.study.complex_modes import problems
+from squealstudy.modes.point import solve_point
 from squealstudy.study.definition import load_plan
-from squealstudy.study.measure.time_domain import together
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.parallel import Workers
-from squealstudy.study.runner import run_study
 
 SPEED = '"contact.regularisation_speed" = 0.08'
 BELT = """

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from conftest import NOMINAL
 
-from squealstudy.analysis.point import state_working_point
-from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.polynomials import interpolation
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.polynomials import interpolation
 from squealstudy.reduction.working_point import GapEquations, WorkingPoint
 from squealstudy.reduction.working_point_field import BatchEquations, WorkingPointField
 from squealstudy.system.design_state import DesignState
@@ -127,7 +127,7 @@ def test_lift_off_of_part_of_the_contact(prepared):
 
 
 def test_a_node_without_a_working_point_leaves_no_field(prepared, monkeypatch):
-    from squealstudy.analysis.reanalysis import brake_problem
+    from squealstudy.modes.reanalysis import brake_problem
 
     genuine = state_working_point
 

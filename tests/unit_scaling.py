@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.models.catalogue import MODELS
 from squealstudy.study.definition import Study, parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 Dimension = tuple[int, int, int]  # powers of mass, length and time
 DIMENSIONS: dict[str, Dimension] = {

@@ -122,9 +122,9 @@ def robust(
     """Probability of instability of a random design, and its Sobol indices."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
-    from squealstudy.study.complex_modes import robust_screen
+    from squealstudy.engine.kind_screen import LISTED
+    from squealstudy.kinds.complex_modes import robust_screen
     from squealstudy.study.design_rules import SOBOL_INDICES
-    from squealstudy.study.kind_screen import LISTED
 
     found = face.open_results(results)
     if csv:
@@ -154,12 +154,12 @@ def sensitivity(
 ) -> None:
     """Which component modes and parameters move the most unstable mode, beside a reanalysis."""
     from squealstudy import face, screen
-    from squealstudy.analysis.tables.sensitivity_ranking import (
+    from squealstudy.cli.run import outside
+    from squealstudy.kinds.sensitivity.screen import sensitivities
+    from squealstudy.tables.sensitivity_ranking import (
         mode_sensitivities,
         rank_sensitivities,
     )
-    from squealstudy.cli.run import outside
-    from squealstudy.study.sensitivity.screen import sensitivities
 
     if path.is_dir():
         found = face.open_results(path)
@@ -195,8 +195,8 @@ def compare(
     from squealstudy import face, screen
     from squealstudy.cli.compare import comparison
     from squealstudy.cli.run import outside
-    from squealstudy.study.comparison import in_order
-    from squealstudy.study.manifest import outdated
+    from squealstudy.engine.comparison import in_order
+    from squealstudy.engine.manifest import outdated
 
     found = in_order(face.open_results(frequency), face.open_results(time))
     for results in found:
@@ -217,8 +217,8 @@ def warmup(
 ) -> None:
     """Compile the kernels of transient studies once, into the cache."""
     from squealstudy import screen
-    from squealstudy.analysis.transient.warmup import warm_kernels
     from squealstudy.kernels.jit import compiled_directory
+    from squealstudy.motion.warmup import warm_kernels
 
     seconds = warm_kernels(single)
     text = f"ready after {seconds:.1f} s, in {compiled_directory()}"
@@ -235,7 +235,7 @@ def models(
     """List models, or one model's parameters with units and defaults, components and modes."""
     from squealstudy import face, screen
     from squealstudy.cli.models import CONTRACT, described
-    from squealstudy.models.matrix_family import NAME as MATRICES
+    from squealstudy.models.matrices.family import NAME as MATRICES
 
     listed = face.list_models()
     if name is None:
@@ -257,7 +257,7 @@ def new(
 ) -> None:
     """Write a commented study file to start from: every key with its default and meaning."""
     from squealstudy import screen
-    from squealstudy.study.template import new_study
+    from squealstudy.engine.template import new_study
 
     written = new_study(path, kind, model)
     screen.show(f"{written}: now change it, then squealstudy check {written}")

@@ -9,22 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.analysis.tables.validity import BETWEEN, broken_rules, rule_counts
 from squealstudy.cli.run import fidelity
+from squealstudy.engine import chunks
+from squealstudy.engine.estimate import Estimate, estimate, run_seconds
+from squealstudy.engine.manifest import check_owner, outdated
+from squealstudy.engine.model_kind import build_first, check_component_modes, check_shapes
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
-from squealstudy.models.matrix_family import FamilyDefinition
+from squealstudy.kinds.complex_modes.rounds import grown, grows, most_points
+from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
-from squealstudy.study import chunks
-from squealstudy.study.estimate import Estimate, estimate, run_seconds
 from squealstudy.study.kinds import kind_named, kind_names
-from squealstudy.study.manifest import check_owner, outdated
-from squealstudy.study.model_kind import build_first, check_component_modes, check_shapes
-from squealstudy.study.plan import Plan, has_mesh
-from squealstudy.study.rounds import grown, grows, most_points
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import methods_schema, study_schema
-from squealstudy.study.validity import parameter_reasons
+from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
 from squealstudy.wording import plural
 
 
@@ -43,7 +43,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
         return [("study", f"{name}: {kind}, valid"), *study.plan().facts]
     plan, facts = Plan(study.resolved), None
     if study.resolved.definition.fidelity is not None:
-        from squealstudy.study.fidelity.run import resolve
+        from squealstudy.fidelity.run import resolve
 
         with progress_bars() as progress:
             chosen = resolve(study.resolved, jobs, progress)
@@ -120,7 +120,7 @@ def _validity(plan: Plan) -> Rows:
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
     """What the next finer mesh changes; it is solved for this."""
-    from squealstudy.study.mesh_error import mesh_error
+    from squealstudy.engine.mesh_error import mesh_error
 
     found = mesh_error(plan, jobs)
     mesh, finer = found.meshes

@@ -8,12 +8,11 @@ from typing import Any
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.analysis.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
-from squealstudy.analysis.tables.comparison import FREQUENCY as PREDICTED
-from squealstudy.analysis.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.analysis.tables.run_classes import LEVELLED
 from squealstudy.screen import grid, notes
-from squealstudy.wording import figure, plural, with_unit
+from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
+from squealstudy.tables.comparison import FREQUENCY as PREDICTED
+from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
+from squealstudy.wording import LEVELLED, figure, plural, with_unit
 
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")

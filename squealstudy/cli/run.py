@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.analysis.tables.validity import outside_validity
 from squealstudy.screen import Rows
+from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 
 def summary(results: Results, drawn: list[Path]) -> Rows:

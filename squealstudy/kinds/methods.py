@@ -8,9 +8,9 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, Field
 
+from squealstudy.engine.keys import content_hash
+from squealstudy.engine.kind import Kind
 from squealstudy.errors import StudyFileError
-from squealstudy.study.keys import content_hash
-from squealstudy.study.kind import Kind
 from squealstudy.study.section import Section
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_lines import KeyPath

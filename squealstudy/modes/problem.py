@@ -9,13 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from squealstudy.analysis.full_order.family_point import NO_WORKING_POINT
-from squealstudy.analysis.point import PointModes, working_point_error
-from squealstudy.analysis.reanalysis.estimate import Outcome
-from squealstudy.analysis.reanalysis.problem import SweptProblem
-from squealstudy.analysis.reanalysis.readers import Reader
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.full_order.family_point import NO_WORKING_POINT
+from squealstudy.modes.point import PointModes, working_point_error
+from squealstudy.modes.reanalysis.estimate import Outcome
+from squealstudy.modes.reanalysis.problem import SweptProblem
+from squealstudy.modes.reanalysis.readers import Reader
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 
 
 class Point(Protocol):

@@ -8,11 +8,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
-from squealstudy.analysis.point import PointModes
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.tracking.refinement import Modes
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.point import PointModes
 from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.tracking.refinement import Modes
 
 Found = tuple[int, PointModes | ConvergenceError]
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.line import StudyLine, study_line
 from squealstudy.plots.style import (
@@ -35,11 +35,11 @@ from squealstudy.plots.style import (
     shade_unstable,
     track_name,
 )
-from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 LOCI = 2
 NEAR = 0.03  # relative distance in frequency within which other tracks are shown in a locus

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.style import (
     COLOURS,
     DARK,
@@ -21,11 +22,10 @@ from squealstudy.plots.style import (
     new_figure,
     reach,
 )
-from squealstudy.study.pictures import register_plot
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 SMALL = 0.05  # of the fastest growth: below, a relative deviation says nothing
 BOUNDS = 5.0  # largest deviations that the scale shows of wider bounds

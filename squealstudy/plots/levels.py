@@ -10,8 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.energy_ranking import transient_parameters
-from squealstudy.analysis.tables.run_classes import LASTING, UNDECIDED
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.over_time import PALETTE, friction_label
 from squealstudy.plots.style import (
     COLOURS,
@@ -31,11 +30,11 @@ from squealstudy.plots.style import (
     set_ticks,
 )
 from squealstudy.plots.tables import describe, slice_points
-from squealstudy.study.pictures import Choices, register_plot
-from squealstudy.wording import in_digits, plural
+from squealstudy.tables.energy_ranking import transient_parameters
+from squealstudy.wording import LASTING, UNDECIDED, in_digits, plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 NAMED = 36  # design points that have room for their names
 STACKED = 6  # modes with a colour of their own

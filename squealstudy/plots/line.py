@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.plots.style import COLOURS, DARK, GREY, Quantity, joined, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+from squealstudy.tables.mode_ranking import parameter_columns
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke, withTickedStroke
 
-from squealstudy.analysis.tables.agreement import WORKS
+from squealstudy.engine.pictures import register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.stability_map import STABLE, cell_edges
 from squealstudy.plots.style import (
@@ -32,11 +32,11 @@ from squealstudy.plots.style import (
     set_scales,
     set_ticks,
 )
-from squealstudy.study.pictures import register_plot
+from squealstudy.tables.agreement import WORKS
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 # outcome class: its colour and what it is called, from good to bad
 CLASSES = {

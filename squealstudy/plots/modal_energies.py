@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
     PALETTE,
@@ -25,11 +26,10 @@ from squealstudy.plots.over_time import (
     point_row,
 )
 from squealstudy.plots.style import DARK, GREY, empty_figure, finish, joined, new_figure
-from squealstudy.study.pictures import register_plot
 from squealstudy.wording import in_digits, plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
 NAMED = 6  # modes in colour

@@ -12,15 +12,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.energy_ranking import component_columns, transient_parameters
+from squealstudy.engine.histories import kept_histories
+from squealstudy.engine.pictures import Choices
 from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
-from squealstudy.study.pictures import Choices
-from squealstudy.study.transient.histories import kept_histories
+from squealstudy.tables.energy_ranking import component_columns, transient_parameters
 from squealstudy.wording import TORQUE
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 PALETTE = [c for c in COLOURS if c != "#000000"]  # of modes; black is all of them together
 MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other

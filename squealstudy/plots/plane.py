@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.tri import Triangulation
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity
 from squealstudy.plots.tables import describe, oscillating, slice_points
+from squealstudy.tables.mode_ranking import parameter_columns
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid

@@ -10,11 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.mode_ranking import (
-    energy_columns,
-    frequency_text,
-    unstable_groups,
-)
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.style import (
     UNSTABLE,
     empty_figure,
@@ -26,11 +22,15 @@ from squealstudy.plots.style import (
     name_rows,
     new_figure,
 )
-from squealstudy.study.pictures import register_plot
+from squealstudy.tables.mode_ranking import (
+    energy_columns,
+    frequency_text,
+    unstable_groups,
+)
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")

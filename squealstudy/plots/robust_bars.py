@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
     COLOURS,
@@ -25,11 +26,10 @@ from squealstudy.plots.style import (
     reach,
 )
 from squealstudy.study.design_rules import RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.study.pictures import Choices, register_plot
 from squealstudy.wording import in_digits, plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 QUANTITIES = 3  # growth rates with indices
 HALF = 0.19  # of the height of one parameter's place, for each of its two bars

@@ -10,12 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from squealstudy.analysis.tables.sensitivity_ranking import (
-    mode_sensitivities,
-    parameter_text,
-    rank_sensitivities,
-    step_text,
-)
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.style import (
     COLOURS,
     UNSTABLE,
@@ -27,11 +22,16 @@ from squealstudy.plots.style import (
     new_figure,
 )
 from squealstudy.plots.tables import describe
-from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.tables.sensitivity_ranking import (
+    mode_sensitivities,
+    parameter_text,
+    rank_sensitivities,
+    step_text,
+)
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 HEIGHT = 0.36
 HATCH = "////"

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
     EndLabel,
@@ -21,11 +22,10 @@ from squealstudy.plots.over_time import (
     point_row,
 )
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, head, joined, new_figure
-from squealstudy.study.pictures import register_plot
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 WINDOWS = 12.5  # in a run: lines are told apart from about twice their number a run on (Hann)
 FEWEST_SAMPLES = 32  # of a run

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.crossings import INTO
-from squealstudy.analysis.tables.mode_ranking import CUBIC, REFINED
 from squealstudy.plots.plane import StudyPlane
+from squealstudy.tables.crossings import INTO
+from squealstudy.tables.mode_ranking import CUBIC, REFINED
 
 ROUNDING = 1e-9  # of the growing mode's damping ratio: below it a stable point has no damping
 Edge = tuple[int, int]  # of the plane's design points: first the stable, then the unstable one

@@ -12,7 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns, point_codes
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.style import (
@@ -30,11 +30,11 @@ from squealstudy.plots.style import (
     track_name,
 )
 from squealstudy.plots.tables import describe, oscillating, worst_tracks
-from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.tables.mode_ranking import parameter_columns, point_codes
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 LABELS = 10  # tracks named in one picture
 STABLE_DOTS = 60_000  # more are thinned out

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withTickedStroke
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
 from squealstudy.plots.stability_boundary import Boundary, stability_boundary
@@ -28,11 +28,11 @@ from squealstudy.plots.style import (
     set_scales,
     set_ticks,
 )
-from squealstudy.study.pictures import Choices, register_plot
+from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.mode_ranking import parameter_columns
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
+from squealstudy.tables.mode_ranking import parameter_columns
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.analysis.tables.run_classes import GROWING, STABLE, UNDECIDED
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
     column,
@@ -33,11 +33,10 @@ from squealstudy.plots.style import (
     legend_below,
     new_figure,
 )
-from squealstudy.study.pictures import register_plot
-from squealstudy.wording import in_digits
+from squealstudy.wording import GROWING, STABLE, UNDECIDED, in_digits
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 PERIODS = 10  # of the dominant frequency that the zoom shows
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}

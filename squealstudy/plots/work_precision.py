@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from squealstudy.analysis.tables.fronts import cost_of, on_front, usable
+from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.style import (
     COLOURS,
     DARK,
@@ -23,10 +23,10 @@ from squealstudy.plots.style import (
     legend_below,
     new_figure,
 )
-from squealstudy.study.pictures import register_plot
+from squealstudy.tables.fronts import cost_of, on_front, usable
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 LEAST = 1e-16  # errors below are drawn there: a logarithm needs one
 NAMES = {

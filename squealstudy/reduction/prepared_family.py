@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
-from squealstudy.models.matrix_family import MatrixFamily
+from squealstudy.models.matrices.family import MatrixFamily
 
 BAND_FACTOR = 1.1  # shapes a little beyond the band: modes that a sweep moves into it
 SHAPE_TOLERANCE = 1e-2  # relative singular value of nominal shapes that are kept apart

@@ -28,8 +28,8 @@ from squealstudy.study.sweeps import Sweep, resolve_sweeps
 from squealstudy.study.toml_lines import KeyPath
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
+    from squealstudy.engine.model_kind import ModelKind
     from squealstudy.models.parameter import ModelDefinition
-    from squealstudy.study.model_kind import ModelKind
 
 
 @dataclass(frozen=True)
@@ -183,16 +183,16 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
-    from squealstudy.models.catalogue import MODEL_NAMES, MODELS
-    from squealstudy.models.matrix_family import NAME
+    from squealstudy.models.catalogue import MODELS, model_names
+    from squealstudy.models.matrices.family import NAME
     from squealstudy.study.family import family_of
 
     name = definition.model.name
-    if name not in MODEL_NAMES:
+    if name not in model_names():
         raise source.error(
             ("model", "name"),
-            f"expected one of {', '.join(MODEL_NAMES)}, got {shown(name)}"
-            + did_you_mean(name, MODEL_NAMES),
+            f"expected one of {', '.join(model_names())}, got {shown(name)}"
+            + did_you_mean(name, model_names()),
         )
     return family_of(definition, source) if name == NAME else MODELS[name]
 
@@ -201,7 +201,7 @@ def _options(
     section: ModelSection, model: ModelDefinition, source: SourceText
 ) -> dict[str, str | int]:
     """Every option of the model: as given, or its default."""
-    from squealstudy.models.matrix_family import FamilyDefinition
+    from squealstudy.models.matrices.family import FamilyDefinition
 
     options = {option.name: option for option in model.options}
     values = {option.name: option.choices[0] for option in model.options}

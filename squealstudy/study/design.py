@@ -11,7 +11,7 @@ from squealstudy.laws import (
     curve_from_values,
     law_from_values,
 )
-from squealstudy.models.matrix_family import FamilyDefinition
+from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import ModeParameter, parse_parameter

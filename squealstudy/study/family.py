@@ -8,8 +8,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.expression import RESERVED, Expression, ExpressionError, parse_expression
-from squealstudy.models.matrix_family import (
+from squealstudy.models.matrices.expression import (
+    RESERVED,
+    Expression,
+    ExpressionError,
+    parse_expression,
+)
+from squealstudy.models.matrices.family import (
     NAME,
     NEEDED,
     ORDERS,
@@ -19,7 +24,7 @@ from squealstudy.models.matrix_family import (
     TermSource,
     family_definition,
 )
-from squealstudy.models.matrix_files import read_matrix
+from squealstudy.models.matrices.files import read_matrix
 from squealstudy.study.kinds import model_kind
 from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.parameters import did_you_mean

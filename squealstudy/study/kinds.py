@@ -2,47 +2,71 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
+from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, extensions_of, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from types import ModuleType
 
-    from squealstudy.study.kind import Kind
-    from squealstudy.study.kind_screen import KindScreen
-    from squealstudy.study.model_kind import ModelKind
+    from pydantic import BaseModel
 
-# module and class of each: imported when it is asked for, a study pays for what it uses
-PLACES = {
-    "complex_modes": ("squealstudy.study.complex_modes.kind", "ComplexModes"),
-    "transient": ("squealstudy.study.transient.kind", "Transient"),
-    "sensitivity": ("squealstudy.study.sensitivity.kind", "Sensitivities"),
-    "work_precision": ("squealstudy.kinds.work_precision.kind", "WorkPrecision"),
-    "method_stability": ("squealstudy.kinds.method_stability.kind", "MethodStability"),
-}
-_known: dict[str, Kind] = {}
+    from squealstudy.engine.kind import Kind
+    from squealstudy.engine.kind_screen import KindScreen
+    from squealstudy.engine.model_kind import ModelKind
+
+FOLDER = "squealstudy.kinds"  # above this room: read by name, never imported
+_registered: dict[str, Kind] = {}
+
+
+@cache
+def _folders() -> tuple[str, ...]:
+    """Kinds of the package: a folder each, imported when it is asked for."""
+    return tuple(
+        found.name for found in iter_modules(import_module(FOLDER).__path__) if found.ispkg
+    )
 
 
 def kind_names() -> tuple[str, ...]:
     """Names of all kinds, as study files and manifests spell them."""
-    return tuple(dict.fromkeys([*PLACES, *_known]))
+    return (*_folders(), *_registered)
 
 
 def register_kind(kind: Kind) -> None:
     """Add a kind from outside the package; ValueError where another one has its name."""
-    if kind.name in PLACES or type(_known.get(kind.name, kind)) is not type(kind):
+    known = _registered.get(kind.name, kind)
+    if kind.name in _folders() or type(known) is not type(kind):
         raise ValueError(f"there is a kind of study '{kind.name}' already")
-    _known[kind.name] = kind
+    _registered[kind.name] = kind
 
 
 def kind_named(name: str) -> Kind:
     """The kind of that name; KeyError for another."""
-    if name not in _known:
-        module, kind = PLACES[name]
-        _known[name] = getattr(import_module(module), kind)()
-    return _known[name]
+    if name in _registered:
+        return _registered[name]
+    if name not in _folders():
+        raise KeyError(name)
+    return cast("Kind", _module(name, "kind").KIND)
+
+
+def definition_of(name: str) -> type[BaseModel]:
+    """What the files of a kind may say, without what solves its design points; KeyError."""
+    if name in _folders():
+        found = f"{FOLDER}.{name}.section"
+        if find_spec(found):
+            return cast("type[BaseModel]", import_module(found).DEFINITION)
+        return StudyDefinition
+    return kind_named(name).definition
+
+
+def _module(kind: str, name: str) -> ModuleType:
+    return import_module(f"{FOLDER}.{kind}.{name}")
 
 
 def model_kind(name: str) -> ModelKind:
@@ -80,7 +104,6 @@ def screen_of(name: str) -> KindScreen:
 
     It is imported without what solves the kind's design points.
     """
-    if name not in PLACES:
+    if name not in _folders():
         return kind_named(name).screen
-    module = PLACES[name][0].removesuffix("kind") + "screen"
-    return cast("KindScreen", import_module(module).SCREEN)
+    return cast("KindScreen", _module(name, "screen").SCREEN)

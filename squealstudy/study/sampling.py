@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 
-from squealstudy.analysis.robust.saltelli import saltelli_rows
 from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
 from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import beyond
+from squealstudy.tables.robust.saltelli import saltelli_rows
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
 INDICES = "sobol_indices"

@@ -6,24 +6,26 @@ from typing import Any
 
 from pydantic import create_model
 
-from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.study.kinds import definition_of, kind_names
+from squealstudy.study.sections import StudyDefinition
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def study_schema() -> dict[str, Any]:
     """JSON Schema of a study file, with the names and options of the models of the catalogue."""
-    from squealstudy.models.catalogue import MODEL_NAMES, MODELS
+    from squealstudy.models.catalogue import MODELS, model_names
 
-    kinds = [kind for kind in map(kind_named, kind_names()) if not kind.of_methods]
+    found = {name: definition_of(name) for name in kind_names()}
+    of_models = {name: d for name, d in found.items() if issubclass(d, StudyDefinition)}
     whole = create_model(
         "StudyDefinition",
-        __base__=tuple(dict.fromkeys(kind.definition for kind in reversed(kinds))),
+        __base__=tuple(sorted(set(of_models.values()), key=lambda d: -len(d.__mro__))),
     )
     schema: dict[str, Any] = _without_null(whole.model_json_schema())
-    schema["$defs"]["StudySection"]["properties"]["kind"]["enum"] = [kind.name for kind in kinds]
+    schema["$defs"]["StudySection"]["properties"]["kind"]["enum"] = list(of_models)
     model = schema["$defs"]["ModelSection"]
-    model["properties"]["name"]["enum"] = list(MODEL_NAMES)
+    model["properties"]["name"]["enum"] = list(model_names())
     choices: dict[str, list[str | int]] = {}
     for option in (option for m in MODELS.values() for option in m.options):
         known = choices.setdefault(option.name, [])
@@ -36,7 +38,7 @@ def study_schema() -> dict[str, Any]:
 
 def methods_schema(name: str) -> dict[str, Any]:
     """JSON Schema of the files of a kind that measures methods."""
-    schema: dict[str, Any] = _without_null(kind_named(name).definition.model_json_schema())
+    schema: dict[str, Any] = _without_null(definition_of(name).model_json_schema())
     head = {"$schema": DIALECT, "title": f"squealstudy {name} file"}
     return head | {k: v for k, v in schema.items() if k not in head}
 

@@ -29,28 +29,28 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from squealstudy.analysis.runs.energies import moving_energy  # noqa: E402
-from squealstudy.analysis.runs.verdict import run_verdict  # noqa: E402
-from squealstudy.analysis.tables.run_classes import (  # noqa: E402
+from squealstudy.engine.model_kind import build_structures  # noqa: E402
+from squealstudy.engine.parallel import Workers, silent  # noqa: E402
+from squealstudy.engine.plan import Plan  # noqa: E402
+from squealstudy.engine.tasks import PointTask  # noqa: E402
+from squealstudy.engine.working_points import NewGaps  # noqa: E402
+from squealstudy.kinds.transient.batch import batch_task  # noqa: E402
+from squealstudy.kinds.transient.motions import integrate, set_up  # noqa: E402
+from squealstudy.models.operating import (  # noqa: E402
+    REGULARISATION_SHARE,
+    REGULARISATION_SPEED,
+)
+from squealstudy.motion.motion import Motion  # noqa: E402
+from squealstudy.motion.outcome.energies import moving_energy  # noqa: E402
+from squealstudy.motion.outcome.verdict import run_verdict  # noqa: E402
+from squealstudy.motion.system import MotionPoint  # noqa: E402
+from squealstudy.study.definition import parse_study  # noqa: E402
+from squealstudy.wording import (  # noqa: E402
     FAILED,
     GROWING,
     LASTING,
     UNDECIDED,
 )
-from squealstudy.analysis.transient.motion import Motion  # noqa: E402
-from squealstudy.analysis.transient.system import MotionPoint  # noqa: E402
-from squealstudy.models.operating import (  # noqa: E402
-    REGULARISATION_SHARE,
-    REGULARISATION_SPEED,
-)
-from squealstudy.study.definition import parse_study  # noqa: E402
-from squealstudy.study.model_kind import build_structures  # noqa: E402
-from squealstudy.study.parallel import Workers, silent  # noqa: E402
-from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.tasks import PointTask  # noqa: E402
-from squealstudy.study.transient.batch import batch_task  # noqa: E402
-from squealstudy.study.transient.motions import integrate, set_up  # noqa: E402
-from squealstudy.study.working_points import NewGaps  # noqa: E402
 
 LONGER = 10  # times, the run that is the truth
 BATCH = 8

@@ -17,12 +17,12 @@ import time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.full_order.modes import full_order_modes
-from squealstudy.analysis.full_order.pairs import paired_with_full_order
-from squealstudy.analysis.point import solve_point, state_working_point
 from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.full_order.modes import full_order_modes
+from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.modes.point import solve_point, state_working_point
 from squealstudy.reduction.cmt import BasisSettings, component_modes
 from squealstudy.reduction.prepared import prepare
 from squealstudy.system.design_state import DesignState

@@ -17,8 +17,8 @@ import scipy.sparse as sp
 from skfem import Basis, ElementLinePp, MeshLine
 
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
-from squealstudy.models.disc_brake.density import COARSE
-from squealstudy.models.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.density import COARSE
+from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.grid import Interval, graded_lines
 from squealstudy.models.fem.material import Material
 

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from squealstudy.study.complex_modes.problems import swept_structures
-from squealstudy.study.fidelity.scene import Scene
+from squealstudy.engine.measurement import Measurement
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.plan import Plan
+from squealstudy.fidelity.scene import Scene
+from squealstudy.kinds.complex_modes.problems import swept_structures
+from squealstudy.kinds.transient.batch import training_path
 from squealstudy.study.kinds import kind_named
-from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.plan import Plan
-from squealstudy.study.transient.batch import training_path
 
 
 class Clock:

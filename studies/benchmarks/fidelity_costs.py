@@ -30,16 +30,16 @@ import numpy as np
 from fidelity_clock import Clock
 from fidelity_hand_picks import hand_picks, most_accurate
 
+from squealstudy.engine.cache import load_any
+from squealstudy.engine.measurement import Measurement
 from squealstudy.errors import SquealstudyError
+from squealstudy.fidelity.audit import drawn_points
+from squealstudy.fidelity.choice import Choice
+from squealstudy.fidelity.frequency_search import search_modes
+from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.time_search import QUIET, search_runs
 from squealstudy.paths import ENVIRONMENT
-from squealstudy.study.cache import load_any
 from squealstudy.study.definition import load_study
-from squealstudy.study.fidelity.audit import drawn_points
-from squealstudy.study.fidelity.choice import Choice
-from squealstudy.study.fidelity.frequency_search import search_modes
-from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import QUIET, search_runs
-from squealstudy.study.measure.measurement import Measurement
 
 CHOICE, DEFAULT = "fidelity's choice", "without [fidelity]"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from squealstudy.study.fidelity.frequency_search import exact_method
-from squealstudy.study.fidelity.ladders import REDUCTION, STEP, free_ladders
-from squealstudy.study.fidelity.scene import Scene
-from squealstudy.study.fidelity.time_search import ALL_MODES, QUIET
-from squealstudy.study.plan import has_mesh
+from squealstudy.engine.plan import has_mesh
+from squealstudy.fidelity.frequency_search import exact_method
+from squealstudy.fidelity.ladders import REDUCTION, STEP, free_ladders
+from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.time_search import ALL_MODES, QUIET
 
 Changes = Mapping[str, Any]
 FACTORS = (1.1, 1.3, 1.5, 2.0)  # cut-offs over the band

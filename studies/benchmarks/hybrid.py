@@ -30,16 +30,16 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from squealstudy.analysis.hybrid.arrays import uniform_damping
-from squealstudy.analysis.hybrid.run import simulate_hybrid
-from squealstudy.analysis.transient.growing_modes import growing_modes
-from squealstudy.analysis.transient.reference_modes import reference_modes
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import MotionPoint
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.motion.growing_modes import growing_modes
+from squealstudy.motion.hybrid.arrays import uniform_damping
+from squealstudy.motion.hybrid.run import simulate_hybrid
+from squealstudy.motion.reference_modes import reference_modes
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model

@@ -18,12 +18,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 from transient_kernels import LEVELS, brake_like, kick, stick_number
 
-from squealstudy.analysis import integrators as compared
-from squealstudy.analysis.transient.motion import Motion
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import simulate
-from squealstudy.analysis.transient.system import ModalSystem, MotionPoint
+from squealstudy.laboratory import integrators as compared
 from squealstudy.motion.integrator import integrator, integrators
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
 
 REPEATS = 3
 INTEGRATORS = integrators()

@@ -23,10 +23,10 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 import squealstudy  # noqa: E402
-from squealstudy.analysis.runs.levels import pooled_interval  # noqa: E402
+from squealstudy.engine.plan import Plan  # noqa: E402
+from squealstudy.engine.runner import run_study  # noqa: E402
+from squealstudy.motion.outcome.levels import pooled_interval  # noqa: E402
 from squealstudy.study.definition import parse_study  # noqa: E402
-from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.runner import run_study  # noqa: E402
 
 FILE = Path(__file__).parents[1] / "irregular_cycle.toml"
 DRAWS = 4000

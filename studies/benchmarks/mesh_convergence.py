@@ -26,14 +26,14 @@ import pandas as pd
 from component_reference import extrapolated
 from mesh_chart import mesh_chart
 
-from squealstudy.analysis.point import solve_point
 from squealstudy.laws import contact_law
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.disc_brake.density import DENSITIES, MEDIUM
-from squealstudy.models.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.density import DENSITIES, MEDIUM
+from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
 from squealstudy.models.fem.solid import FULL, REDUCED
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.point import solve_point
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.system.design_state import DesignState

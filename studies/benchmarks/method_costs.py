@@ -25,19 +25,19 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # processor time is that of one thread
 
 
-from squealstudy.modes.rungs import all_rungs  # noqa: E402
-from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG  # noqa: E402
-from squealstudy.study.complex_modes.kind import ComplexModes  # noqa: E402
-from squealstudy.study.complex_modes.problems import (  # noqa: E402
+from squealstudy.engine.plan import Plan  # noqa: E402
+from squealstudy.engine.structures import build_structure, build_task  # noqa: E402
+from squealstudy.engine.tasks import PointTask  # noqa: E402
+from squealstudy.kinds.complex_modes.kind import ComplexModes  # noqa: E402
+from squealstudy.kinds.complex_modes.problems import (  # noqa: E402
     make_basis,
     problem_of,
     swept_structures,
 )
-from squealstudy.study.complex_modes.solve_tasks import solve_tasks  # noqa: E402
+from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks  # noqa: E402
+from squealstudy.modes.rungs import all_rungs  # noqa: E402
+from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG  # noqa: E402
 from squealstudy.study.definition import load_any  # noqa: E402
-from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.structures import build_structure, build_task  # noqa: E402
-from squealstudy.study.tasks import PointTask  # noqa: E402
 
 STUDY = """
 [study]

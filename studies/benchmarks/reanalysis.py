@@ -31,7 +31,7 @@ import numpy as np  # noqa: E402
 from reanalysis_rungs import m0, measure, picture, rungs  # noqa: E402
 from reanalysis_rungs.brake import BOXES, brake_problem  # noqa: E402
 
-from squealstudy.analysis.reanalysis.problem import Linearisation  # noqa: E402
+from squealstudy.modes.reanalysis.problem import Linearisation  # noqa: E402
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 MOST = {1: 8, 2: 16, 3: 16}  # design points that a sweep basis may use

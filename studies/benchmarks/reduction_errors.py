@@ -30,15 +30,15 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.stats import spearmanr  # noqa: E402
 
-from squealstudy.analysis.full_order.pairs import paired_with_full_order  # noqa: E402
-from squealstudy.study.complex_modes.reference import (  # noqa: E402
+from squealstudy.engine.names import MODES  # noqa: E402
+from squealstudy.engine.plan import Plan  # noqa: E402
+from squealstudy.engine.runner import run_study  # noqa: E402
+from squealstudy.kinds.complex_modes.reference import (  # noqa: E402
     read_references,
     reference_roots,
 )
+from squealstudy.modes.full_order.pairs import paired_with_full_order  # noqa: E402
 from squealstudy.study.definition import load_study  # noqa: E402
-from squealstudy.study.names import MODES  # noqa: E402
-from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.runner import run_study  # noqa: E402
 
 NEUTRAL = 1e-7  # stability_tolerance of the studies
 CASES = {

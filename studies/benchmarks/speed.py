@@ -145,8 +145,8 @@ def measure(row: str, quick: bool) -> dict[str, float]:
 
 
 def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
+    from squealstudy.engine.plan import Plan
     from squealstudy.study.definition import load_any
-    from squealstudy.study.plan import Plan
 
     path = folder / "study.toml"
     path.write_text(study_text(row, quick, tolerance))
@@ -154,7 +154,7 @@ def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
 
 
 def _reduced(plan: Any) -> float:
-    from squealstudy.study.structures import build_structure, build_task
+    from squealstudy.engine.structures import build_structure, build_task
 
     started = time.process_time()
     _, failure = build_structure(build_task(plan, plan.structures[0], 1))
@@ -168,8 +168,8 @@ def _reduction(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _point(quick: bool, folder: Path) -> dict[str, float]:
-    from squealstudy.analysis.point import solve_point
-    from squealstudy.study.cache import load_prepared
+    from squealstudy.engine.cache import load_prepared
+    from squealstudy.modes.point import solve_point
 
     plan = _plan("study", quick, folder)
     _reduced(plan)
@@ -183,8 +183,8 @@ def _point(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _check(quick: bool, folder: Path) -> dict[str, float]:
-    from squealstudy.analysis.full_order.modes import full_order_modes
-    from squealstudy.study.cache import load_prepared
+    from squealstudy.engine.cache import load_prepared
+    from squealstudy.modes.full_order.modes import full_order_modes
 
     plan = _plan("study", quick, folder)
     _reduced(plan)
@@ -199,11 +199,11 @@ def _check(quick: bool, folder: Path) -> dict[str, float]:
 
 def _basis(quick: bool, folder: Path) -> dict[str, float]:
     try:
-        from squealstudy.study.complex_modes.problems import make_basis, swept_structures
+        from squealstudy.kinds.complex_modes.problems import make_basis, swept_structures
     except ImportError:  # an earlier state
-        from squealstudy.study.complex_modes.window_tasks import basis_tasks as swept_structures
+        from squealstudy.kinds.complex_modes.window_tasks import basis_tasks as swept_structures
 
-        from squealstudy.study.complex_modes.bases import make_basis
+        from squealstudy.kinds.complex_modes.bases import make_basis
 
     _reduced(_plan("basis", quick, folder))
     found = {}
@@ -219,7 +219,7 @@ def _basis(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _kernels(_quick: bool, _folder: Path) -> dict[str, float]:
-    from squealstudy.analysis.transient.warmup import warm_kernels
+    from squealstudy.motion.warmup import warm_kernels
 
     started = time.process_time()
     warm_kernels()
@@ -227,7 +227,7 @@ def _kernels(_quick: bool, _folder: Path) -> dict[str, float]:
 
 
 def _resolved(row: str, quick: bool, folder: Path) -> Any:
-    from squealstudy.study.fidelity.run import resolve
+    from squealstudy.fidelity.run import resolve
 
     study = _plan(row, quick, folder).study
     found = resolve(study, 1, lambda stage, done, total: None)
@@ -236,7 +236,7 @@ def _resolved(row: str, quick: bool, folder: Path) -> Any:
 
 
 def _squeal(quick: bool, folder: Path) -> dict[str, float]:
-    from squealstudy.study.runner import run_study
+    from squealstudy.engine.runner import run_study
 
     plan = _resolved("squeal", quick, folder).plan
     started = time.process_time()
@@ -245,8 +245,8 @@ def _squeal(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _fidelity(quick: bool, folder: Path) -> dict[str, float]:
-    from squealstudy.study.fidelity.run import run_resolved
-    from squealstudy.study.runner import run_study
+    from squealstudy.engine.runner import run_study
+    from squealstudy.fidelity.run import run_resolved
 
     _reduced(_plan("study", True, folder))  # imports, which the first of the two would pay for both
     started = time.process_time()

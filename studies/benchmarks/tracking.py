@@ -23,9 +23,9 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 import squealstudy  # noqa: E402
+from squealstudy.engine.plan import Plan  # noqa: E402
+from squealstudy.engine.runner import run_study  # noqa: E402
 from squealstudy.study.definition import parse_study  # noqa: E402
-from squealstudy.study.plan import Plan  # noqa: E402
-from squealstudy.study.runner import run_study  # noqa: E402
 
 TOP, FINE = 0.7, 0.002
 STUDY = """

@@ -26,24 +26,22 @@ import scipy.linalg as la
 from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
-from squealstudy.analysis.transient.settings import MotionSettings
-from squealstudy.analysis.transient.simulate import KernelRun, simulate
-from squealstudy.analysis.transient.system import (
-    ModalSystem,
-    MotionPoint,
-    stick_number,
-)
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import KernelRun, simulate
+from squealstudy.motion.system import (
+    ModalSystem,
+    MotionPoint,
+    stick_number,
+)
 
 STEP = 1e-6
 LEVELS = {"smooth": 0.05, "stick-slip": 0.6}  # m/s, largest relative velocity at the start
 REPEATS = 3
-WARM = (
-    "from squealstudy.analysis.transient.warmup import warm_kernels; print(warm_kernels({single}))"
-)
+WARM = "from squealstudy.motion.warmup import warm_kernels; print(warm_kernels({single}))"
 
 
 def brake_like(n: int, nc: int, highest: float = 200e3) -> tuple[ModalSystem, MotionPoint]:

@@ -23,15 +23,15 @@ import numpy as np  # noqa: E402
 from joblib import Parallel, delayed  # noqa: E402
 from reanalysis_rungs.brake import brake_problem  # noqa: E402
 
-from squealstudy.analysis.reanalysis.estimate import EstimatedRoots  # noqa: E402
-from squealstudy.analysis.reanalysis.patch import Box  # noqa: E402
-from squealstudy.analysis.reanalysis.problem import (  # noqa: E402
+from squealstudy.linalg.companion import all_roots  # noqa: E402
+from squealstudy.modes.reanalysis.estimate import EstimatedRoots  # noqa: E402
+from squealstudy.modes.reanalysis.patch import Box  # noqa: E402
+from squealstudy.modes.reanalysis.problem import (  # noqa: E402
     Linearisation,
     in_band,
     light,
 )
-from squealstudy.analysis.reanalysis.sweep_basis import build_sweep_basis  # noqa: E402
-from squealstudy.linalg.companion import all_roots  # noqa: E402
+from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis  # noqa: E402
 from squealstudy.modes.rungs.windows import Windows  # noqa: E402
 
 MATCHED = 1e-2  # relative distance of roots that are the same mode

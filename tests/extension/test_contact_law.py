@@ -12,13 +12,13 @@ import pytest
 from command import HERE, run
 from scipy.optimize import brentq
 
+from squealstudy.engine.plan import Plan
 from squealstudy.errors import ExtensionError, ModelError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.laws import CONTACT_LAWS, contact_law, register
 from squealstudy.laws.contact.exponential import P0
 from squealstudy.laws.registry import SHARED
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
 
 FILE = "my_contact_law.py"
 MU, SPEED, FORCE, K3 = 0.3, 0.5, 100.0, 4e6 / 3

@@ -12,14 +12,14 @@ from motions import run_one
 from my_integrator import NewmarkFamily
 from test_newmark import linear_case, random_system
 
-from squealstudy.analysis.transient.settings import MotionSettings
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results import Results
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ParameterError
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.settings import MotionSettings
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.results import Results
-from squealstudy.study.runner import run_study
 
 BELT = """
 [study]

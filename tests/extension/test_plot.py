@@ -12,8 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy as sq
+from squealstudy.engine import pictures
 from squealstudy.errors import ResultsError
-from squealstudy.study import pictures
 
 STUDY = """
 [study]

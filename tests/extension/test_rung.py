@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from squealstudy import open_results
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.modes import rungs
 from squealstudy.modes.rungs import all_rungs, exact_rung, register_rung, rung_named, rung_names
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 FILE = Path(__file__).with_name("my_rung.py")
 HULTEN = """

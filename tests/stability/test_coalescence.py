@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability.coalescence import (
+from squealstudy.laboratory.method_stability.coalescence import (
     COALESCENCE,
     exact_roots,
     flutter_problem,
 )
-from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
+from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
 from squealstudy.linalg.companion import all_pairs
 
 CRITICAL = (100**2 - 75**2) / (2 * 100 * 75)

@@ -8,24 +8,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability.contact_models import rough_state
-from squealstudy.analysis.method_stability.contract import (
+from squealstudy.kinds.transient.forecast import _closing
+from squealstudy.laboratory.method_stability.contact_models import rough_state
+from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     FAILED,
     RECOVERED,
     WRONG,
     checked,
 )
-from squealstudy.analysis.method_stability.default_chain import (
+from squealstudy.laboratory.method_stability.default_chain import (
     DEFAULT_CHAIN,
     chain_settings,
     distance,
     run,
 )
-from squealstudy.analysis.transient.system import CLOSING_LIMIT, closing_number
 from squealstudy.laws import contact_law
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
-from squealstudy.study.transient.forecast import _closing
+from squealstudy.motion.system import CLOSING_LIMIT, closing_number
 
 GRIDS = [
     {"step": np.geomspace(1e-7, 1e-4, 8), "kt": np.geomspace(1e6, 1e13, 8)},

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, SLOW, WRONG
-from squealstudy.analysis.method_stability.equilibrium import (
+from squealstudy.errors import ConvergenceError
+from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, SLOW, WRONG
+from squealstudy.laboratory.method_stability.equilibrium import (
     AREA,
     CRITICAL,
     P_0,
@@ -18,7 +19,6 @@ from squealstudy.analysis.method_stability.equilibrium import (
     equilibrium_gap,
     one_point,
 )
-from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.working_point import working_point

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, WRONG
-from squealstudy.analysis.method_stability.explicit import EXPLICIT
+from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, WRONG
+from squealstudy.laboratory.method_stability.explicit import EXPLICIT
 
 OMEGA = 2 * np.pi * 1e3
 

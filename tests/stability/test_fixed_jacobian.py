@@ -9,13 +9,13 @@ import newmark_reference as twin
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability import plain_step
-from squealstudy.analysis.method_stability.cases import CASES
-from squealstudy.analysis.method_stability.contact_models import rough_state, stuck_state
-from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, SLOW, checked
-from squealstudy.analysis.method_stability.fixed_jacobian import FIXED_JACOBIAN as ROUGH
-from squealstudy.analysis.method_stability.fixed_jacobian import FIXED_JACOBIAN_POINT as POINT
 from squealstudy.errors import ParameterError
+from squealstudy.laboratory.method_stability import plain_step
+from squealstudy.laboratory.method_stability.cases import CASES
+from squealstudy.laboratory.method_stability.contact_models import rough_state, stuck_state
+from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, SLOW, checked
+from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN as ROUGH
+from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN_POINT as POINT
 
 
 def crossing(above, low, high):

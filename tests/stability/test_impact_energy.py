@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, WRONG, checked
-from squealstudy.analysis.method_stability.impact_energy import (
+from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, WRONG, checked
+from squealstudy.laboratory.method_stability.impact_energy import (
     IMPACT_ENERGY,
     LIMIT,
     fly,
     peak_number,
 )
-from squealstudy.analysis.transient.doubts import BLOCKS, _drifting, energy_drift
+from squealstudy.motion.doubts import BLOCKS, _drifting, energy_drift
 from squealstudy.motion.integrator import DRIFT_LIMIT
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from squealstudy.analysis.method_stability import linearisation
-from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
-from squealstudy.analysis.method_stability.linearisation import LINEARISATION, turned_modes
+from squealstudy.laboratory.method_stability import linearisation
+from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
+from squealstudy.laboratory.method_stability.linearisation import LINEARISATION, turned_modes
 
 GRID = [
     {"stiffness_ratio": r, "damping_ratio": z}

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from made_results import made
 
+from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ResultsError
 from squealstudy.plots.method_stability import CLASSES, tally
-from squealstudy.study.pictures import save_figure
 
 
 def table(boundary=0.5) -> pd.DataFrame:

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability import orthonormalisation
-from squealstudy.analysis.method_stability.contract import CONVERGED, FAILED, RECOVERED, WRONG
-from squealstudy.analysis.method_stability.orthonormalisation import ORTHONORMALISATION
+from squealstudy.laboratory.method_stability import orthonormalisation
+from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, RECOVERED, WRONG
+from squealstudy.laboratory.method_stability.orthonormalisation import ORTHONORMALISATION
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE
 
 

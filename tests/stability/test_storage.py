@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import squealstudy
-from squealstudy.analysis.method_stability.contract import CONVERGED, WRONG
-from squealstudy.analysis.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
-from squealstudy.analysis.transient import doubts
-from squealstudy.analysis.transient.doubts import storage_number
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
+from squealstudy.laboratory.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
+from squealstudy.motion import doubts
+from squealstudy.motion.doubts import storage_number
 from squealstudy.study.definition import parse_study
-from squealstudy.study.plan import Plan
-from squealstudy.study.runner import run_study
 
 
 @pytest.fixture(scope="module")

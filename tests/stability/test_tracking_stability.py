@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability import tracking
-from squealstudy.analysis.method_stability.contract import CONVERGED, RECOVERED, WRONG, checked
-from squealstudy.analysis.method_stability.tracking import TRACKING, exchanged, veering
-from squealstudy.analysis.tracking.pairing import pair_modes
-from squealstudy.analysis.tracking.refinement import Refinement
+from squealstudy.laboratory.method_stability import tracking
+from squealstudy.laboratory.method_stability.contract import CONVERGED, RECOVERED, WRONG, checked
+from squealstudy.laboratory.method_stability.tracking import TRACKING, exchanged, veering
+from squealstudy.modes.tracking.pairing import pair_modes
+from squealstudy.modes.tracking.refinement import Refinement
 
 
 def test_the_modes_veer():

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from squealstudy.analysis.method_stability import windows_rung
-from squealstudy.analysis.method_stability.contract import CONVERGED, RECOVERED, WRONG
-from squealstudy.analysis.method_stability.windows_rung import WINDOWS_RUNG
+from squealstudy.laboratory.method_stability import windows_rung
+from squealstudy.laboratory.method_stability.contract import CONVERGED, RECOVERED, WRONG
+from squealstudy.laboratory.method_stability.windows_rung import WINDOWS_RUNG
 
 
 @pytest.fixture(scope="module")

@@ -13,22 +13,22 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.method_stability.cases import CASES
-from squealstudy.analysis.method_stability.contract import Case, checked
-from squealstudy.analysis.tables.agreement import agreement
+from squealstudy.engine.chunks import read_chunks
+from squealstudy.engine.files import write_parquet
+from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.kind import Kind, Warn
+from squealstudy.engine.names import CELLS
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run
-from squealstudy.study.chunks import read_chunks
-from squealstudy.study.files import write_parquet
-from squealstudy.study.keys import content_hash, source_hash
-from squealstudy.study.kind import Kind, Warn
-from squealstudy.study.names import CELLS
-from squealstudy.study.parallel import Workers
+from squealstudy.laboratory.method_stability.cases import CASES
+from squealstudy.laboratory.method_stability.contract import Case, checked
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
 from squealstudy.study.source import SourceText, validate
-from squealstudy.study.tasks import Solved
+from squealstudy.tables.agreement import agreement
 
 Values = Mapping[str, float]
 FIELDS = (
@@ -182,3 +182,6 @@ def _row(task: LineTask, cell: Run) -> dict[str, Any]:
         found, (status, message) = NOTHING, reason(error)
     wall = time.perf_counter() - started
     return head(cell.point_id, wall, status, message) | place | found
+
+
+KIND = MethodStability()

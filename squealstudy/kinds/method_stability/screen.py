@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import facts
-from squealstudy.study.kind_screen import KindScreen
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 
 class MethodStabilityScreen(KindScreen):

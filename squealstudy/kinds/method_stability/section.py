@@ -57,3 +57,6 @@ class MethodStabilityDefinition(Section):
     knob: Annotated[tuple[KnobSection, ...], Strict(False)] = Field(
         default=(), description="the two axes of the map"
     )
+
+
+DEFINITION = MethodStabilityDefinition

@@ -10,7 +10,17 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.analysis.integrators.warmup import warm_integrators
+from squealstudy.engine.cache import is_prepared
+from squealstudy.engine.chunks import read_chunks
+from squealstudy.engine.files import write_parquet
+from squealstudy.engine.keys import content_hash
+from squealstudy.engine.kind import Kind, Warn
+from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.names import ERRORS, MEASUREMENTS
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
 from squealstudy.kinds.work_precision import rows
@@ -23,20 +33,10 @@ from squealstudy.kinds.work_precision.variants import (
     common_study,
     make_variants,
 )
+from squealstudy.laboratory.integrators.warmup import warm_integrators
 from squealstudy.motion.integrator import integrator
-from squealstudy.study.cache import is_prepared
-from squealstudy.study.chunks import read_chunks
-from squealstudy.study.files import write_parquet
-from squealstudy.study.keys import content_hash
-from squealstudy.study.kind import Kind, Warn
-from squealstudy.study.measure.measurement import Asked, Measurement, Measuring
-from squealstudy.study.model_kind import build_structures
-from squealstudy.study.names import ERRORS, MEASUREMENTS
-from squealstudy.study.parallel import Workers
-from squealstudy.study.rows import FAILURES, reason
 from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText, validate
-from squealstudy.study.tasks import Solved
 from squealstudy.study.variants import read_base
 
 
@@ -187,3 +187,6 @@ def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
     method = integrator(variant.integrator, variant.options) if variant.integrator else None
     asked = Asked(variant.lines, method, study.definition.work_precision.starts)
     return _measuring(study).measure(variant.plan, variant.measured, asked)
+
+
+KIND = WorkPrecision()

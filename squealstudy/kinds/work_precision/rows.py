@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.study.measure.measurement import Measurement
-from squealstudy.study.rows import HEAD, REAL, TEXT, WHOLE, head
+from squealstudy.engine.measurement import Measurement
+from squealstudy.engine.rows import HEAD, REAL, TEXT, WHOLE, head
 
 FIELDS = (
     ("variant", TEXT),

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
-from squealstudy.analysis.tables.fronts import at_tolerances
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import grid, notes
-from squealstudy.study.kind_screen import KindScreen
+from squealstudy.tables.fronts import at_tolerances
 from squealstudy.wording import figure
 
 if TYPE_CHECKING:
-    from squealstudy.study.results import Results
+    from squealstudy.engine.results import Results
 
 SHORT = {
     "frequency": "df/f",

@@ -132,3 +132,6 @@ class WorkPrecisionDefinition(Section):
     method: Annotated[tuple[MethodSection, ...], Strict(False)] = Field(
         description="lines of the chart"
     )
+
+
+DEFINITION = WorkPrecisionDefinition

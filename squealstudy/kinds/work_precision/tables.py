@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.analysis.tables.finding_errors import Miscount
+from squealstudy.engine.measurement import Measuring
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.work_precision.variants import Variant
-from squealstudy.study.measure.measurement import Measuring
+from squealstudy.tables.finding_errors import Miscount
 
 Rows = Sequence[Mapping[str, Any]]
 

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.names import onset_parameter
+from squealstudy.engine.plan import Plan
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.methods import MethodsFile
 from squealstudy.kinds.work_precision.section import (
@@ -21,10 +24,7 @@ from squealstudy.kinds.work_precision.section import (
 )
 from squealstudy.motion.integrator import integrator
 from squealstudy.study.definition import Study
-from squealstudy.study.keys import content_hash, source_hash
 from squealstudy.study.kinds import kind_named, kind_names
-from squealstudy.study.names import onset_parameter
-from squealstudy.study.plan import Plan
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_lines import KeyPath
 from squealstudy.study.variants import BaseStudy
@@ -85,7 +85,7 @@ class Variant:
         wanted = [*self.measured, *(i for line in self.lines.values() for i in line)]
         ids = [self.plan.tasks[i].point_id for i in wanted]
         own = [self.reference, self.method, repr(self.value)]
-        code = source_hash(("study/measure", "kinds/work_precision"))
+        code = source_hash(("kinds",))
         return content_hash([ids, self.integrator, sorted(self.options.items()), own, code])
 
     @property

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from squealstudy.analysis.reanalysis.patch import Box
 from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import Found, Rung
 
 COST = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.estimate import Outcome, solve_alone
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import SweptProblem, in_band
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
 from squealstudy.modes.rung import Found, Rung
 from squealstudy.system.parametric import (
     DAMPING,

@@ -10,7 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.estimate import (
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
     Outcome,
     bounded,
@@ -18,15 +22,11 @@ from squealstudy.analysis.reanalysis.estimate import (
     residuals,
     solve_alone,
 )
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import Linearisation, SweptProblem, light
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis
-from squealstudy.analysis.tracking.refinement import Modes
-from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.companion import Eigenpairs
-from squealstudy.linalg.dense_roots import dense_roots
-from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, light
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.modes.rung import Found, Offer, Rung, Scope
+from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.system.parametric import Weights
 
 BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two

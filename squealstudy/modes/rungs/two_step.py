@@ -12,12 +12,12 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.analysis.reanalysis.estimate import Outcome, solve_alone
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.problem import SweptProblem
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import SweptProblem
 from squealstudy.modes.rung import Found, Rung
 from squealstudy.system.parametric import (
     DAMPING,

@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.blocks import Solved
-from squealstudy.analysis.reanalysis.estimate import (
+from squealstudy.errors import ConvergenceError
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.blocks import Solved
+from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
     Outcome,
     bounded,
     two_sided_error,
 )
-from squealstudy.analysis.reanalysis.patch import Box, Patch, make_patch, mixing_by_direction
-from squealstudy.analysis.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.analysis.reanalysis.problem import Linearisation, in_band, light
-from squealstudy.analysis.reanalysis.ritz import Roots, ritz_roots
-from squealstudy.errors import ConvergenceError
-from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.patch import Box, Patch, make_patch, mixing_by_direction
+from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
+from squealstudy.modes.reanalysis.problem import Linearisation, in_band, light
+from squealstudy.modes.reanalysis.ritz import Roots, ritz_roots
 from squealstudy.modes.rung import Found, Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights

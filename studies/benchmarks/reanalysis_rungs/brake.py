@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 import squealstudy
-from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
 from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare

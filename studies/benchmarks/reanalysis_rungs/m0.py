@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.analysis.reanalysis.estimate import two_sided_error
-from squealstudy.analysis.reanalysis.family_problem import FamilyProblem
-from squealstudy.analysis.reanalysis.ritz import ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.companion import Eigenpairs, all_roots
-from squealstudy.models.matrix_family import MatrixFamily
+from squealstudy.models.matrices.family import MatrixFamily
+from squealstudy.modes.reanalysis.estimate import two_sided_error
+from squealstudy.modes.reanalysis.family_problem import FamilyProblem
+from squealstudy.modes.reanalysis.ritz import ritz_roots
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.study.definition import load_study
 from squealstudy.study.family import read_family

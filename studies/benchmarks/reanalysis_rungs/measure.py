@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import light
 
 ROUND_OFF = 1e-11  # relative: true errors below say nothing about an estimate
 LOST = 1e-2  # relative error from which on a root counts as missed

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from squealstudy.engine.pictures import save_figure
 from squealstudy.plots.style import COLOURS, MARKERS, finish, new_figure
-from squealstudy.study.pictures import save_figure
 
 Mark = tuple[str, float, float]  # rung, ms, error
 

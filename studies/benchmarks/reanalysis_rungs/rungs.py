@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.analysis.reanalysis.brake_problem import BrakeProblem
-from squealstudy.analysis.reanalysis.estimate import bounded, two_sided_error
-from squealstudy.analysis.reanalysis.patch import Box
-from squealstudy.analysis.reanalysis.polynomials import interpolation
-from squealstudy.analysis.reanalysis.problem import SweptProblem, in_band
-from squealstudy.analysis.reanalysis.ritz import ritz_roots
-from squealstudy.analysis.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
+from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.polynomials import interpolation
+from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
+from squealstudy.modes.reanalysis.ritz import ritz_roots
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.modes.rungs.perturbation import MARGIN, make_anchor, perturbed_pairs
 from squealstudy.modes.rungs.two_step import two_step_pairs
 from squealstudy.modes.rungs.windows import DEGREE, FollowedPatch, Windows

@@ -1,1 +1,0 @@
-"""Modal systems with contact and friction, integrated in time."""

@@ -1,0 +1,1 @@
+"""One run of a study: plan, structures, workers, store, cache, results."""

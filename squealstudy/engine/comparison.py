@@ -1,0 +1,75 @@
+"""A complex-mode study beside a transient one: what both need to have in common."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from squealstudy.engine.results_manifest import version_of
+from squealstudy.errors import ResultsError
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.operating import IN_TIME_ONLY
+from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
+from squealstudy.tables.comparison import compare
+from squealstudy.wording import units_of
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+BOUNDS = {"low": "1/s", "high": "1/s"}  # of the fitted growth rate
+
+
+def compare_results(first: Results, second: Results) -> pd.DataFrame:
+    """The comparison of a complex-mode study and a transient study, in whichever order they come.
+
+    Raises ResultsError where they are not one of each, of one model, with common design points.
+    """
+    frequency, transient = in_order(first, second)
+    models = [r.manifest["model"] for r in (frequency, transient)]
+    if models[0] != models[1]:
+        raise ResultsError(
+            f"{frequency.directory} is of model '{models[0]}', {transient.directory} of "
+            f"'{models[1]}': expected two studies of one model"
+        )
+    one, two = (r.manifest.get("options", {}) for r in (frequency, transient))
+    odd = sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k))
+    if odd:
+        told = ", ".join(f"{k} {one.get(k)} and {two.get(k)}" for k in odd)
+        raise ResultsError(f"the two studies differ in the options of their model: {told}")
+    ours, theirs = (
+        [n for n in r.parameters if n not in IN_TIME_ONLY] for r in (frequency, transient)
+    )
+    nominal = {n: _elsewhere(transient, n) for n in ours if n not in theirs}
+    nominal |= {n: _elsewhere(frequency, n) for n in theirs if n not in ours}
+    table = compare(
+        frequency.points,
+        frequency.modes,
+        transient.points,
+        transient.growth,
+        ours,
+        theirs,
+        nominal,
+    )
+    table.attrs["parameters"] = list(dict.fromkeys([*theirs, *ours]))
+    table.attrs["units"] = units_of(table.columns, frequency.units | transient.units | BOUNDS)
+    return table
+
+
+def in_order(first: Results, second: Results) -> tuple[Results, Results]:
+    """The complex-mode study, which has onsets, and the transient one, which has growth."""
+    for frequency, transient in ((first, second), (second, first)):
+        if "onsets" in frequency.tables and "growth" in transient.tables:
+            return frequency, transient
+    told = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
+    raise ResultsError(f"expected results of kinds complex_modes and transient, but {told}")
+
+
+def _elsewhere(results: Results, name: str) -> float:
+    """The value at which a study ran that neither sweeps nor sets the parameter."""
+    model = MODELS[str(results.manifest["model"])]
+    parameter = parse_parameter(name, model)
+    values = model.defaults(version_of(results.manifest)) | results.manifest["nominal"]
+    if isinstance(parameter, ModeParameter) and not parameter.component:  # instead of the uniform
+        return float(values.get(DAMPING_RATIO, parameter.default))
+    return float(values.get(name, parameter.default))

@@ -1,0 +1,136 @@
+"""The manifest: the study as run, versions, hashes, threads, timings; and whose directory it is."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import squealstudy
+from squealstudy.engine.kind import Planned
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.results_manifest import read_manifest, version_of
+from squealstudy.errors import ResultsError
+from squealstudy.models.catalogue import MODELS
+
+LOCK = ".lock"
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "pandas",
+    "pyarrow",
+    "numba",
+    "joblib",
+    "scikit-fem",
+    "pydantic",
+)
+
+
+def new_manifest(plan: Planned, jobs: int) -> dict[str, Any]:
+    """Manifest of a run that begins."""
+    name, kind, model = plan.owner
+    return {
+        "status": "running",
+        "name": name,
+        "kind": kind,
+        "model": model,
+        **identity_facts(plan),
+        "parameters": [],
+        "sweeps": [],
+        "units": {},
+        **plan.kind.manifest(plan),
+        "versions": versions(),
+        "python": platform.python_version(),
+        "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
+        "threads": {"workers": jobs, "blas_threads_a_worker": 1},
+        "timings": {},
+    }
+
+
+def identity_facts(plan: Planned) -> dict[str, Any]:
+    """Hash and number of the design points; they change where a design grows."""
+    return {"study_hash": plan.study_hash, "n_points": len(plan.tasks)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of squealstudy and of what its numbers rest on."""
+    return {"squealstudy": squealstudy.__version__} | {name: version(name) for name in PACKAGES}
+
+
+def model_facts(plan: Plan) -> dict[str, Any]:
+    """What a manifest says of a study of a model: its parameters, design and structures."""
+    study, parameters = plan.study, plan.study.shown_parameters
+    units = {p.name: p.unit for p in study.model.parameters}
+    return {
+        "options": dict(study.options),
+        "structures": [s.key for s in plan.structures],
+        "basis_enriched": plan.enriched,
+        "band_hz": list(plan.band_hz),
+        "parameters": list(parameters),
+        "sweeps": [s.parameter.name for s in study.sweeps],
+        "units": {p: units.get(p, "") for p in parameters},  # empty for a pure number
+        "nominal": {p: plan.nominal_values[p] for p in parameters},
+        "grid_shape": plan.grid_shape,
+        "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
+        "study": study.text,
+    }
+
+
+def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] | None:
+    """The manifest that is there, if a study of this (name, kind, model) may write here.
+
+    Raises
+    ------
+    ResultsError
+        Where the path is a file, the directory holds something else, or another study's results.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise ResultsError(f"{directory}: expected a directory for results, found a file")
+    found = read_manifest(directory)
+    if found is None:
+        if directory.is_dir() and any(p.name != LOCK for p in directory.iterdir()):
+            raise ResultsError(
+                f"{directory}: the directory is not empty and holds no results of squealstudy; "
+                "choose another with --output"
+            )
+        return None
+    theirs = (found.get("name"), found.get("kind"), found.get("model"))
+    if mine != theirs:
+        raise ResultsError(
+            f"{directory}: belongs to study '{theirs[0]}' ({theirs[1]}, {theirs[2]}), not to "
+            f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
+        )
+    return found
+
+
+def outdated(directory: Path, found: dict[str, Any] | None) -> str:
+    """Why a directory's numbers are not those of this version of squealstudy; empty if they are."""
+    if found is None or found["model"] not in MODELS:
+        return ""
+    made_by = version_of(found)
+    changes = MODELS[str(found["model"])].changed_since(made_by)
+    if not changes:
+        return ""
+    what = "; ".join(change.what for change in changes)
+    return f"{directory}: made by squealstudy {made_by}, since when {what}"
+
+
+@contextlib.contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Hold the directory for one run; ResultsError where another run holds it.
+
+    The lock dies with its process, so a killed run never blocks the next.
+    """
+    import fcntl
+
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / LOCK).open("w") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ResultsError(f"{directory}: another run is writing here") from error
+        yield

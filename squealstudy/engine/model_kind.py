@@ -1,0 +1,225 @@
+"""Kinds of study that solve design points of a model: structures first, then the points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from squealstudy.engine.cache import is_prepared, load_any, load_prepared
+from squealstudy.engine.kind import Kind, Warn
+from squealstudy.engine.manifest import model_facts
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task, mode_counts, patience
+from squealstudy.engine.tasks import PointTask
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.definition import Study, resolve_study
+from squealstudy.study.sampling import check_limit
+from squealstudy.study.sections import StudyDefinition
+from squealstudy.study.source import SourceText
+
+Values = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Solves:
+    """What a study costs, in design points as they are timed: alone, by the exact method.
+
+    Attributes
+    ----------
+    point : float
+        A design point of the study.
+    shared : float
+        What is made once before them.
+    checks : float
+        What is solved beside them, by all workers.
+    least, longest : float
+        Of the time of the points: how far it may be from that of the timed ones.
+    """
+
+    point: float = 1.0
+    shared: float = 0.0
+    checks: float = 0.0
+    least: float = 0.8
+    longest: float = 1.6
+
+
+class ModelKind(Kind):
+    """A kind whose design points are those of a model.
+
+    Attributes
+    ----------
+    definition : type of StudyDefinition
+        With the kind's own section, where it has one.
+    file_defaults : mapping
+        Keys of tables that are otherwise by default than in a study of complex modes.
+    tells_reduction : bool
+        Its tables tell the error of the reduction, against a finer model.
+    chooses_rung : bool
+        Its design points are solved by a rung of reanalysis, `[modes] method`.
+    has_fidelity : bool
+        Its settings can be chosen by `[fidelity]`.
+    needs_contact : bool
+        It cannot be made of a family of matrices.
+    """
+
+    definition: type[StudyDefinition] = StudyDefinition
+    file_defaults: Mapping[str, Mapping[str, Any]] = {}
+    tells_reduction: bool = True
+    chooses_rung: bool = False
+    has_fidelity: bool = False
+    needs_contact: bool = True
+
+    # -- the study file --------------------------------------------------------------------------
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> Study:
+        """The study, checked against its model and resolved."""
+        return resolve_study(source, tables)
+
+    def plan(self, study: Study) -> Plan:
+        """Its design points."""
+        return Plan(study)
+
+    def check_limit(self, plan: Plan, yes: bool) -> None:
+        """Raise StudyFileError (key ``design.limit``) for more points than the limit."""
+        check_limit(plan.study, yes, len(plan.tasks))
+
+    def resolver(self, study: Study) -> Callable[[Values], Values]:
+        """What fills in values of a design point that follow from the whole study."""
+        return lambda values: values
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """What a design point's row depends on beside its structure and values."""
+        return []
+
+    def table_identity(self, plan: Plan) -> list[Any]:
+        """What the tables depend on beside the rows."""
+        return []
+
+    # -- a run -----------------------------------------------------------------------------------
+    def patience(self, plan: Plan) -> float:
+        """Small models are done without workers, for a few seconds."""
+        return patience(plan)
+
+    def ready(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
+        """The reductions; of a basis that is not accurate enough a better one."""
+        if text := check_shapes(plan):
+            warn(text)
+        check_component_modes(plan)
+        failures = self.build(plan, workers)
+        self.check(plan)
+        if (better := self.accurate(plan, failures, workers)) is not plan:
+            plan = better
+            failures |= self.build(plan, workers)
+        return plan, failures
+
+    def check(self, plan: Plan) -> None:
+        """Raise StudyFileError for what only the prepared models show."""
+
+    def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
+        """The plan whose reduced models are good enough for the study; by default as it is."""
+        return plan
+
+    def begin(self, plan: Plan) -> None:
+        """Begin, in other processes, what can be made beside the structures."""
+
+    def build(self, plan: Plan, workers: Workers) -> dict[str, str]:
+        """Make the structures that the cache does not hold."""
+        return build_structures(plan, workers)
+
+    def unsolvable(self, plan: Plan, point: PointTask, failures: Mapping[str, str]) -> str:
+        """Its structure could not be made."""
+        return failures.get(point.prepared_key, "")
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point on one core; None where it has no working point."""
+        raise NotImplementedError
+
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """Names and values on how design points will be solved, for `check`."""
+        return []
+
+    def solves(self, plan: Plan) -> Solves:
+        """What design points cost beside those that are timed."""
+        return Solves()
+
+    def may_end_early(self, plan: Plan) -> bool:
+        """Whether design points may take far less time than the first ones."""
+        return False
+
+    # -- what is said of it ----------------------------------------------------------------------
+    def manifest(self, plan: Plan) -> dict[str, Any]:
+        """Model, parameters, design and structures."""
+        return model_facts(plan)
+
+    def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
+        """Seconds of each stage of a structure when it was made, the mean over structures."""
+        kept = [s.key for s in plan.structures if s.key not in failures]
+        found = [load_any(key).timings for key in kept]
+        return {
+            f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
+            for name in {name: None for timings in found for name in timings}
+        }
+
+
+def build_structures(
+    plan: Plan, workers: Workers, wanted: Collection[str] | None = None
+) -> dict[str, str]:
+    """Make the prepared models that the cache does not hold; reasons of failure by key.
+
+    `wanted` are the keys of those to be made, of a study that is tried at some points alone.
+
+    Raises
+    ------
+    SquealstudyError
+        Where no structure of the study can be made.
+    """
+    asked = [s for s in plan.structures if wanted is None or s.key in wanted]
+    missing = [s for s in asked if not is_prepared(s.key)]
+    if not missing:
+        return {}
+    if workers.jobs > 1:
+        plan.kind.begin(plan)
+    threads = workers.jobs if len(missing) == 1 else 1
+    tasks = [build_task(plan, s, threads) for s in missing]
+    made = workers.each(build_structure, tasks, "reduction")
+    failures = {key: reason for key, reason in made if reason}
+    if len(failures) == len(plan.structures):
+        raise SquealstudyError(f"{plan.study.path}: {next(iter(failures.values()))}")
+    return failures
+
+
+def build_first(plan: Plan, jobs: int) -> str:
+    """Make the first structure of a plan; the reason of its failure, or an empty string."""
+    return build_structure(build_task(plan, plan.structures[0], jobs))[1]
+
+
+def check_component_modes(plan: Plan) -> None:
+    """Raise StudyFileError where the study names a component mode that the basis does not hold.
+
+    Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
+    """
+    if plan.designs[0].mode_parameters():
+        first = plan.structures[0].key
+        ready = is_prepared(first)
+        plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
+
+
+def check_shapes(plan: Plan) -> str:
+    """What of the geometry vanishes in some structures of a plan, to warn of; nothing is built.
+
+    Raises StudyFileError where it does in all of them.
+    """
+    model = plan.study.model
+    values = [s.design.plain_values() for s in plan.structures]
+    found = [(pair, v) for v in values if (pair := model.vanishing(v))]
+    if not found:
+        return ""
+    (smaller, larger), first = found[0]
+    text = f"expected {smaller} ({first[smaller]:g}) below {larger} ({first[larger]:g})"
+    if len(found) < len(values):
+        return f"{len(found)} of {len(values)} geometries cannot be built; the first: {text}"
+    given = {*plan.study.definition.parameters, *(s.name for s in plan.study.sweeps)}
+    raise plan.error(larger if larger in given else smaller, f"{text}: a part would vanish")

@@ -1,0 +1,165 @@
+"""The plots there are: files of the folder `plots`, and what extensions register beside them.
+
+A plot draws a matplotlib figure from results. It says which tables and columns it needs, so that
+every study gets the pictures that its tables allow; nothing else names it.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from squealstudy.engine.files import write_atomic
+from squealstudy.errors import ResultsError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from squealstudy.engine.results import Results
+
+DPI = 130
+FOLDER = "squealstudy.plots"
+Draw = Callable[..., "Figure"]
+Choices = Mapping[str, Any]  # arguments of a plot beside the results
+Pictures = Callable[["Results"], Iterable[tuple[str, Choices]]]
+
+
+def once(_: Results) -> Iterable[tuple[str, Choices]]:
+    """One picture of a study, without choices."""
+    return [("", {})]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A way to draw results.
+
+    Attributes
+    ----------
+    name : str
+        Of the method ``results.plot.<name>``, and of the picture files.
+    draw : callable
+        (results, **choices) -> Figure.
+    needs : mapping of str -> sequence of str
+        Tables of the results, and the columns of each that are drawn.
+    pictures : callable
+        (results) -> the pictures that a study gets: what follows the name in the file's name, and
+        the choices.
+    """
+
+    name: str
+    draw: Draw
+    needs: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    pictures: Pictures = once
+
+    def missing(self, results: Results) -> str:
+        """The first table or column of the results that is needed and not there, in words."""
+        for table, columns in self.needs.items():
+            if table not in results.tables:
+                return f"a table '{table}'"
+            for column in columns:
+                if column not in results.table(table):
+                    return f"a column '{column}' in the table '{table}'"
+        return ""
+
+    def __call__(self, results: Results, **choices: Any) -> Figure:
+        """The figure; ResultsError where the results lack what is drawn."""
+        if lacking := self.missing(results):
+            raise ResultsError(
+                f"{results.directory}: the plot {self.name} needs {lacking}, which these results "
+                f"of kind {results.kind} have not"
+            )
+        return self.draw(results, **choices)
+
+
+_REGISTERED: dict[str, Plot] = {}
+
+
+def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable[[Draw], Draw]:
+    """Decorator that makes a function (results, **choices) -> Figure a plot of its name.
+
+    Parameters
+    ----------
+    pictures : callable
+        As of a Plot; by default one picture.
+    **needs : sequence of str
+        Columns by table, as ``modes=("frequency_hz",)``.
+
+    Raises
+    ------
+    ValueError
+        Where another plot has the name.
+    """
+
+    def registered(draw: Draw) -> Draw:
+        name = draw.__name__
+        known = _REGISTERED.get(name)
+        if known is not None and known.draw.__module__ != draw.__module__:
+            raise ValueError(f"there is a plot '{name}' already, in {known.draw.__module__}")
+        _REGISTERED[name] = Plot(name, draw, needs, pictures)
+        return draw
+
+    return registered
+
+
+def plots() -> Mapping[str, Plot]:
+    """All plots by name; those of the package are imported when they are first asked for."""
+    _read_folder()
+    return _REGISTERED
+
+
+@cache
+def _read_folder() -> None:
+    for module in pkgutil.iter_modules(import_module(FOLDER).__path__):
+        import_module(f"{FOLDER}.{module.name}")
+
+
+class Plots:
+    """The plots of some results as methods: ``results.plot.evolution(along="friction")``."""
+
+    def __init__(self, results: Results) -> None:
+        self._results = results
+
+    def __getattr__(self, name: str) -> Draw:
+        """The plot of that name; AttributeError where there is none."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        plot = plots().get(name)
+        if plot is None:
+            raise AttributeError(f"there is no plot '{name}', expected {', '.join(plots())}")
+
+        def draw(**choices: Any) -> Figure:
+            return plot(self._results, **choices)
+
+        draw.__name__, draw.__doc__ = name, plot.draw.__doc__
+        return draw
+
+    def __dir__(self) -> list[str]:
+        """Plots that these results have the tables for."""
+        return [name for name, plot in plots().items() if not plot.missing(self._results)]
+
+
+def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:
+    """Name of the file, plot and choices of every picture that the results allow."""
+    for name, plot in sorted(plots().items()):
+        if not plot.missing(results):
+            for suffix, choices in plot.pictures(results):
+                yield name + suffix, plot, choices
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a PNG: never half a picture. Missing directories are made.
+
+    OSError where the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    def write(temporary: Path) -> None:
+        figure.set_dpi(DPI)
+        FigureCanvasAgg(figure).print_png(temporary)  # draws once; `savefig` draws twice
+
+    write_atomic(path, write)

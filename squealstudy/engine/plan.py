@@ -1,0 +1,361 @@
+"""What a study asks for: its designs, their identities and the structures they need."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.engine.keys import content_hash, point_id, source_hash
+from squealstudy.engine.method import Method, choose_method
+from squealstudy.engine.tasks import PointTask
+from squealstudy.errors import StudyFileError
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    FRICTION_OPTION,
+    OperatingPoint,
+    contact_parameters,
+)
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.study.definition import Study
+from squealstudy.study.design import Design, extreme_scales
+from squealstudy.study.family import file_digests
+from squealstudy.study.sampling import design_points, farthest_points, grid_shape
+from squealstudy.study.source import SourceText
+from squealstudy.study.toml_lines import KeyPath
+from squealstudy.system.design_state import ModeKey
+
+if TYPE_CHECKING:
+    from squealstudy.engine.model_kind import ModelKind
+
+LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
+# they decide a reduction
+STRUCTURE_SOURCES = ("laws", "parameter.py", "linalg", "models", "reduction")
+# beside them, they decide its finer model
+FINER_SOURCES = ("system", "modes/full_order")
+REANALYSIS_SOURCES = ("kinds/complex_modes",)  # boxes, charts, what a basis must reach
+LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
+SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One prepared model to be made or read: its key and the design that first asks for it."""
+
+    key: str
+    design: Design
+
+
+class Plan:
+    """A study resolved into design points; cheap, nothing is assembled.
+
+    Parameters
+    ----------
+    study : Study
+        A loaded study file.
+    swept : list of dict or None
+        Swept values of every design point, where the study's own design has grown by results
+        (study/rounds.py).
+    enriched : bool
+        Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
+    """
+
+    def __init__(
+        self, study: Study, swept: list[dict[str, float]] | None = None, enriched: bool = False
+    ) -> None:
+        self.study, self.enriched = study, enriched
+        self._resolved = study.kind.resolver(study)
+        self.swept = design_points(study) if swept is None else swept
+        self.designs = tuple(
+            Design(study.model, study.options, self._resolved({**study.values, **point}))
+            for point in self.swept
+        )
+
+    @property
+    def kind(self) -> ModelKind:
+        """What the study computes."""
+        return self.study.kind
+
+    @property
+    def owner(self) -> tuple[str, str, str]:
+        """Name, kind and model: whose results directory it is."""
+        return self.study.name, self.kind.name, self.study.model.name
+
+    @cached_property
+    def identity(self) -> list[Any]:
+        """What a design point's row depends on, by its kind, beside its parameters."""
+        return self.kind.identity(self)
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Band of the modes, Hz."""
+        low, high = self.study.definition.modes.band
+        return float(low), float(high)
+
+    @cached_property
+    def settings(self) -> BasisSettings:
+        """Basis of the component-mode reduction, from the band and the [reduction] section."""
+        section = self.study.definition.reduction
+        if not has_mesh(self.study):
+            return BasisSettings(SMALL_MODEL, SMALL_MODEL, 0.0, section.tolerance)
+        top = self.band_hz[1]
+        return BasisSettings(
+            section.component_cutoff_factor * top,
+            section.assembly_cutoff_factor * top,
+            LOAD_FACTOR * top if section.enrichment else 0.0,
+            section.tolerance,
+        )
+
+    @cached_property
+    def nominal(self) -> OperatingPoint:
+        """The [parameters] as they stand: where the basis is made."""
+        return Design(self.study.model, self.study.options, self.study.values).operating_point()
+
+    @cached_property
+    def training(self) -> tuple[OperatingPoint, ...]:
+        """Ends of the swept pressure and contact-law ranges, the rest nominal.
+
+        Friction is among them where the study asks for it: without, another friction range reuses
+        the reduction. There are none without enrichment, which alone is trained.
+        """
+        if not has_mesh(self.study) or not self.study.definition.reduction.enrichment:
+            return ()
+        points = []
+        trained = {"pressure", *(p.name for p in contact_parameters())}
+        if self.study.definition.reduction.friction_training:
+            trained.add("friction")
+        for sweep in self.study.sweeps:
+            name = sweep.name
+            if name in trained:
+                swept = [point[name] for point in self.swept]
+                for value in sorted({min(swept), max(swept)}):
+                    values = {**self.study.values, name: value}
+                    design = Design(self.study.model, self.study.options, values)
+                    points.append(design.operating_point())
+        return tuple(points)
+
+    @cached_property
+    def judged_to_hz(self) -> float | None:
+        """Top of the band, for errors of the reduction; None where a study does not ask for them.
+
+        Complete bases have none, and runs in time tell theirs by other means.
+        """
+        asked = self.kind.tells_reduction or self.study.definition.reduction.residual_responses
+        return self.band_hz[1] if asked and has_mesh(self.study) else None
+
+    @cached_property
+    def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
+        """Factors on component frequencies that residual loads are taken with."""
+        return () if self.judged_to_hz is None else extreme_scales(self.designs)
+
+    @property
+    def enriching(self) -> int:
+        """How often what finer models show joins the basis (full_order/finer_model.py)."""
+        section = self.study.definition.reduction
+        once = section.enrichment and section.residual_responses and self.judged_to_hz is not None
+        return int(once) + int(self.enriched)
+
+    def structure_key(self, design: Design, enriched: bool | None = None) -> str:
+        """Content hash of the prepared model that a design needs; StudyFileError without files."""
+        enriched = self.enriched if enriched is None else enriched
+        if isinstance(self.study.model, FamilyDefinition):
+            return self.family_key
+        s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
+        scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
+        return content_hash(
+            {
+                "source": [source_hash(STRUCTURE_SOURCES), *self.study.extensions],
+                "model": self.study.model.name,
+                "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
+                "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
+                "trained at": [
+                    [*p.sliding_friction, p.pressure, p.law.kind, *p.law.parameters]
+                    for p in (self.nominal, *self.training)
+                ],
+                "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+                "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined, scales],
+            }
+        )
+
+    @cached_property
+    def family_key(self) -> str:
+        """Content hash of the one prepared model of a family: its files, not where they are."""
+        model = self.study.model
+        assert isinstance(model, FamilyDefinition)
+        digests = file_digests(model, SourceText(self.study.path, self.study.text))
+        terms = [
+            [term.matrix, digest, term.variable, term.coefficient]
+            for term, digest in zip(model.sources, digests, strict=True)
+        ]
+        return content_hash(
+            {
+                "source": [source_hash(), *self.study.extensions],
+                "terms": terms,
+                "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
+                "band": list(self.band_hz),
+            }
+        )
+
+    @cached_property
+    def method(self) -> Method:
+        """How design points are solved; StudyFileError for one that cannot serve this study."""
+        reduced = not isinstance(self.study.model, FamilyDefinition)
+        structural = [s.name for s in self.study.sweeps if s.parameter.structural]
+        return choose_method(self.study, self.swept, structural, reduced)
+
+    @cached_property
+    def tasks(self) -> tuple[PointTask, ...]:
+        """Identity and structure of every design point, in the order of the design.
+
+        A point that a random design draws again is another draw, with its own identity: it is
+        solved again, and counts again.
+        """
+        tasks = []
+        draws: Counter[str] = Counter()
+        keys: dict[tuple[float, ...], tuple[str, str]] = {}
+        for design in self.designs:
+            structure = tuple(design.structural_values().values())
+            if structure not in keys:
+                key = self.structure_key(design)
+                keys[structure] = key, self._model_hash(key)
+            key, model_hash = keys[structure]
+            name = point_id(model_hash, design.own_values)
+            draws[name] += 1
+            if draws[name] > 1:
+                name = content_hash([name, draws[name]])
+            tasks.append(PointTask(name, design, key))
+        return tuple(tasks)
+
+    def _model_hash(self, structure_key: str) -> str:
+        """Content hash of all that decides the results of a design point beside its values."""
+        return content_hash(
+            [
+                structure_key,
+                source_hash(),
+                list(self.band_hz),
+                self.designs[0].law_identity,
+                *self.identity,
+                *self.method.identity,
+                *([] if self.method.rung.exact else [source_hash(REANALYSIS_SOURCES)]),
+            ]
+        )
+
+    @cached_property
+    def structures(self) -> tuple[Structure, ...]:
+        """The distinct prepared models, in the order of their first use."""
+        first: dict[str, Structure] = {}
+        for task in self.tasks:
+            first.setdefault(task.prepared_key, Structure(task.prepared_key, task.design))
+        return tuple(first.values())
+
+    @cached_property
+    def study_hash(self) -> str:
+        """Hash of all that decides the tables."""
+        modes = self.study.definition.modes
+        return content_hash(
+            [
+                [t.point_id for t in self.tasks],
+                list(self.study.shown_parameters),
+                modes.model_dump(mode="json"),
+                *self.identity,
+                *self.kind.table_identity(self),
+            ]
+        )
+
+    @cached_property
+    def shown_values(self) -> list[dict[str, float]]:
+        """Parameter columns of the tables, one dict a point."""
+        return [{p: d.values[p] for p in self.study.shown_parameters} for d in self.designs]
+
+    @cached_property
+    def nominal_values(self) -> dict[str, float]:
+        """Values of all parameters where nothing is swept."""
+        neutral = {s.name: s.parameter.default for s in self.study.sweeps}
+        uniform = self.study.values.get("damping_ratio", 0.0)
+        modal = {p.name: uniform for p in self.designs[0].assembly_parameters()}
+        return self._resolved({**neutral, **modal, **self.study.values})
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Swept values as coordinates (n_points, n_sweeps); log where swept in log."""
+        columns = []
+        for sweep in self.study.sweeps:
+            x = np.array([point[sweep.name] for point in self.swept])
+            columns.append(np.log(x) if sweep.scale == "log" and (x > 0).all() else x)
+        return np.column_stack(columns) if columns else np.zeros((len(self.swept), 0))
+
+    @property
+    def grid_shape(self) -> tuple[int, ...] | None:
+        """Points along each sweep, first fastest, or None where the design is no grid."""
+        return grid_shape(self.study)
+
+    def check_modes(self, counts: Mapping[str, int]) -> None:
+        """Raise StudyFileError where a component mode in use is not in the basis.
+
+        `counts` has the number of free-free modes kept of each component in use.
+        """
+        for parameter in self.designs[0].mode_parameters():
+            count = counts[parameter.component]
+            highest = max(parameter.modes)
+            if highest > count:
+                cutoff = f" up to {self.settings.component_cutoff:g} Hz in this basis"
+                more = "; a higher [reduction] component_cutoff_factor holds more"
+                meshed = has_mesh(self.study)
+                raise self.error(
+                    parameter.name,
+                    f"{parameter.component} has modes 1 to {count}{cutoff if meshed else ''}, "
+                    f"got mode {highest}{more if meshed else ''}",
+                )
+
+    def check_assembly_modes(self, count: int) -> None:
+        """Raise StudyFileError where a real mode of the assembly in use is beyond the `count`."""
+        for parameter in self.designs[0].assembly_parameters():
+            if max(parameter.modes) > count:
+                raise self.error(
+                    parameter.name,
+                    f"the assembly has modes 1 to {count} in this basis, got mode "
+                    f"{max(parameter.modes)}",
+                )
+
+    def error(self, parameter: str, message: str) -> StudyFileError:
+        """A StudyFileError at the place where the study names a parameter."""
+        keys: KeyPath = ("parameters", parameter)
+        for number, sweep in enumerate(self.study.sweeps):
+            if sweep.name == parameter:
+                keys = ("sweep", number, "parameter")
+        return self.error_at(keys, message)
+
+    def error_at(self, keys: KeyPath, message: str) -> StudyFileError:
+        """A StudyFileError at a key of the file."""
+        return SourceText(self.study.path, self.study.text).error(keys, message)
+
+
+def has_mesh(study: Study) -> bool:
+    """Whether the model is a finite-element one, to be reduced."""
+    return "mesh" in study.options
+
+
+def checked_points(plan: Plan) -> list[int]:
+    """Indices of the design points solved at full order too: the chosen ones, then the audit's.
+
+    The audit draws its share of all points at random; which they are depends on their number alone.
+    """
+    section = plan.study.definition.modes
+    chosen = reference_choice(plan, section.reference_points)
+    count = int(np.ceil(section.audit * len(plan.tasks)))
+    drawn = np.random.default_rng(0).permutation(len(plan.tasks))[:count]
+    return list(dict.fromkeys([*chosen, *(int(i) for i in drawn)]))
+
+
+def reference_choice(plan: Plan, count: int) -> list[int]:
+    """Indices of the design points to check by the full-order model.
+
+    The upper corner of the swept box first (most friction, pressure, change), where a reduced
+    model has most to lose; then the points farthest from all chosen.
+    """
+    return farthest_points(plan.coordinates, count)

@@ -1,0 +1,431 @@
+"""Results of a study: its tables as pandas frames, rankings, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from squealstudy.engine.histories import read_history
+from squealstudy.engine.names import onset_parameter
+from squealstudy.engine.pictures import Plots, pictures, save_figure
+from squealstudy.engine.results_manifest import read_manifest
+from squealstudy.errors import ResultsError
+from squealstudy.study.design_rules import RANDOM_DESIGNS, SOBOL_INDICES
+from squealstudy.study.kinds import screen_of
+from squealstudy.tables.boundary_map import full_points, full_tables
+from squealstudy.tables.mode_ranking import parameter_columns, point_codes, selection
+from squealstudy.tables.stability import uncertain_points
+from squealstudy.wording import OF_THE_ONSET, plural, units_of
+
+if TYPE_CHECKING:
+    from squealstudy.engine.kind_screen import KindScreen
+
+NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
+OWN_UNITS = {"cells": {"cost": ""}}  # iterations or evaluations, elsewhere seconds
+HTML_WIDTH = 110  # characters of a line of a ranking in a notebook
+
+
+@dataclass(frozen=True)
+class Results:
+    """A finished results directory.
+
+    Its tables are attributes, DataFrames with a unit of every numeric column in
+    ``attrs["units"]``: ``points`` and ``modes`` of most kinds of study, and others by kind
+    (`tables` lists them). ``plot`` draws: ``results.plot.evolution(along="friction")``.
+
+    Attributes
+    ----------
+    directory : Path
+    manifest : dict
+        The study as run, versions, timings.
+    solved : int or None
+        Design points that were solved by the run that returned this; None of opened results.
+    """
+
+    directory: Path
+    manifest: dict[str, Any]
+    solved: int | None = None
+
+    def __repr__(self) -> str:
+        """Directory, kind, model, what varies and how many points there are, on one line."""
+        facts = self.manifest
+        text = f"{self.kind} of {facts.get('model', 'methods')}"
+        text += f" over {', '.join(self.swept)}" if self.swept else ""
+        count, failed = facts["n_points"], facts.get("n_failed", 0)
+        text += f": {plural(count, self.screen.rows_word.removesuffix('s'))}"
+        text += f", {failed} failed" if failed else ""
+        return f"<Results {str(self.directory)!r}: {text}>"
+
+    def _repr_html_(self) -> str:
+        """What a run prints first, and the first picture, for a notebook."""
+        from base64 import b64encode
+        from io import BytesIO, StringIO
+
+        from rich.console import Console
+
+        written = StringIO()
+        console = Console(file=written, width=HTML_WIDTH, markup=False, highlight=False)
+        for part in self.screen.findings(self):
+            console.print(part)
+        html = f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(written.getvalue())}</pre>"
+        for _, plot, choices in pictures(self):
+            image = BytesIO()
+            plot(self, **choices).savefig(image, format="png")
+            encoded = b64encode(image.getvalue()).decode()
+            return f'{html}<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
+        return html
+
+    @classmethod
+    def open(cls, path: str | Path) -> Results:
+        """Open a results directory.
+
+        Raises
+        ------
+        ResultsError
+            Missing, not of squealstudy, or not finished.
+        """
+        directory = Path(path)
+        if directory.is_file():
+            raise ResultsError(
+                f"{directory}: expected a results directory such as results/NAME, got a file"
+            )
+        if not directory.is_dir():
+            raise ResultsError(f"{directory}: no such results directory")
+        manifest = read_manifest(directory)
+        if manifest is None:
+            raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
+        found = cls(directory, manifest)
+        stale = not found.screen.unfinished and manifest.get("status") != "complete"
+        if stale or not all(found._path(name).is_file() for name in found.tables):
+            raise ResultsError(
+                f"{directory}: the run is not finished; run the study again to go on"
+            )
+        return found
+
+    def with_tables(self, **tables: pd.DataFrame) -> Self:
+        """These results with other tables, by name."""
+        changed = type(self)(self.directory, self.manifest, self.solved)
+        changed._loaded.update(self._loaded | tables)
+        return changed
+
+    @cached_property
+    def screen(self) -> KindScreen:
+        """What is shown of results of this kind; ResultsError of a kind that there is not."""
+        try:
+            return screen_of(self.kind)
+        except KeyError:
+            raise ResultsError(
+                f"{self.directory}: results of a kind '{self.kind}', which this version of "
+                "squealstudy does not have"
+            ) from None
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables."""
+        return self.screen.tables
+
+    @cached_property
+    def _loaded(self) -> dict[str, pd.DataFrame]:
+        return {}
+
+    def _path(self, name: str) -> Path:
+        return self.directory / f"{name}.parquet"
+
+    def table(self, name: str) -> pd.DataFrame:
+        """A table by name, read once, with units in ``attrs``.
+
+        Raises
+        ------
+        ResultsError
+            Where this kind of study has no such table, or it cannot be read.
+        """
+        if name not in self._loaded:
+            if name not in self.tables:
+                raise ResultsError(
+                    f"{self.directory}: a {self.kind} study has no table '{name}', it has "
+                    f"{', '.join(self.tables)}"
+                )
+            try:
+                self._loaded[name] = pq.read_table(self._path(name)).to_pandas()
+            except (OSError, ValueError) as error:
+                raise ResultsError(f"{self._path(name)}: not a readable table ({error})") from error
+        table = self._loaded[name]
+        if "units" not in table.attrs:
+            self._give_units(table, OWN_UNITS.get(name, {}))
+        return table
+
+    def _give_units(self, table: pd.DataFrame, own: Mapping[str, str]) -> pd.DataFrame:
+        """The table with ``attrs["units"]`` of its columns; onsets have that of their parameter."""
+        found = units_of(table.columns, {**self.units, **own})
+        along = self.units.get(self.along or "", "")
+        table.attrs["units"] = {n: along if u == OF_THE_ONSET else u for n, u in found.items()}
+        return table
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """One row a design point."""
+        return self.table("points")
+
+    @property
+    def modes(self) -> pd.DataFrame:
+        """One row a complex mode, or an assembly mode of a run in time, of a design point."""
+        return self.table("modes")
+
+    @property
+    def onsets(self) -> pd.DataFrame:
+        """One row for each value of the parameter `along` at which a track turns (un)stable.
+
+        See study.complex_modes.onsets.
+        """
+        return self.table("onsets")
+
+    @property
+    def sensitivities(self) -> pd.DataFrame:
+        """One row a parameter, mode and design point of a sensitivity study."""
+        return self.table("sensitivities")
+
+    @property
+    def growth(self) -> pd.DataFrame:
+        """One row a followed complex mode of a design point, fitted growth beside the predicted.
+
+        These are the unstable ones, or the least stable one where none is (column `unstable`).
+
+        Raises ResultsError where the study is not a transient one, or of an earlier version.
+        """
+        table = self.table("growth")
+        if "unstable" not in table:
+            raise ResultsError(
+                f"{self.directory}: the growth table is of an earlier version of squealstudy; run "
+                "the study again"
+            )
+        return table
+
+    @property
+    def measurements(self) -> pd.DataFrame:
+        """One row a method and knob value of a work-precision study."""
+        return self.table("measurements")
+
+    @property
+    def errors(self) -> pd.DataFrame:
+        """One row a quantity, mode and point of each measurement of a work-precision study."""
+        return self.table("errors")
+
+    @property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell of a method-stability study."""
+        return self.table("cells")
+
+    def row_of(self, point: str | int) -> int:
+        """Row of `points` of a ``point_id``, or of a number of a row, from the end if negative.
+
+        ResultsError where there is no such point.
+        """
+        ids = list(self.points["point_id"])
+        if isinstance(point, int | np.integer) and -len(ids) <= point < len(ids):
+            return int(point) % len(ids)
+        if point not in ids:
+            raise ResultsError(
+                f"{self.directory}: no design point {point!r}; expected a row of points, 0 to "
+                f"{len(ids) - 1}, or a point_id such as '{ids[0]}'"
+            )
+        return ids.index(str(point))
+
+    def history(self, point: str | int) -> pd.DataFrame:
+        """Torque (of minimal models force), contact shares and modal energies over time.
+
+        Parameters
+        ----------
+        point : str or int
+            ``point_id`` of a design point, or its row of `points`, counted from 0 (from the end
+            where negative).
+
+        Raises
+        ------
+        ResultsError
+            Where there is no such point, none was kept, or the study is not a transient one.
+        """
+        if "growth" not in self.tables:
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
+        row = self.points.iloc[self.row_of(point)]
+        found = read_history(self.directory, str(row["point_id"]), str(row["status"]))
+        return self._give_units(found, {})
+
+    @property
+    def plot(self) -> Plots:
+        """The plots as methods that return matplotlib figures."""
+        return Plots(self)
+
+    def draw(self, directory: Path | None = None) -> list[Path]:
+        """Draw every picture that the tables allow, beside them or elsewhere; their paths."""
+        drawn = []
+        for name, plot, choices in pictures(self):
+            drawn.append((directory or self.directory) / f"{name}.png")
+            save_figure(plot(self, **choices), drawn[-1])
+        return drawn
+
+    @property
+    def kind(self) -> str:
+        """Of the study."""
+        return str(self.manifest["kind"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of parameters, and under ``torque`` that of the columns ``torque_*``."""
+        return dict(self.manifest.get("units", {}))
+
+    @property
+    def parameters(self) -> list[str]:
+        """Parameter columns of `points`."""
+        return list(self.manifest["parameters"])
+
+    @property
+    def swept(self) -> list[str]:
+        """The parameters that vary by design."""
+        return list(self.manifest.get("sweeps", []))
+
+    @property
+    def along(self) -> str | None:
+        """The parameter of onset thresholds: friction where it is swept, else the first sweep."""
+        return onset_parameter(self.swept)
+
+    @property
+    def design(self) -> str:
+        """Type of the design, ``grid`` or another."""
+        return str(self.manifest.get("design", {}).get("type", "grid"))
+
+    @property
+    def boundary(self) -> dict[str, Any] | None:
+        """Full grid (``axes``, ``levels``) of a boundary design and how much of it was solved."""
+        facts: dict[str, Any] | None = self.manifest.get("boundary")
+        return facts
+
+    def file_word(self, parameter: str) -> str:
+        """A parameter's name as it stands in names of files."""
+        return parameter.translate(NOT_IN_NAMES)
+
+    def nominal_others(self, along: str) -> dict[str, float]:
+        """The other varied parameters at their nominal values, where the design has them."""
+        nominal, chosen = self.manifest["nominal"], self.points
+        fixed: dict[str, float] = {}
+        for name in parameter_columns(self.points, varied=True):
+            if name == along:
+                continue
+            there = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
+            if len(there):
+                fixed[name], chosen = nominal[name], there
+        return fixed
+
+    def rank(
+        self, by: str = "share", top: int | None = None, where: str | None = None
+    ) -> pd.DataFrame:
+        """The modes that matter most first.
+
+        Unstable tracked modes (analysis.tables.mode_ranking.rank_modes), or the modes that carry
+        the energy of a transient study (analysis.tables.energy_ranking.rank_energy), which has no
+        choice of `by`.
+
+        Raises
+        ------
+        ResultsError
+            A kind of study without such a ranking, an unknown `by`, a query that cannot be used.
+        """
+        table = self.screen.rank(self, by, top, where)
+        kept = dict(table.attrs)
+        self._give_units(table, {})
+        table.attrs |= kept
+        return table
+
+    def compare(self, other: Results) -> pd.DataFrame:
+        """Predicted instabilities beside what they do in time: one study of each, in any order.
+
+        See analysis.tables.comparison.compare.
+
+        Raises
+        ------
+        ResultsError
+            Where these are not a complex-mode study and a transient one of one model, with common
+            design points.
+        """
+        from squealstudy.engine.comparison import compare_results
+
+        return compare_results(self, other)
+
+    def counted_points(self, where: str | None = None) -> int:
+        """Number of design points, or nodes of a boundary map, that `rank` is over."""
+        points, modes = self.ranked
+        return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+
+    def uncertain_points(self, where: str | None = None) -> int:
+        """Number of solved design points at which some mode may be stable or unstable."""
+        code = point_codes(self.points, self.modes)
+        held, wanted = selection(self.points, self.modes, code, where)
+        return uncertain_points(self.modes, code, held[code] & wanted)
+
+    @cached_property
+    def ranked(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Points and modes that count in a ranking: of a boundary design all nodes of its grid."""
+        if self.boundary is None:
+            return self.points, self.modes
+        return full_tables(self.points, self.modes, self.boundary["axes"], self.boundary["levels"])
+
+    @cached_property
+    def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
+        """`points` on every node of a boundary design's full grid, and which were solved.
+
+        See analysis.tables.boundary_map.full_points; `points` and None of other designs.
+        """
+        if self.boundary is None:
+            return self.points, None
+        return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
+
+    def robust(self, confidence: float = 0.95) -> pd.DataFrame:
+        """Probability of instability with its interval, of any mode and of each track.
+
+        The points of a random design count as draws (analysis.robust.probability.robust_table);
+        of a sobol_indices design its two independent samples alone.
+
+        Raises
+        ------
+        ResultsError
+            Where the design is not random, or every point failed.
+        """
+        if self.design not in RANDOM_DESIGNS or "onsets" not in self.tables:
+            raise ResultsError(
+                f"{self.directory}: probability of instability needs complex modes of a random "
+                f"design ({', '.join(RANDOM_DESIGNS)}), this is {self.kind} of a {self.design} "
+                "design"
+            )
+        from squealstudy.tables.robust.probability import robust_table
+        from squealstudy.tables.robust.saltelli import base_rows
+
+        n, d = len(self.points), len(self.swept)
+        drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
+        return self._give_units(robust_table(self.points, self.modes, drawn, confidence), {})
+
+    def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
+        """First and total Sobol indices of the largest growth rate and of unstable tracks.
+
+        See analysis.robust.sobol_table.sobol_table.
+
+        Raises
+        ------
+        ResultsError
+            Where the design is not ``sobol_indices``, or too many points failed.
+        """
+        if self.design != SOBOL_INDICES:
+            raise ResultsError(
+                f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
+                f"this is {self.design}"
+            )
+        from squealstudy.tables.robust.sobol_table import sobol_table
+
+        found = sobol_table(self.points, self.modes, self.swept, top, confidence)
+        return self._give_units(found, {})

@@ -1,0 +1,67 @@
+"""Chunk rows whatever the kind of study: how each begins, is written, read back and tabled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from squealstudy.engine.chunks import read_chunks
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import ResultsError, SquealstudyError
+
+Fields = Sequence[tuple[str, pa.DataType]]
+TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
+HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
+
+# what makes a design point a failed row: the named errors, and those of the numerical libraries
+FAILURES = (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError)
+
+
+def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") -> dict[str, Any]:
+    """First columns of every row."""
+    return {"point_id": point_id, "status": status, "message": message, "wall_s": wall_s}
+
+
+def reason(error: Exception) -> tuple[str, str]:
+    """Status and message of a design point that ended with one of FAILURES."""
+    if isinstance(error, SquealstudyError):
+        return getattr(error, "status", "failed"), str(error)
+    return "failed", f"{type(error).__name__}: {error}"
+
+
+def planned_rows(plan: Plan, directory: Path, schema: pa.Schema) -> list[dict[str, Any]]:
+    """Rows of all points of the plan, in its order.
+
+    Raises
+    ------
+    ResultsError
+        Where a point of the plan is in no chunk.
+    """
+    ids = [task.point_id for task in plan.tasks]
+    found = read_chunks(directory, set(ids), schema)
+    missing = sum(i not in found for i in ids)
+    if missing:
+        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
+    return [found[i] for i in ids]
+
+
+def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
+    """One row a design point: HEAD, its parameters, then `fields` of its chunk row.
+
+    Counts and flags are nullable (Int64, boolean): missing where the point has none.
+    """
+    import pandas as pd
+
+    parameters = plan.study.shown_parameters
+    filled = [
+        {**row, **{p: float(values[p]) for p in parameters}}
+        for row, values in zip(rows, plan.shown_values, strict=True)
+    ]
+    schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
+    nullable = {WHOLE: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
+    frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=nullable.get)
+    return pa.Table.from_pandas(frame, schema=schema, preserve_index=False)  # names its dtypes

@@ -1,0 +1,221 @@
+"""Running a study: structures, design points in chunks on parallel workers, checks, tables."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow.parquet as pq
+
+from squealstudy.engine import chunks
+from squealstudy.engine.files import remove_leftovers
+from squealstudy.engine.kind import Planned, Warn
+from squealstudy.engine.manifest import (
+    check_owner,
+    identity_facts,
+    locked,
+    new_manifest,
+    outdated,
+)
+from squealstudy.engine.names import INACCURATE
+from squealstudy.engine.parallel import Progress, Workers, silent
+from squealstudy.engine.process import peak_memory_mb
+from squealstudy.engine.results_manifest import write_manifest
+from squealstudy.engine.tasks import Work
+from squealstudy.errors import ResultsError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """What a run did.
+
+    Attributes
+    ----------
+    directory : Path
+    manifest : dict
+        As written.
+    n_solved : int
+        Design points solved by this run; 0 where all was there.
+    n_reused : int
+        Points found in the results.
+    """
+
+    directory: Path
+    manifest: dict[str, Any]
+    n_solved: int
+    n_reused: int
+
+
+def default_directory(plan: Planned) -> Path:
+    """results/<study name>, in the current directory."""
+    return Path("results") / plan.owner[0]
+
+
+def run_study(
+    plan: Planned,
+    directory: Path,
+    jobs: int,
+    yes: bool = False,
+    progress: Progress = silent,
+    warn: Warn = lambda text: None,
+) -> RunReport:
+    """Run a study of any kind, or what is left of it.
+
+    Nothing is written before the study is known to be valid. Whole chunk files are kept over
+    kills and changes; only missing design points are solved. A design that grows is solved in
+    rounds, each of points that the ones before ask for.
+
+    Parameters
+    ----------
+    plan : Planned
+    directory : Path
+        Results directory; made where absent.
+    jobs : int
+        Worker processes.
+    yes : bool
+        Accept more points than the study's limit.
+    progress : callable
+        Told (stage, done, total).
+    warn : callable
+        Told what may go wrong, before the design points are solved.
+
+    Raises
+    ------
+    StudyFileError, ResultsError
+        Invalid study; directory of another study, or in use; no design point is ok.
+    """
+    kind = plan.kind
+    kind.check_limit(plan, yes)
+    check_owner(directory, plan.owner)
+    started = time.perf_counter()
+    workers = Workers(jobs, progress, partial(kind.patience, plan))
+    plan, failures = kind.ready(plan, workers, warn)
+    prepared_s = time.perf_counter() - started
+    with locked(directory):
+        if (further := kind.grown(plan, directory)) is not plan:
+            plan = further
+            failures |= kind.build(plan, workers)
+        found = check_owner(directory, plan.owner)
+        if found and _is_complete(found, plan, directory):
+            _expect_solved(directory, pq.read_table(directory / kind.tables[0]).to_pandas())
+            return RunReport(directory, found, 0, len(plan.tasks))
+        if text := outdated(directory, found):
+            warn(f"{text}; all {kind.rows_word} are solved again")
+        remove_leftovers(directory)
+        manifest = new_manifest(plan, jobs)
+        manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
+        write_manifest(directory, manifest)
+        for text in kind.warnings(plan):
+            warn(text)
+        n_solved = _solve_points(plan, directory, failures, workers, manifest)
+        while len((further := kind.grown(plan, directory)).tasks) > len(plan.tasks):
+            plan = further
+            kind.check_limit(plan, yes)
+            failures |= kind.build(plan, workers)
+            manifest |= kind.manifest(plan) | identity_facts(plan)
+            n_solved += _solve_points(plan, directory, failures, workers, manifest)
+        verified = time.perf_counter()
+        manifest["reference"] = kind.verify(plan, directory, failures, workers)
+        manifest["timings"]["reference_s"] = time.perf_counter() - verified
+        _finish(plan, directory, manifest, workers, started)
+    return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
+
+
+def _is_complete(found: dict[str, Any], plan: Planned, directory: Path) -> bool:
+    return (
+        found.get("status") == "complete"
+        and found.get("study_hash") == plan.study_hash
+        and all(_readable(directory / name) for name in plan.kind.tables)
+    )
+
+
+def _readable(path: Path) -> bool:
+    """Whether a table is there and whole; what is not is made again from the chunk files."""
+    try:
+        pq.read_metadata(path)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _solve_points(
+    plan: Planned,
+    directory: Path,
+    failures: dict[str, str],
+    workers: Workers,
+    manifest: dict[str, Any],
+) -> int:
+    """Solve the design points that no chunk file holds; their number."""
+    started, kind = time.perf_counter(), plan.kind
+    done_before = chunks.finished_points(directory, kind.schema)
+    pending = [t for t in plan.tasks if t.point_id not in done_before]
+    why = {t.point_id: kind.unsolvable(plan, t, failures) for t in pending}
+    rows = [kind.failed_row(name, "structure", text) for name, text in why.items() if text]
+    if rows:
+        chunks.write_rows(directory, rows, kind.schema)
+    solvable = [t for t in pending if not why[t.point_id]]
+    work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers)] if solvable else []
+    total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
+    workers.report(kind.rows_word, done, total)
+    busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
+    for chunk in workers.each(Work.done, work):
+        chunks.write_chunk(directory, chunk)
+        done += len(chunk.table)
+        known += chunk.known
+        busy += chunk.wall_s
+        peak = max(peak, chunk.peak_mb)
+        workers.report(kind.rows_word, done, total)
+    manifest["peak_memory_mb"] = {"largest_worker": peak}
+    spent = {
+        "points_s": time.perf_counter() - started,
+        "points_worker_s": busy,
+        "points_solved": len(solvable),
+        "working_points_reused": known,
+    }
+    timings = manifest["timings"]
+    for name, value in spent.items():  # of all rounds together
+        timings[name] = timings.get(name, 0) + value
+    return len(pending)
+
+
+def _finish(
+    plan: Planned, directory: Path, manifest: dict[str, Any], workers: Workers, started: float
+) -> None:
+    """Build the tables and close the manifest."""
+    workers.report("tables", 0, 1)
+    tables_started = time.perf_counter()
+    points, facts = plan.kind.build_tables(plan, directory, workers)
+    manifest |= facts
+    now = time.perf_counter()
+    manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
+    solved = points["status"].isin(["ok", INACCURATE])
+    manifest["n_failed"] = int((~solved).sum())
+    manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())
+    manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
+    manifest["status"] = "complete"
+    write_manifest(directory, manifest)
+    workers.report("tables", 1, 1)
+    _expect_solved(directory, points)
+
+
+def _expect_solved(directory: Path, points: pd.DataFrame) -> None:
+    """Raise ResultsError, with the reasons, where no row of a finished run is ok."""
+    if (points["status"] == "ok").any():
+        return
+    what = "is inaccurate" if (points["status"] == INACCURATE).any() else "failed"
+    raise ResultsError(
+        f"{directory}: every design point {what} ({failure_counts(points['status'])}), the first "
+        f"with: {points['message'].iloc[0]}"
+    )
+
+
+def failure_counts(status: pd.Series) -> str:
+    """How often design points are not ok, by status, such as ``3 not_converged``."""
+    counts = status[status != "ok"].value_counts()
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -1,0 +1,187 @@
+"""The cheapest combination of tried settings that meets a tolerance."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from squealstudy.fidelity.ladders import Rung
+
+WORTH = 2.0  # times its own cost that a try must promise to save
+SMALLER = 0.5  # of the cost of the points, that one rung down may save
+
+
+class Tried(NamedTuple):
+    """A rung as it did at the pilots.
+
+    Attributes
+    ----------
+    label : str
+    changes : mapping
+        Dotted key -> value.
+    error : float
+        Estimated, what it adds to the error.
+    cost : float
+        Seconds of the whole study, with the other ladders' rungs as they were.
+    """
+
+    label: str
+    changes: Mapping[str, Any]
+    error: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A rung of every ladder."""
+
+    labels: tuple[str, ...]
+    changes: Mapping[str, Any]
+    error: float
+    cost: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return ", ".join(self.labels) or "no setting is free to choose"
+
+
+@dataclass(frozen=True)
+class Untried:
+    """A neighbour of the chosen setting whose error and cost are not known.
+
+    Attributes
+    ----------
+    text : str
+        Of the setting; empty where there is no other setting.
+    """
+
+    text: str = ""
+
+
+Neighbour = Combination | Untried
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen, and its neighbours on the front of error against cost.
+
+    Attributes
+    ----------
+    chosen : Combination
+    cheaper, dearer : Combination or Untried
+    reason : str
+        Of the choice: the tolerance is met, or what stands against it.
+    """
+
+    chosen: Combination
+    cheaper: Neighbour
+    dearer: Neighbour
+    reason: str
+
+    def with_changes(self, always: Mapping[str, Any]) -> Choice:
+        """The same with settings that all combinations have."""
+        return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
+
+    def with_untried(self, ladder: Sequence[Rung], tried: Collection[str]) -> Choice:
+        """The same with the rungs beyond those tried of a ladder, where no neighbour is known."""
+        labels = [rung.label for rung in ladder]
+        at = [labels.index(label) for label in tried]
+        below, above = min(at) - 1, max(at) + 1
+        cheaper, dearer = self.cheaper, self.dearer
+        if cheaper == Untried() and below >= 0:
+            cheaper = Untried(labels[below])
+        if dearer == Untried() and above < len(labels):
+            dearer = Untried(labels[above])
+        return replace(self, cheaper=cheaper, dearer=dearer)
+
+    def with_failures(self, failed: Collection[int]) -> Choice:
+        """The same, saying how many design points could be no pilots."""
+        if not failed:
+            return self
+        words = "a design point" if len(failed) == 1 else f"{len(failed)} design points"
+        return replace(self, reason=f"{self.reason}; {words} failed and could be no pilot")
+
+
+def choose(
+    tried: Mapping[str, Sequence[Tried]],
+    base_error: float,
+    base_cost: float,
+    tolerance: float,
+    budget: float | None,
+    fixed: float = 0.0,
+) -> Choice:
+    """Errors of ladders add up, costs multiply.
+
+    Parameters
+    ----------
+    tried : mapping of ladder -> rungs tried
+        Costs of each ladder relative to its first entry.
+    base_error, base_cost : float
+        What all combinations have besides; cost of the first entries together.
+    tolerance : float
+    budget : float or None
+        Seconds.
+    fixed : float
+        Seconds that no rung changes, beside `base_cost`.
+    """
+    front = _front(_combinations(tried, base_error, base_cost, fixed))
+    affordable = [c for c in front if budget is None or c.cost <= budget]
+    good = [c for c in affordable if c.error <= tolerance]
+    if good:
+        chosen, reason = min(good, key=lambda c: c.cost), "meets the tolerance"
+    elif affordable:
+        chosen = min(affordable, key=lambda c: c.error)
+        if any(c.error <= tolerance for c in front):
+            reason = f"the budget buys an error of {chosen.error:.1e}, not {tolerance:g}"
+        else:
+            reason = f"no setting tried meets the tolerance of {tolerance:g}: this errs least"
+            reason += "" if budget is None else " within the budget"
+    else:
+        chosen = min(front, key=lambda c: c.cost)
+        reason = f"the budget of {budget:g} s buys not even the cheapest setting"
+    at = front.index(chosen)
+    cheaper = front[at - 1] if at > 0 else Untried()
+    dearer = front[at + 1] if at + 1 < len(front) else Untried()
+    return Choice(chosen, cheaper, dearer, reason)
+
+
+def pays(points: float, trial: float) -> bool:
+    """Whether a cheaper setting is worth a try.
+
+    Parameters
+    ----------
+    points : float
+        Seconds of the study's points as they are, of which it may save a share.
+    trial : float
+        Seconds that trying takes.
+    """
+    return SMALLER * points > WORTH * trial
+
+
+def _combinations(
+    tried: Mapping[str, Sequence[Tried]], base_error: float, base_cost: float, fixed: float
+) -> list[Combination]:
+    found = []
+    for rungs in itertools.product(*tried.values()):
+        cost = base_cost
+        for rung, ladder in zip(rungs, tried.values(), strict=True):
+            cost *= rung.cost / ladder[0].cost if ladder[0].cost > 0 else 1.0
+        changes: dict[str, Any] = {}
+        for rung in rungs:
+            changes |= rung.changes
+        error = base_error + sum(rung.error for rung in rungs)
+        labels = tuple(r.label for r in rungs if r.label)
+        found.append(Combination(labels, changes, error, fixed + cost))
+    return found
+
+
+def _front(combinations: Sequence[Combination]) -> list[Combination]:
+    """Those that no other beats in both, cheapest first."""
+    front: list[Combination] = []
+    for one in sorted(combinations, key=lambda c: (c.cost, c.error)):
+        if not front or one.error < front[-1].error:
+            front.append(one)
+    return front

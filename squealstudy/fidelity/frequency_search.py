@@ -1,0 +1,203 @@
+"""Which reduction a complex-mode study needs: tried at pilots against a better model of them.
+
+That is the finer model of a component-mode reduction, or the full-order one. The audit of the
+finished study (fidelity/audit.py) is at full order in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from squealstudy.engine.measurement import Measurement
+from squealstudy.engine.plan import Plan, has_mesh, reference_choice
+from squealstudy.errors import SquealstudyError
+from squealstudy.fidelity.choice import Choice, Tried, choose, pays
+from squealstudy.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
+from squealstudy.fidelity.scene import MISSED, SPARE, Scene
+from squealstudy.kinds.complex_modes.cost import point_share
+from squealstudy.kinds.complex_modes.measuring import finer_finding
+from squealstudy.kinds.complex_modes.reduction import SAFETY
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.modes.rung import Scope
+from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
+from squealstudy.study.definition import Study, given_keys
+
+METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
+SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
+
+
+def search_modes(scene: Scene) -> Choice:
+    """The cheapest reduction within its share of the tolerance; the method follows its own.
+
+    A smaller reduction is tried where the points that it would serve pay for its making.
+    """
+    search = ModeSearch(scene)
+    ladder = free_ladders(scene.study).get(REDUCTION)
+    if ladder is None:
+        label = "reduction as the file says" if has_mesh(scene.study) else search.method.name
+        tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
+    else:
+        search.climb(ladder.rungs)
+        tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
+    first = next(iter(tried.values()))[0]
+    section = scene.section
+    chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
+    rungs = ladder.rungs if ladder is not None else search.small_rungs
+    if rungs:
+        labels = [t.label for found in tried.values() for t in found]
+        chosen = chosen.with_untried(rungs, labels)
+    return chosen.with_changes(search.common).with_failures(scene.failed)
+
+
+class ModeSearch:
+    """Reductions tried at the pilots of a scene, by rung."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.common = _method_changes(scene)
+        self.points: list[int] = []  # the pilots, known from the first attempt on
+        self.tried: dict[int, Tried] = {}
+        self.making = 0.0  # seconds of the last reduction
+        self.exact = exact_method(scene.study)
+        self.truth: dict[str, Any] = {}  # settings that errors are measured against
+        self.method = scene.variant(self.common, scene.plan.swept).method
+
+    @property
+    def method_error(self) -> float:
+        """What reanalysis may add."""
+        if not self.method.rung.over_a_basis:
+            return 0.0
+        explicit = float(self.scene.study.definition.modes.tolerance)
+        return METHOD * self.scene.tolerance if self.common else explicit
+
+    def attempt(self, rung: Rung) -> Tried:
+        """Solve the pilots without reanalysis; the error is that against full order."""
+        scene, changes = self.scene, {**self.common, **rung.changes}
+        own = self.method.name
+        if self.method.rung.over_a_basis:  # whose own error is another share
+            own = self.method.exact
+        solved = {**changes, "modes.method": own}
+        if not self.points:
+            candidates = reference_choice(scene.plan, scene.section.pilots + SPARE)
+            self.points = scene.pilots(solved, candidates)
+            # whose reduction is there: the working points that it gives are those of any other
+            self.truth = {**changes, "modes.method": self.exact}
+        made = scene.measure(solved, self.points)
+        self.making = made.reduction_seconds
+        error = 0.0 if own == self.exact else self._error(made, solved)
+        return Tried(rung.label, rung.changes, error, self.study_seconds(made))
+
+    @property
+    def small_rungs(self) -> tuple[Rung, ...]:
+        """Methods of a minimal model, cheapest first, where the file leaves the choice.
+
+        Beside the exact one those whose points are cheaper together.
+        """
+        free = "modes.method" not in given_keys(self.scene.study)
+        if not free or self.method.name != self.exact or self.method.rung.unreduced:
+            return ()
+        together = [r.name for r in all_rungs() if r.shares_work and r.keeps_tolerance]
+        return (*(Rung(name, {"modes.method": name}) for name in together), Rung(self.exact, {}))
+
+    def small_windows(self) -> list[Tried]:
+        """Such methods over a sweep of a minimal model, where there are points enough to try them.
+
+        Trying them is solving the study: of a few degrees of freedom that takes a moment.
+        """
+        scene, points = self.scene, len(self.scene.plan.tasks)
+        sweeps = scene.study.sweeps
+        if any(s.parameter.structural for s in sweeps):
+            return []
+        scope = Scope(reduced=True, varied=len(sweeps), points=int(points / SMALL_MODEL_SHARE))
+        found = []
+        for rung in self.small_rungs[:-1]:
+            if not rung_named(rung.label).offer(scope).pays:
+                continue
+            try:
+                made = scene.measure({**self.common, **rung.changes}, self.points)
+            except SquealstudyError:  # no basis over this box, or damping that they do not know
+                continue
+            exact = scene.measure({**self.common, "modes.method": self.exact}, self.points)
+            error = METHOD * scene.tolerance + scene.error(made, exact)
+            seconds = made.reduction_seconds + made.setup_seconds
+            cost = seconds + made.seconds * points / scene.jobs
+            found.append(Tried(rung.label, rung.changes, error, cost))
+        return found
+
+    def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
+        """Largest at the pilots, one by one until one is beyond the whole tolerance.
+
+        What is found so far is then enough to refuse the reduction, whatever the others say.
+        """
+        worst, failure = None, ""
+        plan = self.scene.variant(changes, self.scene.plan.swept)
+        for finding, point in zip(made.findings.values(), self.points, strict=True):
+            truth, safety = self._truth(finding, plan, point)
+            if truth["status"] != "ok":
+                failure = truth["message"]
+                self.scene.failed.add(point)
+                continue
+            error = min(MISSED, safety * self.scene.point_error(finding, truth))
+            worst = max(worst or 0.0, error)
+            if worst > self.scene.tolerance:
+                break
+        if worst is None:
+            path = self.scene.study.path
+            raise SquealstudyError(f"{path}: no pilot has a better model to be held to: {failure}")
+        return worst
+
+    def _truth(
+        self, finding: Mapping[str, Any], plan: Plan, point: int
+    ) -> tuple[Mapping[str, Any], float]:
+        """What a pilot is held against, and the safety on the distance to it.
+
+        The finer model where the structure could be made and has one.
+        """
+        finer = finer_finding(plan, point) if finding["status"] == "ok" else None
+        if finer is not None:
+            return finer, SAFETY
+        return self.scene.measure(self.truth, [point]).findings["0"], 1.0
+
+    @property
+    def share(self) -> float:
+        """Of the tolerance, what the reduction may take."""
+        return REDUCED * self.scene.tolerance
+
+    def climb(self, rungs: tuple[Rung, ...]) -> None:
+        """From the first rung up until one is good enough, or down while that pays."""
+        number = FIRST
+        self.tried[number] = self.attempt(rungs[number])
+        while self.tried[number].error > self.share and number + 1 < len(rungs):
+            number += 1
+            self.tried[number] = self.attempt(rungs[number])
+        while number <= FIRST and number > 0 and self._pays(number):
+            number -= 1
+            self.tried[number] = self.attempt(rungs[number])
+            if self.tried[number].error > self.share:
+                return
+
+    def _pays(self, number: int) -> bool:
+        return pays(self.tried[number].cost - self.making, self.making)
+
+    def study_seconds(self, made: Measurement) -> float:
+        """Seconds of the whole study, from exact solves at the pilots."""
+        solves = float(len(self.scene.plan.tasks))
+        rung = self.method.rung
+        if rung.over_a_basis:
+            share = point_share(self.scene.plan, rung) or 1.0
+            solves = rung.setup_solves * self.scene.jobs + share * solves
+        return made.reduction_seconds + made.seconds * solves / self.scene.jobs
+
+
+def exact_method(study: Study) -> str:
+    """What others are held against: full order, of a model without a reduction its own modes."""
+    small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
+    return (exact_rung(reduced=True) if small else full_order_rung()).name
+
+
+def _method_changes(scene: Scene) -> Mapping[str, Any]:
+    """The tolerance of methods that have one; an explicit one stays."""
+    if "modes.tolerance" in given_keys(scene.study):
+        return {}
+    return {"modes.tolerance": min(METHOD * scene.tolerance, 0.1)}

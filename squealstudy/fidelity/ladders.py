@@ -1,0 +1,144 @@
+"""What may be chosen: ladders of settings, from the cheapest rung to the dearest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from squealstudy.engine.plan import has_mesh
+from squealstudy.kinds.transient.regularisation import slowest_speed
+from squealstudy.models.operating import (
+    IN_TIME_ONLY,
+    REGULARISATION_SHARE,
+    REGULARISATION_SPEED,
+)
+from squealstudy.study.definition import Study, given_keys
+from squealstudy.study.sampling import design_points
+
+REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
+SLOPE = "slope of friction"
+# cut-offs over the top of the band, and the singular value below which enrichment is left out
+REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
+FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
+STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
+STEPS_A_PERIOD = 62.5
+TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
+LEAST_STEPS = 100  # of a run
+# modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
+BASES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))
+CONTACT_POINTS = (2, 3, 4)
+# regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
+SATURATIONS = (1.0, 0.5, 0.25, 0.125)
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One setting: values of dotted keys of the study file, and a few words."""
+
+    label: str
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Settings of one kind, cheapest first."""
+
+    name: str
+    rungs: tuple[Rung, ...]
+
+
+def free_ladders(study: Study) -> dict[str, Ladder]:
+    """The ladders of a study whose keys the file leaves out; explicit settings always win."""
+    if not study.kind.chooses_rung:
+        wanted = _time_ladders(study)
+    else:
+        wanted = (_reductions(),) if has_mesh(study) else ()
+    given = given_keys(study)
+    return {
+        ladder.name: ladder
+        for ladder in wanted
+        if not any(key in given for rung in ladder.rungs for key in rung.changes)
+    }
+
+
+def _reductions() -> Ladder:
+    return Ladder(
+        REDUCTION,
+        tuple(
+            Rung(
+                f"modes to {factor:g} x band, enrichment to {tolerance:g}",
+                {
+                    "reduction.component_cutoff_factor": factor,
+                    "reduction.assembly_cutoff_factor": factor,
+                    "reduction.tolerance": tolerance,
+                    "reduction.friction_training": True,
+                },
+            )
+            for factor, tolerance in REDUCTIONS
+        ),
+    )
+
+
+def _time_ladders(study: Study) -> tuple[Ladder, ...]:
+    """Of a minimal model step and slope; a continued run keeps the contact points it has."""
+    section = study.section
+    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
+    ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
+    if not set(IN_TIME_ONLY) & set(study.shown_parameters):
+        ladders.append(_saturations(study))
+    if has_mesh(study) and section.representation == "modal":
+        ladders.append(_bases(study))
+        if not section.continued:
+            ladders.append(_contact_points())
+    return tuple(ladders)
+
+
+def _usable_steps(study: Study) -> list[float]:
+    """Those that the duration has enough of, s."""
+    unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
+    duration = study.section.duration
+    return [n * unit for n in STEPS if LEAST_STEPS * n * unit <= duration]
+
+
+def training_step(study: Study) -> dict[str, float]:
+    """One step [s] for all training runs, so that runs of other steps share a basis.
+
+    The file's own where it gives one; nothing where it says how to train.
+    """
+    given, usable = given_keys(study), _usable_steps(study)
+    if "transient.pod_step" in given:
+        return {}
+    if "transient.step" in given or len(usable) < 2:
+        return {"transient.pod_step": study.section.step}
+    return {"transient.pod_step": usable[min(TRIAL_STEP, len(usable) - 1)]}
+
+
+def _bases(study: Study) -> Ladder:
+    top, training = float(study.definition.modes.band[1]), training_step(study)
+    small = [
+        Rung(
+            f"modes to {factor * top:g} Hz and {vectors} POD vectors",
+            {"transient.modes_below": factor * top, "transient.pod_vectors": vectors, **training},
+        )
+        for factor, vectors in BASES
+    ]
+    return Ladder(BASIS, (*small, Rung("all modes", {})))
+
+
+def _saturations(study: Study) -> Ladder:
+    """Sliding speeds below which points stick, of all design points, softest friction first."""
+    own = REGULARISATION_SHARE * slowest_speed(study, design_points(study))
+    speeds = [factor * own for factor in SATURATIONS]
+    key = f"parameters.{REGULARISATION_SPEED.name}"
+    return Ladder(SLOPE, tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds))
+
+
+def _contact_points() -> Ladder:
+    return Ladder(
+        CONTACT,
+        tuple(
+            Rung(f"{n} x {n} contact points a facet", {"model.contact_points": n})
+            for n in CONTACT_POINTS
+        ),
+    )

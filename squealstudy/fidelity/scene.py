@@ -1,0 +1,174 @@
+"""A study as fidelity sees it: variants of its settings, measured at pilot design points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from squealstudy.engine.keys import content_hash
+from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.parallel import Progress, Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import SquealstudyError
+from squealstudy.study.definition import Study
+from squealstudy.study.fidelity_section import FidelitySection
+from squealstudy.study.source import SourceText, parse_toml
+from squealstudy.study.variants import BaseStudy
+from squealstudy.tables.finding_errors import (
+    FoundError,
+    Miscount,
+)
+
+IN_FREQUENCY = ("frequency", "damping_ratio")
+IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
+MISSED = 1.0  # error of a setting that misses an instability, sees one too many, or fails
+SPARE = 4  # design points in reserve for pilots that fail
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A study with a [fidelity] section.
+
+    Attributes
+    ----------
+    study : Study
+    jobs : int
+        Workers of the run that is prepared.
+    report : callable
+        Told (stage, done, total).
+    measured : dict
+        Measurements so far, by settings and points.
+    failed : set of int
+        Design points that could be no pilots.
+    asked : float or None
+        A stricter tolerance than the section's, after a failed audit.
+    """
+
+    study: Study
+    jobs: int
+    report: Progress
+    measured: dict[str, Measurement] = field(default_factory=dict)
+    failed: set[int] = field(default_factory=set)
+    asked: float | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """What settings are chosen by."""
+        return self.section.tolerance if self.asked is None else self.asked
+
+    @property
+    def section(self) -> FidelitySection:
+        """Tolerance, budget, pilots, audit."""
+        section = self.study.definition.fidelity
+        assert section is not None
+        return section
+
+    @cached_property
+    def base(self) -> BaseStudy:
+        """The file, variants of which are measured."""
+        source = SourceText(self.study.path, self.study.text)
+        return BaseStudy(source, parse_toml(source.path, source.text), self.study)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The study as the file has it."""
+        return Plan(self.study)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether runs are measured, not modes."""
+        return not self.study.kind.chooses_rung
+
+    @property
+    def measuring(self) -> Measuring:
+        """How settings are timed and compared."""
+        found = self.study.kind.measuring()
+        assert found is not None
+        return found
+
+    def variant(self, changes: Mapping[str, Any], swept: list[dict[str, float]] | None) -> Plan:
+        """The study with other settings; `swept` replaces its design points."""
+        return Plan(self.base.variant(changes), swept)
+
+    def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
+        """Measure settings at some of the study's design points, once.
+
+        Structures are made of those points alone, unless the method needs all of the study's.
+        """
+        name = content_hash([sorted(changes.items(), key=str), list(points)])
+        if name not in self.measured:
+            plan = self.variant(changes, self.plan.swept)
+            together = not self.in_time and plan.method.rung.shares_work
+            wanted = None if together else {plan.tasks[i].prepared_key for i in points}
+            failures = build_structures(plan, Workers(self.jobs, self.report), wanted)
+            self.measured[name] = self._measured(plan, points, failures)
+            self.report("pilot runs", len(self.measured), len(self.measured) + 1)
+        return self.measured[name]
+
+    def _measured(
+        self, plan: Plan, points: Sequence[int], failures: Mapping[str, str]
+    ) -> Measurement:
+        """Of the points whose structure could be made; the others have failed."""
+        reasons = [failures.get(plan.tasks[i].prepared_key, "") for i in points]
+        built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
+        if not built:
+            raise SquealstudyError(f"{self.study.path}: {reasons[0]}")
+        made = self.measuring.measure(plan, built, Asked())
+        own = iter(made.findings.values())
+        findings = {
+            str(n): {"status": "structure", "message": reason} if reason else next(own)
+            for n, reason in enumerate(reasons)
+        }
+        return replace(made, findings=findings)
+
+    def pilots(self, changes: Mapping[str, Any], candidates: Sequence[int]) -> list[int]:
+        """The first design points, as many as the section asks for, at which settings work.
+
+        A candidate that fails gives way to the next; `failed` tells how many did.
+
+        Raises
+        ------
+        SquealstudyError
+            Where none of the candidates works: nothing can be chosen by them.
+        """
+        count = self.section.pilots
+        kept, waiting = list(candidates[:count]), list(candidates[count:])
+        first = ""
+        while kept:
+            try:
+                found = self.measure(changes, kept).findings
+            except SquealstudyError as error:  # none of their structures can be made
+                found = {str(p): {"status": "structure", "message": str(error)} for p in kept}
+            good = [p for p, f in zip(kept, found.values(), strict=True) if f["status"] == "ok"]
+            if len(good) == len(kept):
+                return kept
+            bad = next(f for f in found.values() if f["status"] != "ok")
+            first = first or f"{bad['status']}: {bad['message']}"
+            self.failed.update(set(kept) - set(good))
+            missing = count - len(good)
+            kept, waiting = good + waiting[:missing], waiting[missing:]
+        raise SquealstudyError(
+            f"{self.study.path}: every pilot design point failed, the first with {first}; "
+            "without [fidelity] the study runs as its settings say"
+        )
+
+    def error(self, found: Measurement, truth: Measurement) -> float:
+        """Largest error of the judged quantities; MISSED where instabilities differ."""
+        return max(self.point_error(f, truth.findings[p]) for p, f in found.findings.items())
+
+    def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
+        """The same of one design point; MISSED too where either of them failed."""
+        if finding["status"] != "ok" or truth["status"] != "ok":
+            return MISSED
+        judged = IN_TIME if self.in_time else IN_FREQUENCY
+        errors, count = self.measuring.comparisons[0](finding, truth)
+        return largest(errors, count, judged)
+
+
+def largest(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
+    """Largest of some errors, of averages where values have intervals."""
+    worst = MISSED if count.missed or count.spurious else 0.0
+    return max([worst, *(error.error for error in errors if error.quantity in judged)])

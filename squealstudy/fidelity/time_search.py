@@ -1,0 +1,209 @@
+"""Which basis, contact points and step a transient study needs: tried at pilots, rung by rung."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from squealstudy.engine.measurement import Measurement
+from squealstudy.engine.plan import Plan
+from squealstudy.fidelity.choice import Choice, Tried, choose, pays
+from squealstudy.fidelity.ladders import (
+    BASIS,
+    CONTACT,
+    SLOPE,
+    STEP,
+    TRIAL_STEP,
+    Ladder,
+    free_ladders,
+    training_step,
+)
+from squealstudy.fidelity.scene import SPARE, Scene
+from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER
+from squealstudy.study.definition import given_keys
+
+SHARE = 0.4  # of the tolerance that one ladder may take
+RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
+SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
+ALL_MODES = {
+    "transient.modes_below": None,
+    "transient.pod_vectors": 0,
+    "transient.pod_step": None,
+}
+QUIET = {"transient.save_every": 0}  # pilots keep no histories
+
+
+def search_runs(scene: Scene) -> Choice:
+    """The cheapest step, basis and contact points whose errors together meet the tolerance."""
+    search = RunSearch(scene)
+    for name, attempt in (
+        (BASIS, search.try_bases),
+        (CONTACT, search.try_contact_points),
+        (SLOPE, search.try_slopes),
+        (STEP, search.try_steps),
+    ):
+        if name in search.ladders:
+            attempt(search.ladders[name])
+    section = scene.section
+    cost, fixed = search.study_seconds()
+    given = search.given_error()
+    chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
+    for name, found in search.tried.items():
+        chosen = chosen.with_untried(search.ladders[name].rungs, [t.label for t in found])
+    return chosen.with_changes(search.always).with_failures(scene.failed)
+
+
+class RunSearch:
+    """Settings tried at the pilots of a scene, ladder by ladder, each from the cheapest up.
+
+    Ladders are tried with the best of the others so far; their errors add up.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.ladders = free_ladders(scene.study)
+        self.share = SHARE * scene.tolerance
+        self.tried: dict[str, list[Tried]] = {}
+        self.kept: dict[str, Tried] = {}
+        self.always = _settled(scene)
+        if scene.study.section.pod_vectors:
+            self.always |= training_step(scene.study)
+        self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
+        if STEP in self.ladders:
+            rungs = self.ladders[STEP].rungs
+            self.now |= rungs[min(TRIAL_STEP, len(rungs) - 1)].changes
+        for name in (CONTACT, SLOPE):
+            if name in self.ladders:
+                self.now |= self.ladders[name].rungs[0].changes
+        candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)
+        self.points = scene.pilots(self.now, candidates)
+
+    def measure(self, changes: Mapping[str, Any]) -> Measurement:
+        """The pilots with some settings other than those so far."""
+        return self.scene.measure({**self.now, **changes}, self.points)
+
+    def try_bases(self, ladder: Ladder) -> None:
+        """Smaller bases against all modes, until one is within its share."""
+        *small, whole = ladder.rungs
+        truth = self.measure({})
+        found = []
+        for rung in small:
+            made = self.measure(rung.changes)
+            error = self.scene.error(made, truth)
+            found.append(Tried(rung.label, rung.changes, error, made.seconds))
+            if error <= self.share:
+                break
+        found.append(Tried(whole.label, whole.changes, 0.0, truth.seconds))
+        self._keep(BASIS, found)
+
+    def try_contact_points(self, ladder: Ladder) -> None:
+        """More points against fewer: the error of a rung is the change to the next."""
+        self._keep(CONTACT, self._refined(ladder, 1.0))
+
+    def try_slopes(self, ladder: Ladder) -> None:
+        """Stiffer friction until the change to twice the slope is within its share.
+
+        What sticks rings at a step that is too long for its slope: that is part of the change.
+        """
+        self._keep(SLOPE, self._refined(ladder, FIRST_ORDER))
+
+    def try_steps(self, ladder: Ladder) -> None:
+        """Halved steps until the change to the next, extrapolated, is within its share.
+
+        From twice the step of the trials on; longer ones are tried where that pays.
+        """
+        rungs = ladder.rungs
+        at = max(0, min(TRIAL_STEP, len(rungs) - 1) - 1)
+        found = self._refined(Ladder(ladder.name, rungs[at:]), RICHARDSON)
+        while at > 0 and found[0].error <= self.share and self._pays(rungs[at].changes):
+            at -= 1
+            longer, shorter = (self.measure(rungs[k].changes) for k in (at, at + 1))
+            error = RICHARDSON * self.scene.error(longer, shorter)
+            found.insert(0, Tried(rungs[at].label, rungs[at].changes, error, longer.seconds))
+        self._keep(STEP, found)
+
+    def _pays(self, changes: Mapping[str, Any]) -> bool:
+        """Whether a try of twice the step may save the study more than the try takes."""
+        made = self.measure(changes)
+        study = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        trial = made.seconds * len(self.points) + made.setup_seconds
+        return pays(study, trial)
+
+    def _refined(self, ladder: Ladder, factor: float) -> list[Tried]:
+        """Rungs up to the first whose change to the next is within its share, and that next one.
+
+        What is left after the last one tried is taken for a quarter of the change that led to it.
+        """
+        found: list[Tried] = []
+        coarse = self.measure(ladder.rungs[0].changes)
+        for rung, finer in zip(ladder.rungs, ladder.rungs[1:], strict=False):
+            fine = self.measure(finer.changes)
+            error = factor * self.scene.error(coarse, fine)
+            found.append(Tried(rung.label, rung.changes, error, coarse.seconds))
+            coarse = fine
+            if error <= self.share:
+                break
+        return [*found, Tried(finer.label, finer.changes, error / 4, coarse.seconds)]
+
+    def _keep(self, name: str, found: list[Tried]) -> None:
+        """Go on with the cheapest of a ladder that is good enough, else with its best."""
+        found = [t for t in found if np.isfinite(t.cost)]  # where no pilot ran there is none
+        self.tried[name] = found
+        good = [t for t in found if t.error <= self.share]
+        best = min(good, key=lambda t: t.cost) if good else min(found, key=lambda t: t.error)
+        self.kept[name] = best
+        self.now |= best.changes
+
+    def given_error(self) -> float:
+        """What explicit settings add: of a step against half of it, of a basis against all modes.
+
+        Contact points and mesh that the file gives are the model, not an approximation of one.
+        """
+        section, error = self.scene.study.section, 0.0
+        if STEP not in self.ladders:
+            half = self.measure({"transient.step": 0.5 * section.step})
+            error += RICHARDSON * self.scene.error(self.measure({}), half)
+        if BASIS not in self.ladders and section.modes_below is not None:
+            error += self.scene.error(self.measure({}), self.measure(ALL_MODES))
+        return error
+
+    def study_seconds(self) -> tuple[float, float]:
+        """Seconds of all points with the first rung of every ladder, and of what they share."""
+        made = self.measure({})
+        cost = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        for name, best in self.kept.items():
+            cost *= self.tried[name][0].cost / best.cost if best.cost > 0 else 1.0
+        return cost, made.reduction_seconds + made.setup_seconds
+
+
+def interior_pilots(plan: Plan, count: int) -> list[int]:
+    """Design points nearest to places inside the swept box: no training run is made there.
+
+    The first is in the upper half of the box, where more squeals.
+    """
+    X = plan.coordinates
+    if not X.shape[1]:
+        return list(range(min(count, len(X))))
+    span = np.ptp(X, axis=0)
+    X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
+    chosen: list[int] = []
+    for place in (0.75, 0.4, 0.9, 0.55, 0.65, 0.25, 0.85, 0.5):
+        order = np.argsort(np.abs(X - place).max(axis=1), kind="stable")
+        chosen += [int(i) for i in order if i not in chosen][:1]
+    chosen += [i for i in range(len(X)) if i not in chosen]
+    return chosen[:count]
+
+
+def _settled(scene: Scene) -> dict[str, Any]:
+    """Runs end once their outcome is known, where the file does not say when they end."""
+    modal = scene.study.section.representation == "modal"
+    if not modal or "transient.stop" in given_keys(scene.study):
+        return {}
+    certain = (
+        {}
+        if "transient.settle_tolerance" in given_keys(scene.study)
+        else {"transient.settle_tolerance": min(SETTLED, SETTLED_SHARE * scene.tolerance)}
+    )
+    return {"transient.stop": "settled", **certain}

@@ -1,0 +1,166 @@
+"""Design points between those of a study: for tracking and onsets, in no table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from squealstudy.engine.cache import load_prepared
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.working_points import known_gap
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
+from squealstudy.kinds.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.rungs import rung_named
+from squealstudy.modes.tracking.interpolated import InterpolatedModes, ModalMatrices
+from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.study.design import Design
+from squealstudy.system.linearise import linearise
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Of the libraries of this process: looking for them takes as long as a small solve."""
+    return ThreadpoolController()
+
+
+@dataclass(frozen=True)
+class Between:
+    """The neighbourhood of a design point, in which one prepared model holds.
+
+    Attributes
+    ----------
+    structure : SweptStructure
+    rung : str
+        By which the study solves the point.
+    box : Box
+        In which it does so.
+    design : Design
+        Of the point at coordinates `x`.
+    x : ndarray (p,)
+        As in Plan.coordinates.
+    sweeps : tuple of (str, bool)
+        Name of each coordinate, and whether it is a logarithm.
+    """
+
+    structure: SweptStructure
+    rung: str
+    box: Box
+    design: Design
+    x: np.ndarray
+    sweeps: tuple[tuple[str, bool], ...]
+
+    def design_at(self, x: np.ndarray) -> Design:
+        """The design at other coordinates (p,); coordinates that agree keep their exact value."""
+        values = dict(self.design.values)
+        for (name, log), own, other in zip(self.sweeps, self.x, x, strict=True):
+            if other != own:
+                values[name] = float(np.exp(other) if log else other)
+        return replace(self.design, values=values)
+
+    def solve(self, x: np.ndarray) -> Modes:
+        """Oscillating modes at coordinates (p,).
+
+        Raises
+        ------
+        ConvergenceError
+            Where there are none: no working point, or an eigenproblem without solution.
+        """
+        rung = rung_named(self.rung)
+        try:
+            with _threads().limit(limits=1):
+                problem = problem_of(self.structure, rung)
+                return rung.modes_at(problem, self.design_at(x), self.box)
+        except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+            raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+
+    def matrices(self) -> ModalMatrices:
+        """The design point in the real modes of its structure, of an assembly.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no working point.
+        """
+        prepared = load_prepared(self.structure.key)
+        state, X = self.design.state(), prepared.shape_basis
+        known = known_gap(self.structure.key, self.design)
+        with _threads().limit(limits=1):
+            point = state_working_point(prepared, state, known)
+            system = linearise(prepared.model, point, state)
+            return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
+
+    def way_to(self, other: Between) -> InterpolatedModes:
+        """What lies between this point and one of another structure.
+
+        Raises
+        ------
+        ConvergenceError
+            Where one of both has no working point.
+        """
+        low, high = self.structure.band_hz
+        band = (2 * np.pi * low, 2 * np.pi * high)
+        return InterpolatedModes(
+            a=self.matrices(), b=other.matrices(), x_a=self.x, x_b=other.x, band=band
+        )
+
+
+class Neighbourhoods:
+    """Makes the neighbourhoods of a plan's design points.
+
+    Parameters
+    ----------
+    plan : Plan
+    whole : Plan or None
+        The plan whose boxes and bases serve the points, where these are only some of its points.
+    """
+
+    def __init__(self, plan: Plan, whole: Plan | None = None) -> None:
+        self._plan = plan
+        whole = plan if whole is None else whole
+        self._structures = {s.key: s for s in swept_structures(whole)}
+        self._rungs = {key: rung_of(whole, s) for key, s in self._structures.items()}
+        self._boxes = _boxes_of_points(whole)
+        self._sweeps = tuple(
+            (s.name, s.scale == "log" and all(point[s.name] > 0 for point in plan.swept))
+            for s in plan.study.sweeps
+        )
+
+    def of(self, point: int) -> Between:
+        """What lies around a design point."""
+        task, x = self._plan.tasks[point], self._plan.coordinates[point]
+        structure = self._structures[task.prepared_key]
+        box = self._boxes.get(task.point_id) or whole_box(structure)
+        return Between(
+            structure=structure,
+            rung=self._rungs[structure.key],
+            box=box,
+            design=task.design,
+            x=x,
+            sweeps=self._sweeps,
+        )
+
+    def logarithmic(self, column: int) -> bool:
+        """Whether a coordinate is a logarithm."""
+        return self._sweeps[column][1]
+
+    def joined(self, a: int, b: int) -> bool:
+        """Whether one prepared model holds at both points, and so between them."""
+        return self._plan.tasks[a].prepared_key == self._plan.tasks[b].prepared_key
+
+
+def _boxes_of_points(plan: Plan) -> dict[str, Box]:
+    """The box in which each point of a plan is solved, where a rung does more than point by point.
+
+    A basis serves all points alike.
+    """
+    rung = plan.method.rung
+    if rung.exact or rung.over_a_basis:
+        return {}
+    tasks = solve_tasks(plan, plan.tasks, 1)
+    return {point.point_id: task.box for task in tasks for point in task.points}

@@ -1,0 +1,72 @@
+"""Modes of solved design points followed along them, and the onsets on their tracks."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.names import onset_parameter
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.kinds.complex_modes.between import Neighbourhoods
+from squealstudy.kinds.complex_modes.columns import ModeColumns
+from squealstudy.kinds.complex_modes.follow import Follower
+from squealstudy.kinds.complex_modes.onsets import OnsetSearch
+from squealstudy.modes.tracking.labels import Tracks
+
+
+class Followed(NamedTuple):
+    """Tracks, the table of onsets (None without a sweep), and how they came about."""
+
+    tracks: Tracks
+    onsets: pd.DataFrame | None
+    summary: dict[str, Any]
+
+
+def follow_modes(
+    plan: Plan,
+    columns: ModeColumns,
+    points: pd.DataFrame,
+    judged: np.ndarray,
+    error: np.ndarray,
+    workers: Workers,
+    near: Neighbourhoods | None = None,
+) -> Followed:
+    """Track the modes of all points and find the onsets, as the study's [modes] section says.
+
+    Parameters
+    ----------
+    plan : Plan
+    columns : ModeColumns
+        With shapes.
+    points : DataFrame
+        The points' table: status and parameters.
+    judged : ndarray (N,) complex
+        Roots of all points, rad/s, as their stability is judged (`settled`).
+    error : ndarray (N,)
+        Their estimated errors, rad/s, which move the onsets.
+    workers : Workers
+    near : Neighbourhoods or None
+        What lies between the points, where the plan alone does not tell.
+    """
+    section = plan.study.definition.modes
+    follower = Follower(plan, columns, workers, near)
+    summary: dict[str, Any] = {}
+    tracks, summary["tracking"] = follower.follow(section.refine_tracking)
+    along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
+    if along is None:
+        return Followed(tracks, None, summary)
+    kept = ~columns.overdamped
+    search = OnsetSearch(
+        plan=plan,
+        follower=follower,
+        tracks=tracks,
+        points=points,
+        along=along,
+        lam=judged[kept],
+        error=error[kept],
+    )
+    onsets, summary["onsets"] = search.table(section.refine_onsets, workers)
+    return Followed(tracks, onsets, summary)

@@ -1,0 +1,220 @@
+"""Complex-mode studies as a kind."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.model_kind import ModelKind, Solves
+from squealstudy.engine.names import MODES, ONSETS, POINTS
+from squealstudy.engine.parallel import Progress, Workers
+from squealstudy.engine.plan import Plan, checked_points
+from squealstudy.engine.rows import FAILURES
+from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.complex_modes import rows
+from squealstudy.kinds.complex_modes.counts import read_roots
+from squealstudy.kinds.complex_modes.problems import (
+    SweptStructure,
+    make_basis,
+    problem_of,
+    refuse_basis,
+    swept_structures,
+)
+from squealstudy.kinds.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
+from squealstudy.kinds.complex_modes.worker import solve_points
+from squealstudy.modes.rungs import rung_named
+from squealstudy.study.sections import AUTO
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from squealstudy.engine.measurement import Measuring
+
+
+class ComplexModes(ModelKind):
+    """Working point and complex modes of every design point; full-order checks of some."""
+
+    name = "complex_modes"
+    description = "complex modes"
+    tables: tuple[str, ...] = (POINTS, MODES, ONSETS)
+    schema: pa.Schema = rows.SCHEMA
+    chooses_rung = True
+    has_fidelity = True
+    needs_contact = False
+
+    def check(self, plan: Plan) -> None:
+        """Modes of the assembly must be held by every basis; component modes are, in any kind."""
+        if not plan.designs[0].assembly_parameters() or plan.method.rung.unreduced:
+            return
+        for structure in plan.structures:
+            if is_prepared(structure.key):
+                plan.check_assembly_modes(load_any(structure.key).model.n)
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """A method that keeps no tolerance."""
+        if plan.method.rung.keeps_tolerance:
+            return []
+        return [
+            f"{plan.method.name} is a method to compare others with: it keeps no tolerance, and "
+            "its points are 'ok' whatever errors the modes table estimates"
+        ]
+
+    def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
+        """The plan, with an enriched basis where that of the study errs by more than its tolerance.
+
+        What no rung of reanalysis can lower is lowered once for all points of the study. A basis
+        that the study chooses itself, by any key of [reduction], stays as it is.
+        """
+        if plan.enriched or plan.study.definition.reduction.model_fields_set:
+            return plan
+        from squealstudy.kinds.complex_modes.reduction import make_samples
+
+        samples = make_samples(plan, failures, workers)
+        worst = max((sample.worst for _, sample in samples), default=0.0)
+        return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
+
+    def prepare(self, plan: Plan, report: Progress) -> None:
+        """The sweep bases of rungs that need them."""
+        if plan.method.rung.over_a_basis:
+            with threadpool_limits(1):  # matrices are small: more threads wait for each other
+                for structure in swept_structures(plan):
+                    if is_prepared(structure.key):
+                        self._make_basis(plan, structure, report)
+
+    @staticmethod
+    def _make_basis(plan: Plan, structure: SweptStructure, report: Progress) -> None:
+        chosen, rung = plan.study.definition.modes.method != AUTO, plan.method.rung
+        if structure.refusal.is_file() and not chosen:
+            return
+        try:
+            make_basis(structure, rung, lambda done, most: report("sweep basis", done, most))
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            if not chosen:  # all its points are then exact
+                refuse_basis(structure, str(error))
+                return
+            raise plan.error_at(
+                ("modes", "method"),
+                f"no sweep basis for {rung.name} can be made over this box ({error}): "
+                f'method = "{plan.method.exact}" solves point by point',
+            ) from error
+
+    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[SolveTask]:
+        """Boxes of neighbouring points, or chunks of consecutive ones."""
+        self.prepare(plan, workers.report)
+        return solve_tasks(plan, points, workers.jobs)
+
+    def solve(self, task: SolveTask) -> Solved:
+        """Solve the points of a task in a worker."""
+        return solve_points(task)
+
+    def grown(self, plan: Plan, directory: Path) -> Plan:
+        """With the nodes that a boundary design asks for."""
+        from squealstudy.kinds.complex_modes.rounds import grown
+
+        return grown(plan, directory)
+
+    def manifest(self, plan: Plan) -> dict[str, Any]:
+        """The grid of a boundary design, and how much of it is solved."""
+        from squealstudy.kinds.complex_modes.rounds import map_facts
+
+        found = map_facts(plan)
+        return super().manifest(plan) | ({} if found is None else {"boundary": found})
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """Chunk row of a point that could not be solved."""
+        return rows.failed_row(point_id, 0.0, status, message)
+
+    def verify(
+        self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
+    ) -> list[dict[str, Any]]:
+        """Solve the chosen points at full order, those not checked before; all their errors."""
+        from squealstudy.kinds.complex_modes.reference import (
+            REFERENCES,
+            ReferenceTask,
+            check_reference,
+            read_references,
+            write_reference,
+        )
+
+        chosen = [plan.tasks[i] for i in checked_points(plan)]
+        present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
+        wanted = [t for t in chosen if t.point_id not in present]
+        found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
+        tasks = [
+            ReferenceTask(t, lam, plan.study.options, plan.settings, plan.band_hz)
+            for t in wanted
+            if t.prepared_key not in failures and (lam := found.get(t.point_id)) is not None
+        ]
+        for result in workers.each(check_reference, tasks, "full-order check"):
+            write_reference(directory, result)
+        ids = {t.point_id for t in chosen}
+        return [r for i, r in read_references(directory).items() if i in ids]
+
+    def build_tables(
+        self, plan: Plan, directory: Path, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write points, modes and onsets."""
+        from squealstudy.kinds.complex_modes.audit import audited
+        from squealstudy.kinds.complex_modes.reduction import make_samples
+        from squealstudy.kinds.complex_modes.reference import read_references
+        from squealstudy.kinds.complex_modes.tables import build_tables
+
+        if plan.study.definition.modes.track:  # which solves points in between
+            self.prepare(plan, workers.report)
+        built = {s.key: "" for s in plan.structures if not is_prepared(s.key)}
+        samples = make_samples(plan, built, workers)
+        points, facts = build_tables(plan, directory, workers, samples)
+        served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
+        if plan.study.definition.modes.audit:
+            ids = [plan.tasks[i].point_id for i in checked_points(plan)]
+            facts["audit"] = audited(directory, ids, read_references(directory))
+        reason = plan.method.reason
+        for structure in swept_structures(plan) if plan.method.rung.over_a_basis else ():
+            if structure.refusal.is_file() and not structure.path.is_file():
+                reason += f"; no basis, all points are exact: {structure.refusal.read_text()}"
+                break
+        method = {"chosen": plan.method.name, "reason": reason, "points": served}
+        return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
+
+    def measuring(self) -> Measuring:
+        """How methods are timed."""
+        from squealstudy.kinds.complex_modes.measuring import MEASURING
+
+        return MEASURING
+
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """The method, and why it."""
+        rung = plan.method.rung
+        kept = f", to {plan.method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
+        return [("method", f"{plan.method.name}{kept}: {plan.method.reason}")]
+
+    def solves(self, plan: Plan) -> Solves:
+        """By the method of the study."""
+        from squealstudy.kinds.complex_modes.cost import mode_solves
+
+        return mode_solves(plan)
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point by the exact method."""
+        method = plan.method
+        rung = method.rung if method.rung.exact else rung_named(method.exact)
+        structure = next(s for s in swept_structures(plan) if s.key == task.prepared_key)
+        problem = problem_of(structure, rung)
+        started = time.perf_counter()
+        with threadpool_limits(1):
+            try:
+                list(rung.solve(problem, [task.design], whole_box(structure)))
+            except FAILURES:
+                return None
+        return time.perf_counter() - started
+
+
+KIND = ComplexModes()

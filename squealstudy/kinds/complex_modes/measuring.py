@@ -1,0 +1,189 @@
+"""How a method of complex-mode studies is timed, and what it finds."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.cache import is_prepared, load_any, prepared_model
+from squealstudy.engine.chunks import read_chunks, write_rows
+from squealstudy.engine.measurement import Measurement, Measuring
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.process import memory_above
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.kinds.complex_modes.bases import load_basis
+from squealstudy.kinds.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.onset_lines import LinePlan, find_onset
+from squealstudy.kinds.complex_modes.problems import problem_of
+from squealstudy.kinds.complex_modes.rows import SCHEMA
+from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
+from squealstudy.modes.full_order.finer_model import finer_modes
+from squealstudy.modes.rungs import rung_named
+from squealstudy.tables.finding_errors import onset_errors, root_errors
+
+BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
+
+
+def measure_modes(
+    plan: Plan, measured: Sequence[int], lines: Mapping[int, Sequence[int]] | None = None
+) -> Measurement:
+    """Solve chosen points of a complex-mode study by its method, in a scratch directory.
+
+    Parameters
+    ----------
+    plan : Plan
+        The structures of those points are in the cache; where points share work, all are.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    lines : mapping of int -> sequence of int, or None
+        By number of a measured point, positions of the points of the line on which its onset is
+        sought.
+    """
+    kind = ComplexModes()
+    chosen = [plan.tasks[i] for i in measured]
+    lines = {} if lines is None else lines
+    on_lines = [i for line in lines.values() for i in line]
+    wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
+    solved = plan.tasks if plan.method.rung.shares_work else wanted
+    with tempfile.TemporaryDirectory() as scratch:
+        tasks = kind.tasks(plan, solved, Workers())
+        ready_s = _made_ready(tasks)
+        with memory_above() as memory, threadpool_limits(1):
+            seconds, found_rows = _solved(kind, tasks)
+        write_rows(Path(scratch), found_rows, SCHEMA)
+        seconds /= len(solved)
+        rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
+        findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
+        following_s = []
+        for n, line in lines.items():
+            found, spent = onset_finding(LinePlan(plan, line), Path(scratch))
+            findings[str(n)] |= found
+            following_s.append(spent)
+    line_points = len(on_lines) / len(lines) if lines else np.nan
+    onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
+    setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
+    coordinates = int(load_any(chosen[0].prepared_key).model.n)
+    return Measurement(
+        seconds,
+        setup,
+        reduction,
+        memory.megabytes,
+        np.nan,
+        coordinates,
+        findings,
+        onset_s,
+        line_points,
+    )
+
+
+def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], float]:
+    """Part of a finding that holds the onset on a line of solved points, and seconds."""
+    started = time.process_time()
+    try:
+        with threadpool_limits(1):
+            value, width = find_onset(line, directory)
+    except FAILURES as error:
+        status, message = reason(error)
+        found: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
+    else:
+        found = {"onset": list(value), "onset_range": width}
+    return found, time.process_time() - started
+
+
+def _made_ready(tasks: Sequence[SolveTask]) -> float:
+    """Seconds until problems and bases of the tasks are in memory."""
+    started = time.process_time()
+    for task in tasks:
+        rung = rung_named(task.rung)
+        problem = problem_of(task.structure, rung)
+        if rung.over_a_basis:
+            _ = problem.basis_reader
+    return time.process_time() - started
+
+
+def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list[dict[str, Any]]]:
+    """Processor seconds of solving tasks, and the rows.
+
+    What is brief is solved once more, now that all is imported.
+    """
+    spent: list[float] = []
+    rows: list[dict[str, Any]] = []
+    while not spent or (len(spent) == 1 and spent[0] < BRIEF):
+        started = time.process_time()
+        # without keeping working points: a second round must not know those of the first
+        forgetful = [replace(task, keep_gaps=False) for task in tasks]
+        rows = [row for task in forgetful for row in kind.solve(task).rows]
+        spent.append(time.process_time() - started)
+    return min(spent), rows
+
+
+def reduction_seconds(plan: Plan) -> float:
+    """What the structures of a study took when they were made, or will by those that are."""
+    made = [s.key for s in plan.structures if is_prepared(s.key)]
+    spent = sum(sum(load_any(key).timings.values()) for key in made)
+    return float(spent) * len(plan.structures) / max(len(made), 1)
+
+
+def _bases_s(tasks: Sequence[SolveTask]) -> float:
+    """Seconds that the sweep bases in use took when they were made."""
+    paths = {t.structure.path for t in tasks if rung_named(t.rung).over_a_basis}
+    return float(sum(load_basis(path).seconds for path in paths))
+
+
+def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
+    """What the finer model of its structure finds at a point; None where there is no finer model.
+
+    The distance of a reduced model's roots to these is its error but for a factor SAFETY
+    (complex_modes/reduction.py).
+    """
+    task = plan.tasks[point]
+    prepared = prepared_model(task.prepared_key)
+    if prepared.finer is None:
+        return None
+    try:
+        with threadpool_limits(1):
+            modes = finer_modes(prepared, task.design.state(), plan.band_hz)
+    except FAILURES as error:
+        status, message = reason(error)
+        return {"status": status, "message": message}
+    lam = modes.lam[~modes.overdamped]
+    roots = np.column_stack([lam.real, lam.imag]).tolist()
+    return {"status": "ok", "message": "", "roots": roots}
+
+
+def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
+    """What errors are measured on, from a chunk row of a complex-mode study."""
+    kept = ~np.array(row["overdamped"], dtype=bool)
+    roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[kept]
+    estimates = np.array(row["error_rung"], dtype=float)[kept]
+    return {
+        "status": row["status"],
+        "message": row["message"],
+        "served_by": row["method"],
+        "roots": roots.tolist(),
+        "estimates": [None if np.isnan(e) else float(e) for e in estimates],
+    }
+
+
+MEASURING = Measuring(
+    quantities=(
+        "frequency",
+        "damping_ratio",
+        "unstable_frequency",
+        "unstable_damping_ratio",
+        "growth_rate",
+        "onset",
+    ),
+    judged=("frequency", "damping_ratio"),
+    measure=lambda plan, measured, asked: measure_modes(plan, measured, asked.lines),
+    comparisons=(root_errors, onset_errors),
+    finding=modes_finding,
+)

@@ -1,0 +1,369 @@
+"""The table of onsets: where each track turns unstable along a parameter, and stable again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.engine.names import ONSET_PARAMETER
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.kinds.complex_modes.counts import damping_ratios
+from squealstudy.kinds.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
+from squealstudy.kinds.complex_modes.onset_task import FAILED, OnsetTask, refine_task
+from squealstudy.modes.tracking.labels import Tracks
+from squealstudy.modes.tracking.onset_interpolation import cubic_onsets
+from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset
+from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.tables.crossings import (
+    BELOW_RANGE,
+    BRACKETED,
+    FIRST_SEEN,
+    INTO,
+    line_crossings,
+)
+from squealstudy.tables.mode_ranking import (
+    CUBIC,
+    REFINED,
+    RENUMBERED,
+    line_codes,
+    parameter_columns,
+)
+
+PRECISION = 1e-4
+INTERPOLATED = "interpolated"
+UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
+EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
+EXPECTED = 8  # evaluations an onset
+REAL = pa.float64()
+BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
+
+
+class OnsetSearch:
+    """Finds the onsets of a study.
+
+    Parameters
+    ----------
+    plan : Plan
+    follower : Follower
+    tracks : Tracks
+        A mode that turns out to change its number between two points is marked ambiguous at both.
+    points : DataFrame
+        The points' table.
+    along : str
+        The parameter, one of the swept ones.
+    lam : ndarray (N,) complex
+        Oscillating roots of all points as they are judged (`settled`), rad/s.
+    error : ndarray (N,)
+        Their estimated errors, rad/s; NaN where there is none.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        follower: Follower,
+        tracks: Tracks,
+        points: pd.DataFrame,
+        along: str,
+        lam: np.ndarray,
+        error: np.ndarray,
+    ) -> None:
+        self._plan, self._follower, self._points, self._along = plan, follower, points, along
+        self._tolerance = plan.study.definition.modes.stability_tolerance
+        self._column = [s.name for s in plan.study.sweeps].index(along)
+        counts = [len(roots) for roots in follower.lams]
+        self._judged = np.split(lam, np.cumsum(counts)[:-1])
+        self._error = np.nan_to_num(error) / np.maximum(np.abs(lam), 1e-300)
+        self._point = np.repeat(np.arange(len(counts)), counts)
+        self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
+        self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
+        self._ambiguous = tracks.ambiguous
+        self._lam, self._zeta = lam, damping_ratios(lam)
+        self._any = np.zeros(len(counts), dtype=bool)  # points with an unstable mode
+        self._any[self._point[self._zeta < -self._tolerance]] = True
+        raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
+        self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
+        self._line = line_codes(points, along)
+        self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
+
+    def table(self, refine: bool, workers: Workers) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """The table of onsets, and how they came about.
+
+        Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
+        ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
+        ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
+        ("refined" by root finding, "cubic" where four neighbouring points tell as much,
+        "interpolated" linearly, or put at a point that grows by less than its error, "failed"
+        refinement of such a value or the next, "renumbered" where refinement finds that the
+        unstable mode stays so and only its number changes: NaN, "bracketed" where nothing is damped
+        on the stable side: put at the unstable end, "below_range" for a mode that is unstable at
+        the beginning of a line: NaN, "first_seen" for a track that begins unstable: an upper
+        bound),
+        ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
+        errors of the roots make of it; NaN where there is none), ``evaluations``,
+        ``point_before``, ``point_after``. Lines of one point have none.
+        """
+        events = self._events()
+        table = self._unrefined(events)
+        self._place_neutral(events, table)
+        if refine and len(table):
+            self._interpolate(events, table)
+            self._refine(events, table, workers)
+            self._mark_renumbered(events[(table["status"] == RENUMBERED).to_numpy()])
+        status = table["status"].value_counts()
+        summary = {
+            "along": self._along,
+            "evaluations": int(table["evaluations"].sum()),
+            **{str(name): int(count) for name, count in status.items()},
+        }
+        return table, summary
+
+    def _events(self) -> pd.DataFrame:
+        """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
+        zeta = self._zeta
+        unstable = (zeta < -self._tolerance) & self._ok
+        x = self._points[self._along].where(self._points["status"] == "ok")
+        line = self._line
+        by_line = x.groupby(line)
+        several = (by_line.transform("nunique") > 1).to_numpy()
+        start = by_line.transform("min").to_numpy(dtype=float, copy=True)
+        if self._plan.study.definition.design.type in RANDOM_DESIGNS:
+            start[:] = np.nan  # its smallest value is drawn, the range begins below
+        rows = np.isin(self._track, self._track[unstable]) & several[self._point] & self._ok
+        kept = np.flatnonzero(rows)
+        point = self._point[kept]
+        events = line_crossings(
+            self._track[kept],
+            line[point],
+            x.to_numpy()[point],
+            start[point],
+            zeta[kept],
+            unstable[kept],
+        )
+        events["after"] = kept[events["after"]]
+        found = events["before"] >= 0
+        events.loc[found, "before"] = kept[events.loc[found, "before"]]
+        return events
+
+    def _unrefined(self, events: pd.DataFrame) -> pd.DataFrame:
+        points, x = self._points, self._points[self._along].to_numpy()
+        before, after = events["before"].to_numpy(), events["after"].to_numpy()
+        crossing = before >= 0
+        p0, p1 = self._point[np.where(crossing, before, after)], self._point[after]
+        part = _part(x[p0], x[p1], events["value"].to_numpy())
+        low, high = self._lam[np.where(crossing, before, after)], self._lam[after]
+        ids = points["point_id"].to_numpy()
+        table = pd.DataFrame({"track": events["track"].to_numpy(dtype=np.int32)})
+        for name in parameter_columns(points, varied=True):
+            if name != self._along:
+                table[name] = points[name].to_numpy()[p1]
+        below = (events["kind"] == BELOW_RANGE).to_numpy()
+        table["onset"] = np.where(below, np.nan, events["value"])
+        table["bracket_low"] = np.where(crossing, x[p0], np.nan)
+        table["bracket_high"] = x[p1]
+        table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)
+        table["direction"] = events["direction"].to_numpy()
+        table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy()
+        table["error_estimate"] = np.full(len(events), np.nan)
+        table["evaluations"] = np.zeros(len(events), dtype=np.int32)
+        table["point_before"] = np.where(crossing, ids[p0], "")
+        table["point_after"] = ids[p1]
+        return table
+
+    def _place_neutral(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+        """Crossings at an end that grows by less than its error: there, as far as can be told."""
+        into = (events["direction"] == INTO).to_numpy()
+        crossing = (events["before"] >= 0).to_numpy()
+        stable = np.where(into, events["before"], events["after"])
+        rows = np.flatnonzero(crossing & self._neutral[np.where(crossing, stable, 0)])
+        ends = events[["before", "after"]].to_numpy()[rows]
+        x = self._plan.coordinates[:, self._column][self._point[stable[rows]]]
+        for row, at, off in zip(rows, x, self._shift(ends[:, 0], ends[:, 1]), strict=True):
+            self._enter_value(table, int(row), float(at), float(off))
+            table.loc[row, "status"] = INTERPOLATED
+
+    def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+        """Crossings whose neighbours tell them to the precision, in place."""
+        crossing = np.flatnonzero((events["before"] >= 0) & table["error_estimate"].isna())
+        ends = events[["before", "after"]].to_numpy()[crossing]
+        before, after = self._neighbours()
+        rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
+        near = self._follower.near
+        joined = [near.joined(int(a), int(b)) for a, b in self._point[rows[:, [0, -1]]]]
+        whole = (rows >= 0).all(axis=1) & np.array(joined, dtype=bool)
+        crossing, rows = crossing[whole], rows[whole]
+        x = self._plan.coordinates[:, self._column][self._point[rows]]
+        value, error = cubic_onsets(x, self._zeta[rows] + self._tolerance)
+        good = error <= self._precision()
+        error += self._shift(ends[:, 0], ends[:, 1])[whole]
+        for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
+            self._enter_value(table, int(row), float(at), float(off))
+            table.loc[row, "status"] = CUBIC
+
+    def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row of each mode's track at the point before and after on its line, -1 where none."""
+        x = self._plan.coordinates[:, self._column][self._point]
+        line = self._line[self._point]
+        order = np.lexsort((x, line, self._track))
+        order = order[self._ok[order]]
+        same = (np.diff(self._track[order]) == 0) & (np.diff(line[order]) == 0)
+        same &= np.diff(x[order]) > 0
+        before, after = np.full((2, len(x)), -1)
+        before[order[1:][same]] = order[:-1][same]
+        after[order[:-1][same]] = order[1:][same]
+        return before, after
+
+    def _enter_value(self, table: pd.DataFrame, row: int, value: float, error: float) -> None:
+        """Write an onset and its error, in coordinates, to its row."""
+        log = self._follower.near.logarithmic(self._column)
+        value = float(np.exp(value)) if log else value
+        table.loc[row, "onset"] = value
+        table.loc[row, "error_estimate"] = error * value if log else error
+
+    def _refine(self, events: pd.DataFrame, table: pd.DataFrame, workers: Workers) -> None:
+        """Refine crossings in place: those where the first mode turns unstable on a line, or the
+        last one stable, which bound stability; of others the first of each track first, within the
+        budget.
+        """
+        brackets = self._brackets(events, table)
+        bounding = self._bounding(events)
+        bounds = [rows for rows in brackets if rows[0] in bounding]
+        others = [rows for rows in brackets if rows[0] not in bounding]
+        budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
+        self._refine_within(np.inf, bounds, events, table, workers)
+        self._refine_within(budget, others, events, table, workers)
+
+    def _bounding(self, events: pd.DataFrame) -> set[int]:
+        """Rows of crossings at one end of which no mode is unstable."""
+        ends = events[events["before"] >= 0]
+        before, after = (self._any[self._point[ends[end]]] for end in ("before", "after"))
+        return set(ends.index[before != after].tolist())
+
+    def _refine_within(
+        self,
+        budget: float,
+        brackets: list[list[int]],
+        events: pd.DataFrame,
+        table: pd.DataFrame,
+        workers: Workers,
+    ) -> None:
+        """Refine these in their order, until so many design points are solved for it."""
+        spent = done = 0
+        while done < len(brackets) and spent < budget:
+            workers.report("onsets", done, len(brackets))
+            batch: list[list[int]] = []
+            for rows in brackets[done : done + BATCH]:
+                if spent + EXPECTED * sum(map(len, [*batch, rows])) > budget and batch:
+                    break
+                batch.append(rows)
+            tasks = [self._task(events, rows) for rows in batch]
+            for results in workers.each(refine_task, tasks):
+                for row, onset in results:
+                    spent += self._enter(table, row, onset, pd.Series(events.loc[row]))
+            done += len(batch)
+        if done:
+            workers.report("onsets", done, done)
+
+    def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
+        """Rows of crossings in lists of the same two points; what matters most first."""
+        crossing = events[(events["before"] >= 0) & table["error_estimate"].isna()]
+        near = self._follower.near
+        ends = [
+            (int(self._point[a]), int(self._point[b]))
+            for a, b in zip(crossing["before"], crossing["after"], strict=True)
+        ]
+        into = (crossing["direction"] == INTO).to_numpy()
+        order = crossing["value"].groupby([crossing["track"], into]).rank(method="first")
+        urgent = np.where(into, order, order + 0.5)
+        found: dict[tuple[int, int], list[int]] = {}
+        for n in np.lexsort((crossing["track"], urgent)):
+            if near.joined(*ends[n]):
+                found.setdefault(ends[n], []).append(int(crossing.index[n]))
+        return list(found.values())
+
+    def _task(self, events: pd.DataFrame, rows: list[int]) -> OnsetTask:
+        before = events.loc[rows, "before"].to_numpy()
+        after = events.loc[rows, "after"].to_numpy()
+        a, b = int(self._point[before[0]]), int(self._point[after[0]])
+        x, follower = self._plan.coordinates[:, self._column], self._follower
+        return OnsetTask(
+            rows=rows,
+            places=list(
+                zip(self._place[before].tolist(), self._place[after].tolist(), strict=True)
+            ),
+            between=follower.near.of(a),
+            column=self._column,
+            end=float(x[b]),
+            low=Modes(self._judged[a], follower.raw(a)),
+            high=Modes(self._judged[b], follower.raw(b)),
+            tolerance=self._tolerance,
+            precision=self._precision(),
+        )
+
+    def _precision(self) -> float:
+        """Of the coordinate; half of what is promised, which Brent's method may use up twice."""
+        if self._follower.near.logarithmic(self._column) or self._along == ONSET_PARAMETER:
+            return PRECISION / 2
+        return PRECISION / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
+
+    def _shift(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """How far errors of roots move crossings between two rows each (n,), in coordinates."""
+        x = self._plan.coordinates[:, self._column]
+        steep = self._zeta[after] - self._zeta[before]
+        step = x[self._point[after]] - x[self._point[before]]
+        worse = np.maximum(self._error[before], self._error[after])
+        shift: np.ndarray = np.abs(worse * step / np.where(steep == 0, np.inf, steep))
+        return np.minimum(shift, np.abs(step))
+
+    def _mark_renumbered(self, events: pd.DataFrame) -> None:
+        """Mark the modes at both ends of these events as ambiguous."""
+        for row in events[["before", "after"]].to_numpy().ravel():
+            self._ambiguous[self._point[row]][self._place[row]] = True
+
+    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | str, event: pd.Series) -> int:
+        """Write a refined onset to its row; the number of evaluations."""
+        if isinstance(onset, str):
+            renumbered = onset == NO_CROSSING
+            table.loc[row, "status"] = RENUMBERED if renumbered else FAILED
+            if renumbered:
+                table.loc[row, "onset"] = np.nan
+            return 0
+        ends = np.array([[event["before"]], [event["after"]]])
+        error = 2.0 * self._precision() + float(self._shift(*ends)[0])
+        self._enter_value(table, row, onset.value, error)
+        table.loc[row, "frequency_hz"] = onset.frequency_hz
+        table.loc[row, "status"] = REFINED
+        table.loc[row, "evaluations"] = onset.evaluations
+        return onset.evaluations
+
+
+def _part(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Where values lie between both ends, 0 to 1; 1 where these agree."""
+    apart = end != start
+    part: np.ndarray = np.where(apart, (value - start) / np.where(apart, end - start, 1.0), 1.0)
+    return part
+
+
+def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:
+    """The table of onsets with its explicit schema; an empty one where there is none."""
+    types = {
+        "track": pa.int32(),
+        "onset": REAL,
+        "bracket_low": REAL,
+        "bracket_high": REAL,
+        "frequency_hz": REAL,
+        "direction": pa.string(),
+        "status": pa.string(),
+        "error_estimate": REAL,
+        "evaluations": pa.int32(),
+        "point_before": pa.string(),
+        "point_after": pa.string(),
+    }
+    if table is None:
+        return pa.schema(types).empty_table()
+    schema = pa.schema([(name, types.get(name, REAL)) for name in table.columns])
+    return pa.Table.from_pandas(table, schema=schema, preserve_index=False)

@@ -1,0 +1,210 @@
+"""The structures of a study as problems for rungs, and what a worker keeps ready of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.engine.cache import prepared_any, prepared_path
+from squealstudy.engine.files import write_atomic
+from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.working_points import known_gap
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.complex_modes.bases import load_basis, save_basis
+from squealstudy.kinds.complex_modes.chart import Chart, chart_of
+from squealstudy.kinds.complex_modes.unreduced import Unreduced
+from squealstudy.modes.full_order.family_point import solve_family_point
+from squealstudy.modes.point import PointModes, solve_point
+from squealstudy.modes.problem import Problem
+from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
+from squealstudy.modes.reanalysis.family_problem import FamilyProblem
+from squealstudy.modes.reanalysis.readers import BrakeReader, FamilyReader
+from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
+from squealstudy.modes.rung import Rung
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.study.design import Design
+from squealstudy.system.design_state import DesignState
+
+MOST_KEPT = 2  # problems a process holds: of each its basis
+SHARE = 1 / 3  # of the tolerance that the basis may use up
+INTERPOLATION_SHARE = 0.1  # and what the problem itself interpolates over the box
+# a basis to a looser tolerance is cut shorter and asks for more training points in exchange: at
+# 1e-2 four times the time of 1e-4, for as many vectors
+LOOSEST = 1e-4
+
+
+@dataclass(frozen=True)
+class SweptStructure:
+    """A structure of a study with the box of all its design points.
+
+    Attributes
+    ----------
+    key : str
+        Of the prepared model in the cache.
+    chart : Chart
+        The box.
+    band_hz : (low, high)
+    tolerance : float
+        Of the study's modes.
+    options : mapping of name -> str or int
+        Of the model.
+    settings : BasisSettings
+        Of the reduction.
+    """
+
+    key: str
+    chart: Chart
+    band_hz: tuple[float, float]
+    tolerance: float
+    options: Mapping[str, str | int]
+    settings: BasisSettings
+
+    @cached_property
+    def path(self) -> Path:
+        """Where the sweep basis is kept."""
+        chart, law = self.chart.identity(), self.chart.design.law_identity
+        code = [source_hash(), source_hash(("kinds/complex_modes",))]
+        content = [code, chart, law, self.band_hz, self.tolerance]
+        return prepared_path(self.key) / "sweep_bases" / f"{content_hash(content)}.npz"
+
+    @property
+    def refusal(self) -> Path:
+        """Where it is said why there is no basis over this box."""
+        return self.path.with_suffix(".reason")
+
+    @property
+    def unreduced(self) -> Unreduced:
+        """Its full-order model."""
+        return Unreduced(self.key, self.options, self.settings)
+
+
+def swept_structures(plan: Plan) -> list[SweptStructure]:
+    """The structures of a plan, in the order of their first use."""
+    names = [s.name for s in plan.study.sweeps if not s.parameter.structural]
+    designs: dict[str, list[Design]] = {}
+    for task in plan.tasks:
+        designs.setdefault(task.prepared_key, []).append(task.design)
+    return [
+        SweptStructure(
+            key=key,
+            chart=chart_of(found, names),
+            band_hz=plan.band_hz,
+            tolerance=plan.method.tolerance,
+            options=plan.study.options,
+            settings=plan.settings,
+        )
+        for key, found in designs.items()
+    ]
+
+
+def problem_of(structure: SweptStructure, rung: Rung) -> Problem:
+    """The problem of a structure as a rung needs it, kept for the next call in this process."""
+    key = f"{structure.path} {rung.over_a_basis}"
+    if key not in _kept:
+        while len(_kept) >= MOST_KEPT:
+            _kept.pop(next(iter(_kept)))
+        _kept[key] = _problem(structure, not rung.over_a_basis)
+    return _kept[key]
+
+
+_kept: dict[str, Problem] = {}
+
+
+def _problem(structure: SweptStructure, exact_damping: bool) -> Problem:
+    prepared = prepared_any(structure.key)
+    if isinstance(prepared, PreparedFamily):
+        return _family_problem(structure, prepared)
+    return _brake_problem(structure, prepared, exact_damping)
+
+
+def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Problem:
+    chart, band_hz = structure.chart, structure.band_hz
+
+    def values_at(theta: np.ndarray) -> dict[str, float]:
+        return chart.design_at(theta).plain_values()
+
+    def solve(design: Design) -> PointModes:
+        return solve_family_point(prepared, design.plain_values(), band_hz)
+
+    return Problem(
+        swept=FamilyProblem(
+            family=prepared.model,
+            dimension=chart.dimension,
+            values_at=values_at,
+            band_hz=band_hz,
+            first=prepared.n_roots,
+        ),
+        chart=chart,
+        tolerance=structure.tolerance,
+        exact=solve,
+        full_order=solve,
+        reader=lambda V: FamilyReader(prepared, V),
+        load_basis=lambda: load_basis(structure.path),
+    )
+
+
+def _brake_problem(
+    structure: SweptStructure, prepared: PreparedModel, exact_damping: bool
+) -> Problem:
+    chart, band_hz = structure.chart, structure.band_hz
+
+    def state_at(theta: np.ndarray) -> DesignState:
+        return chart.design_at(theta).state()
+
+    def solve(design: Design) -> PointModes:
+        return solve_point(prepared, design.state(), band_hz, known_gap(structure.key, design))
+
+    return Problem(
+        swept=BrakeProblem(
+            prepared=prepared,
+            dimension=chart.dimension,
+            state_at=state_at,
+            band_hz=band_hz,
+            exact_damping=exact_damping,
+        ),
+        chart=chart,
+        tolerance=structure.tolerance,
+        exact=solve,
+        full_order=lambda design: structure.unreduced.solve(prepared, design, band_hz),
+        reader=lambda V: BrakeReader(prepared, V),
+        load_basis=lambda: load_basis(structure.path),
+    )
+
+
+def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBasis:
+    """The sweep basis of a structure, read where it is there, made and kept where it is not.
+
+    Raises
+    ------
+    ConvergenceError
+        Where none can be made, or where what it interpolates is wrong by too much.
+    """
+    if structure.path.is_file():
+        return load_basis(structure.path)
+    problem = problem_of(structure, rung).swept
+    interpolated = problem.interpolation_error()
+    if interpolated > INTERPOLATION_SHARE * structure.tolerance:
+        raise ConvergenceError(
+            "not_converged",
+            f"interpolated modal damping is wrong by {interpolated:.0e} in damping ratio",
+        )
+    basis = build_sweep_basis(problem, SHARE * min(structure.tolerance, LOOSEST), report=report)
+    basis = replace(basis, interpolated=interpolated)
+    save_basis(structure.path, basis)
+    return basis
+
+
+def refuse_basis(structure: SweptStructure, why: str) -> None:
+    """Keep why a structure has no basis, so that it is not tried again."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_text(why)
+
+    write_atomic(structure.refusal, write)

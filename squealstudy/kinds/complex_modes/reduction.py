@@ -1,0 +1,184 @@
+"""How far reduced models are from the full-order one: at some design points, carried to all.
+
+At a sample of the design points of each structure both the reduced model and its finer one are
+solved (analysis/full_order/finer_model.py). A mode of another point takes the relative errors of
+the modes nearest to it in the complex plane at the nearest sample points, averaged. Complete bases
+and unreduced models have no error of this kind: zero.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.engine.cache import prepared_model, prepared_path
+from squealstudy.engine.files import write_json
+from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.tasks import PointTask
+from squealstudy.kinds.complex_modes.columns import ModeColumns
+from squealstudy.modes.full_order.finer_model import reduction_errors
+from squealstudy.modes.full_order.pairs import LIGHT
+from squealstudy.study.sampling import farthest_points
+
+SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
+CARRIED = 2.0  # on errors carried from other points, besides
+ROUND_OFF = 1e-12  # relative: of the difference of two dense eigenvalues
+POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
+LEAST, MOST = 8, 16  # sample points of a structure
+NEAREST = 3  # of which errors are carried to a point
+SAME = 1e-9  # distance, in spans of the sweeps, within which a point is a sample point
+BLOCK = 20_000  # modes at a time
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Errors at one design point: roots lam (m,) [rad/s] and errors relative to their moduli."""
+
+    lam: np.ndarray
+    relative: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """Largest relative error of lightly damped and growing modes."""
+        judged = (np.abs(self.lam.real) < LIGHT * np.abs(self.lam)) | (self.lam.real > 0)
+        return float(self.relative[judged].max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class SampleTask:
+    """A design point to be solved in both models, and where the errors are kept."""
+
+    point: PointTask
+    band_hz: tuple[float, float]
+
+    @property
+    def path(self) -> Path:
+        """Beside the prepared model; other studies with the same point find it."""
+        values = sorted((k, float(v).hex()) for k, v in self.point.design.own_values.items())
+        laws = self.point.design.law_identity
+        name = content_hash([source_hash(), laws, self.band_hz, values])
+        return prepared_path(self.point.prepared_key) / "reduction_errors" / f"{name}.json"
+
+    def read(self) -> Sample | None:
+        """The errors that are kept; None where the point has none, or is not solved yet."""
+        if not self.path.is_file():
+            return None
+        found = json.loads(self.path.read_text(encoding="utf-8"))
+        if "roots" not in found:
+            return None
+        lam = np.array(found["roots"], dtype=float).reshape(-1, 2) @ np.array([1.0, 1.0j])
+        return Sample(lam, np.array(found["relative_errors"], dtype=float))
+
+
+def solve_sample(task: SampleTask) -> None:
+    """Solve a sample point and keep its errors, or why it has none."""
+    prepared = prepared_model(task.point.prepared_key)
+    try:
+        lam, error = reduction_errors(prepared, task.point.design.state(), task.band_hz)
+    except FAILURES as failure:
+        write_json(task.path, {"failure": reason(failure)})
+        return
+    relative = np.maximum(SAFETY * error / np.abs(lam), ROUND_OFF)
+    roots = [[float(x.real), float(x.imag)] for x in lam]
+    write_json(task.path, {"roots": roots, "relative_errors": relative.tolist()})
+
+
+def is_reduced(plan: Plan) -> bool:
+    """Whether the points of a plan are solved in models with an error of reduction."""
+    return has_mesh(plan.study) and not plan.method.rung.unreduced
+
+
+def sample_points(plan: Plan) -> list[int]:
+    """Indices of the sample points: of each structure those farthest from each other."""
+    by_structure: dict[str, list[int]] = {}
+    for i, task in enumerate(plan.tasks):
+        by_structure.setdefault(task.prepared_key, []).append(i)
+    chosen: list[int] = []
+    for own in by_structure.values():
+        count = min(max(LEAST, len(own) // POINTS_A_SAMPLE), MOST)
+        chosen += [own[k] for k in farthest_points(plan.coordinates[own], count)]
+    return chosen
+
+
+def make_samples(
+    plan: Plan, failures: Mapping[str, str], workers: Workers
+) -> list[tuple[int, Sample]]:
+    """Sample points and their errors, solved where the cache does not hold them."""
+    if not is_reduced(plan):
+        return []
+    chosen = [i for i in sample_points(plan) if plan.tasks[i].prepared_key not in failures]
+    tasks = {i: SampleTask(plan.tasks[i], plan.band_hz) for i in chosen}
+    missing = [task for task in tasks.values() if not task.path.is_file()]
+    for _ in workers.each(solve_sample, missing, "errors of the reduction"):
+        pass
+    found = ((i, task.read()) for i, task in tasks.items())
+    return [(i, sample) for i, sample in found if sample is not None]
+
+
+def carried_errors(
+    plan: Plan, columns: ModeColumns, samples: Sequence[tuple[int, Sample]]
+) -> np.ndarray:
+    """Error of the reduction (N,) of every mode of a study, rad/s.
+
+    Zero where models are not reduced; NaN where no sample point of the structure has modes.
+    """
+    if not is_reduced(plan):
+        return np.zeros(len(columns.lam))
+    X, key = scaled(plan.coordinates), np.array([task.prepared_key for task in plan.tasks])
+    point = columns.point
+    relative = np.full(len(columns.lam), np.nan)
+    kept = [(i, sample) for i, sample in samples if len(sample.lam)]
+    for structure in dict.fromkeys(key[i] for i, _ in kept):
+        near = [(i, sample) for i, sample in kept if key[i] == structure]
+        rows = np.flatnonzero(key[point] == structure)
+        distance = np.linalg.norm(X[:, None] - X[None, [i for i, _ in near]], axis=2)
+        lam, chosen = columns.lam[rows], [sample for _, sample in near]
+        relative[rows] = carried(lam, point[rows], distance, chosen)
+    return relative * np.abs(columns.lam)
+
+
+def carried(
+    lam: np.ndarray, point: np.ndarray, distance: np.ndarray, samples: Sequence[Sample]
+) -> np.ndarray:
+    """Relative errors (m,) of roots lam of points (m,), which lie at distances (n, s) from samples.
+
+    Logarithms are averaged over the nearest sample points with the inverse squares of the
+    distances, and a margin is kept; at a sample point its own errors stand alone.
+    """
+    near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
+    away = np.take_along_axis(distance, near, axis=1)
+    here = away[:, 0] <= SAME
+    weight = 1.0 / np.maximum(away, SAME) ** 2
+    weight = np.where(here[:, None], np.arange(near.shape[1]) == 0, weight)
+    weight /= weight.sum(axis=1, keepdims=True)
+    total = np.zeros(len(lam))
+    for k, sample in enumerate(samples):
+        share = np.where(near == k, weight, 0.0).sum(axis=1)
+        rows = np.flatnonzero(share[point])
+        error = np.log(sample.relative[_nearest(lam[rows], sample.lam)])
+        total[rows] += share[point[rows]] * error
+    relative: np.ndarray = np.exp(total) * np.where(here, 1.0, CARRIED)[point]
+    return relative
+
+
+def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Index (m,) of the root nearest to each of lam in the complex plane."""
+    found = [
+        np.abs(lam[start : start + BLOCK, None] - others[None, :]).argmin(axis=1)
+        for start in range(0, len(lam), BLOCK)
+    ]
+    return np.concatenate([np.zeros(0, dtype=int), *found])
+
+
+def scaled(X: np.ndarray) -> np.ndarray:
+    """Coordinates (n, d) of design points in units of their spans."""
+    span = np.ptp(X, axis=0) if len(X) else np.ones(X.shape[1])
+    unit: np.ndarray = (X - X.min(axis=0, initial=np.inf)) / np.where(span > 0, span, 1.0)
+    return unit

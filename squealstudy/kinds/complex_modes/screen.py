@@ -1,0 +1,254 @@
+"""What is shown of complex modes: the ranking of unstable ones, methods and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.screen import Rows, grid, notes
+from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
+from squealstudy.tables.mode_ranking import (
+    UNTRACKED,
+    frequency_text,
+    group_kind,
+    rank_modes,
+    settings_of,
+)
+from squealstudy.wording import in_digits, percent, plural
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+ONSETS = {
+    CROSSING: "~ before an onset: interpolated between two design points, not refined",
+    FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
+    "track was found",
+    BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
+    BELOW_RANGE: "below range: unstable at the first value of a line",
+}
+BOUNDS = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}
+SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
+OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
+
+
+class ComplexModesScreen(KindScreen):
+    """Unstable modes: how widely, how strongly, from where on, in which component."""
+
+    tables = ("points", "modes", "onsets")
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """Unstable tracked modes, `analysis.tables.mode_ranking.rank_modes`.
+
+        Of a boundary design all nodes of its grid count; only solved points tell the worst design
+        and the onset.
+        """
+        table = rank_modes(
+            *results.ranked,
+            results.along,
+            by,
+            top,
+            where,
+            results.onsets,
+            results.design in RANDOM_DESIGNS,
+        )
+        if results.boundary is None:
+            return table
+        solved = rank_modes(
+            results.points, results.modes, results.along, "growth", None, where, results.onsets
+        ).set_index("track")
+        known = table["track"].isin(solved.index)
+        for name in ("at", "threshold", "threshold_kind"):
+            table[name] = table["track"].map(solved[name]).where(known, table[name])
+        return table
+
+    def ranking(
+        self,
+        results: Results,
+        by: str = "share",
+        top: int | None = LISTED,
+        where: str | None = None,
+    ) -> list[RenderableType]:
+        """The ranking of unstable modes, what its columns mean, and what is uncertain."""
+        table = self.rank(results, by, top, where)
+        if not len(table):
+            return [_nothing(results, where), notes(_doubt(results, where), _left_out(results))]
+        energies = bool(table["main_component"].any())  # a family of matrices has none
+        shown = grid(
+            *("mode", "Hz", "unstable", "growth 1/s", "damping %"),
+            *(["onset"] if results.along else []),
+            *(["word:energy in"] if energies else []),
+            "text:worst at",
+            rows=(_cells(row, results.along, energies) for row in table.to_dict("records")),
+        )
+        return [shown, notes(*_legend(table, results, where))]
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """The ranking, or that there is no mode at all."""
+        if len(results.modes):
+            return self.ranking(results)
+        low, high = results.manifest["band_hz"]
+        return [f"No mode lies between {low:g} and {high:g} Hz at any design point."]
+
+    def facts(self, results: Results) -> Rows:
+        """Which rungs served the points, what an audit of them found, estimates and errors."""
+        manifest = results.manifest
+        return [*_method(manifest), ("error", _full_order_error(manifest))]
+
+
+def _nothing(results: Results, where: str | None) -> str:
+    """Why a ranking has no row."""
+    if not results.counted_points(where):
+        return f"No design point is {'solved and within the query' if where else 'solved'}."
+    none = "Within the query no mode" if where else "No mode"
+    return f"{none} is unstable at any of {_counted(results, where)}."
+
+
+def _counted(results: Results, where: str | None) -> str:
+    """What a ranking is over, in words."""
+    what = "nodes of the map" if results.boundary is not None else "solved points"
+    return f"the {results.counted_points(where)} {what}"
+
+
+def _doubt(results: Results, where: str | None) -> str:
+    """Where stability is not certain, in words; empty where it is everywhere."""
+    uncertain = results.uncertain_points(where)
+    if not uncertain:
+        return ""
+    return (
+        f"at {plural(uncertain, 'solved design point')} the error of some mode exceeds its growth "
+        "or decay: stable or unstable is not certain there (stability in modes; n_unstable_low "
+        "and n_unstable_high in points)"
+    )
+
+
+def _left_out(results: Results) -> str:
+    """What does not count, in words; empty where no point failed."""
+    failed = int((results.points["status"] != "ok").sum())
+    verb = "counts" if failed == 1 else "count"
+    return f"{plural(failed, 'design point')} failed and {verb} neither way" if failed else ""
+
+
+def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[str]:
+    """What the columns of the ranking mean."""
+    query = " within the query" if where else ""
+    counted = _counted(results, where)
+    texts = [f"unstable: share of {counted}{query} at which the mode was found unstable"]
+    if (table["unstable_points_low"] < table["unstable_points_high"]).any():
+        texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
+    texts += [_doubt(results, where), _left_out(results)]
+    texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
+    names = ", ".join(name for name, _ in settings_of(table["at"].iloc[0]))
+    texts += [f"worst at: {names}"] if names else []
+    if along := results.along:
+        unit = results.units.get(along, "")
+        name = f"{along} [{unit}]" if unit else along
+        texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
+        texts += [text for kind, text in ONSETS.items() if (table["threshold_kind"] == kind).any()]
+    if (table["kind"] == group_kind(UNTRACKED)).any():
+        texts.append(
+            "untracked: all modes in this range of frequency, maybe different ones; growth and "
+            "damping of the fastest"
+        )
+    if table["ambiguous"].any():
+        texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
+    return texts
+
+
+def _cells(row: dict[Hashable, Any], along: str | None, energies: bool) -> list[str]:
+    name = str(row["track"]) if row["kind"] == "mode" else str(row["kind"])
+    low, high, n = (row[f"{of}points{side}"] for of, side in SIDES)
+    bounds = f" ({percent(low / n, high / n)})" if low < high else ""
+    shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
+    energy = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares if name)
+    return [
+        f"~{name}" if row["ambiguous"] else name,
+        frequency_text(row),
+        f"{100 * row['unstable_share']:.1f}{bounds} %",
+        in_digits(row["max_growth_rate"], 1),
+        f"{100 * row['min_damping_ratio']:.3f}",
+        *([_threshold(row)] if along else []),
+        *([energy] if energies else []),
+        ", ".join(value for _, value in settings_of(row["at"])),
+    ]
+
+
+def _threshold(row: dict[Hashable, Any]) -> str:
+    value, kind = row["threshold"], row["threshold_kind"]
+    if kind == BELOW_RANGE:
+        return BELOW_RANGE
+    if not isinstance(value, float) or value != value:
+        return "-"
+    return f"{BOUNDS.get(kind, '')}{round(value, 9):.4g}"
+
+
+def _method(manifest: Mapping[str, Any]) -> Rows:
+    """Which rungs served the points, and what an audit of them found."""
+    method = manifest.get("method")
+    if not method:
+        return []
+    served = ", ".join(f"{rung} {count}" for rung, count in method["points"].items())
+    rows = [("method", f"{method['chosen']} ({method['reason']}); points by rung: {served}")]
+    audit = manifest.get("audit")
+    if audit and audit["modes"]:
+        text = (
+            f"{audit['modes']} modes of {audit['points']} points at full order: largest error "
+            f"{audit['largest_true_error']:.1e}, largest estimate {audit['largest_estimate']:.1e}, "
+            f"{audit['missed_modes']} missed"
+        )
+        rows.append(("audit", text))
+    return [*rows, *_estimates(manifest)]
+
+
+def _estimates(manifest: Mapping[str, Any]) -> Rows:
+    """Largest estimated errors, of the rung and of the reduction; the mesh's is in neither."""
+    errors = manifest.get("errors")
+    if not errors or errors["largest_rung"] is None:
+        return []
+    text = f"method {errors['largest_rung']:.1e}, "
+    if not errors["reduced"]:
+        return [("estimates", f"{text}no reduction: relative, of light and of growing modes")]
+    reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
+    if reduction is None:
+        return [("estimates", f"{text}reduction not known: no sample point has modes")]
+    points = plural(errors["reduction_sample_points"], "sample point")
+    text += f"reduction {reduction:.1e}, from a finer model at {points}"
+    if errors["reduction_widened"] > 1:
+        text += f", {errors['reduction_widened']:.2g} times that for what full order showed"
+    if manifest.get("basis_enriched"):
+        text += "; the basis was enriched"
+        if reduction > tolerance:
+            text += f", which is not enough for {tolerance:g}: a smaller [reduction] tolerance is"
+    return [("estimates", f"{text}: relative, of light and of growing modes, without the mesh's")]
+
+
+def _full_order_error(manifest: Mapping[str, Any]) -> str:
+    """One line on the error against the full-order model."""
+    asked = manifest.get("reference", [])
+    checks = [c for c in asked if c.get("status") == "ok"]
+    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
+    meshed = "mesh" in manifest.get("options", {})
+    other += " of the same mesh" if meshed else ""
+    if not asked:
+        failed = ", or those points failed" if manifest["n_failed"] else ""
+        return f"not checked against {other} ([modes] reference_points = 0{failed})"
+    if not checks:
+        return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"
+    points = plural(len(checks), "point")
+    if not any(c["full_order_modes"] for c in checks):
+        return f"{other} has no mode in the band either, at {points}"
+    frequency = max(c["frequency_error"] for c in checks)
+    damping = max(c["damping_error"] for c in checks)
+    missed = sum(c["missed_modes"] for c in checks)
+    return (
+        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
+        f"modes of |damping| < 5 % against {other} at {points}{OF_MESH if meshed else ''}"
+    )
+
+
+SCREEN = ComplexModesScreen()

@@ -1,0 +1,129 @@
+"""Design points handed to workers: boxes of neighbours, or chunks for rungs that need no box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from squealstudy.engine.parallel import split_chunks
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.tasks import PointTask
+from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
+from squealstudy.modes.reanalysis.patch import Box
+
+LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
+BOXES = 16
+KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
+
+
+@dataclass(frozen=True, eq=False)
+class SolveTask:
+    """Design points of one structure for a worker to solve together.
+
+    Attributes
+    ----------
+    structure : SweptStructure
+    rung : str
+    points : tuple of PointTask
+    box : Box
+        Part of the structure's box that holds them.
+    keep_gaps : bool
+        Working points found are kept for other studies.
+    """
+
+    structure: SweptStructure
+    rung: str
+    points: tuple[PointTask, ...]
+    box: Box
+    keep_gaps: bool
+
+
+def solve_tasks(plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SolveTask]:
+    """Tasks of the points that are not solved yet, those in boxes first.
+
+    Structures without a sweep basis that the study's rung needs are left to the exact one.
+    """
+    served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
+    exact = {key for key, (_, name) in served.items() if name != plan.method.name}
+    exact |= set() if not plan.method.rung.exact else set(served)
+    boxed = [point for point in points if point.prepared_key not in exact]
+    alone = [point for point in points if point.prepared_key in exact]
+    keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
+    order = list(served)
+    alone.sort(key=lambda point: order.index(point.prepared_key))
+    chunks = [
+        SolveTask(
+            structure=served[key][0],
+            rung=served[key][1],
+            points=tuple(own),
+            box=whole_box(served[key][0]),
+            keep_gaps=keep,
+        )
+        for part in split_chunks(alone, jobs)
+        for key, own in groupby(part, lambda point: point.prepared_key)
+    ]
+    return [*_boxes(plan, boxed), *chunks]
+
+
+def rung_of(plan: Plan, structure: SweptStructure) -> str:
+    """Name of the rung that solves a structure: exact where a basis is needed and not there."""
+    needs, method = plan.method.rung.over_a_basis, plan.method
+    return method.exact if needs and not structure.path.is_file() else method.name
+
+
+def whole_box(structure: SweptStructure) -> Box:
+    """The box of all design points of a structure."""
+    ends = np.ones(structure.chart.dimension)
+    return Box(-ends, ends)
+
+
+def _boxes(plan: Plan, points: Sequence[PointTask]) -> list[SolveTask]:
+    """Boxes of the whole design, with those of their points that are asked for.
+
+    Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
+    come last. The boxes depend on the design alone, so that a resumed study solves what it would
+    have.
+    """
+    pending = {point.point_id for point in points}
+    keys = {point.prepared_key for point in points}
+    found = []
+    for structure in swept_structures(plan) if pending else ():
+        if structure.key not in keys:
+            continue
+        own = [task for task in plan.tasks if task.prepared_key == structure.key]
+        theta = structure.chart.theta([task.design.values for task in own])
+        for rows, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(own) // BOXES))):
+            chosen = tuple(own[int(i)] for i in rows if own[int(i)].point_id in pending)
+            if chosen:
+                found.append(
+                    SolveTask(
+                        structure=structure,
+                        rung=plan.method.name,
+                        points=chosen,
+                        box=box,
+                        keep_gaps=False,
+                    )
+                )
+    return sorted(found, key=lambda task: -float(np.abs(task.box.low + task.box.high).sum()))
+
+
+def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, Box]]:
+    """Points (n, d) in boxes of at most `most`: rows and box; the longest side is halved."""
+    found: list[tuple[np.ndarray, Box]] = []
+    pending: Sequence[np.ndarray] = [np.arange(len(theta))]
+    while pending:
+        rows, *rest = pending
+        low, high = theta[rows].min(axis=0), theta[rows].max(axis=0)
+        axis = int(np.argmax(high - low)) if theta.shape[1] else 0
+        if len(rows) <= most or not (high > low).any():
+            found.append((rows, Box(low, high)))
+            pending = rest
+            continue
+        cut = np.median(theta[rows, axis])
+        cut = cut if cut < high[axis] else (low[axis] + high[axis]) / 2
+        below = theta[rows, axis] <= cut
+        pending = [rows[below], rows[~below], *rest]
+    return found

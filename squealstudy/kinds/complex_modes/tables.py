@@ -1,0 +1,168 @@
+"""The tables of a study, built from its chunk files: points, modes and onsets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.engine.files import write_parquet
+from squealstudy.engine.names import MODES, ONSETS, POINTS
+from squealstudy.engine.parallel import Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.validity import FIELDS as VALIDITY
+from squealstudy.engine.validity import with_validity
+from squealstudy.kinds.complex_modes.columns import ModeColumns, read_columns
+from squealstudy.kinds.complex_modes.counts import damping_ratios, settled, uncertain_roots
+from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
+from squealstudy.kinds.complex_modes.followed import follow_modes
+from squealstudy.kinds.complex_modes.onsets import onsets_arrow
+from squealstudy.kinds.complex_modes.reduction import Sample
+from squealstudy.kinds.complex_modes.reference import read_references
+from squealstudy.modes.tracking.labels import Tracks
+from squealstudy.tables.stability import stability_names
+
+COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
+UNTRACKED = -1  # in place of a track number
+
+
+def build_tables(
+    plan: Plan,
+    directory: Path,
+    workers: Workers,
+    samples: Sequence[tuple[int, Sample]] = (),
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Read all chunks, track the modes, write the tables; the points' table, and what was done.
+
+    `samples` are errors of the reduction at some of the points (`make_samples`).
+
+    Raises
+    ------
+    ResultsError
+        Where a point of the plan is in no chunk.
+    """
+    section = plan.study.definition.modes
+    ids = [task.point_id for task in plan.tasks]
+    columns = read_columns(directory, ids, section.track, plan.method.largest_error)
+    references = read_references(directory)
+    errors, facts = mode_errors(plan, columns, samples, references)
+    judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
+    unstable = damping_ratios(judged) < -section.stability_tolerance
+    uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
+    points = _points_table(plan, columns, unstable, uncertain, references)
+    tracks, onsets = None, None
+    summary: dict[str, Any] = {}
+    try:
+        if columns.shapes is not None:
+            found = follow_modes(plan, columns, points, judged, errors.total, workers)
+            tracks, onsets, summary = found
+    finally:
+        if columns.shapes is not None:
+            columns.shapes.remove()
+    write_parquet(directory / ONSETS, onsets_arrow(onsets))
+    write_parquet(directory / POINTS, points_arrow(points, plan.study.shown_parameters))
+    names = [f"energy_{part}" for part in plan.study.model.energy_parts]
+    stability = stability_names(unstable, uncertain)
+    table = modes_table(columns, errors, tracks, unstable, stability, names)
+    write_parquet(directory / MODES, table)
+    return points, {**summary, "errors": facts}
+
+
+def modes_table(
+    columns: ModeColumns,
+    errors: ModeErrors,
+    tracks: Tracks | None,
+    unstable: np.ndarray,
+    stability: np.ndarray,
+    energies: Sequence[str],
+) -> pa.Table:
+    """One row a mode; `energies` names the energy columns, which a model may not have."""
+    point = columns.point
+    label, mac, ambiguous = _labels(columns.overdamped, tracks)
+    starts = np.cumsum(columns.counts) - columns.counts
+    number = np.arange(len(point)) - np.repeat(starts, columns.counts) + 1
+    table = {
+        "point_id": columns.points["point_id"].take(point),
+        "mode": number.astype(np.int32),
+        "track": label,
+        "track_mac": mac,
+        "track_ambiguous": ambiguous,
+        "frequency_hz": np.abs(columns.lam) / (2 * np.pi),
+        "growth_rate": columns.lam.real,
+        "damping_ratio": damping_ratios(columns.lam),
+        "unstable": unstable,
+        "stability": pa.array(stability, pa.string()),
+        "overdamped": columns.overdamped,
+        "residual": columns.residual,
+        "error_rung": errors.rung,
+        "error_reduction": errors.reduction,
+        "error_estimate": errors.total,
+        "method": columns.points["method"].take(point),
+    }
+    shares = dict(zip(energies, columns.energies.T, strict=False))
+    return pa.table(table | shares)
+
+
+def _labels(
+    overdamped: np.ndarray, tracks: Tracks | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Track, MAC and ambiguity of every mode; overdamped roots are untracked."""
+    n = len(overdamped)
+    label = np.full(n, UNTRACKED, dtype=np.int32)
+    mac, ambiguous = np.full(n, np.nan), np.zeros(n, dtype=bool)
+    if tracks is not None:
+        tracked = ~overdamped
+        label[tracked] = np.concatenate([*tracks.labels, np.zeros(0)])
+        mac[tracked] = np.concatenate([*tracks.macs, np.zeros(0)])
+        ambiguous[tracked] = np.concatenate([*tracks.ambiguous, np.zeros(0)])
+    return label, mac, ambiguous
+
+
+def _points_table(
+    plan: Plan,
+    columns: ModeColumns,
+    unstable: np.ndarray,
+    uncertain: np.ndarray,
+    references: Mapping[str, Mapping[str, Any]],
+) -> pd.DataFrame:
+    found = columns.points.to_pandas()
+    points = found[["point_id", "status", "message", "wall_s"]].copy()
+    for parameter in plan.study.shown_parameters:
+        points[parameter] = [float(v[parameter]) for v in plan.shown_values]
+    marks = {"modes": np.ones(len(unstable), dtype=bool), "unstable": unstable}
+    marks |= {"unstable_low": unstable & ~uncertain, "unstable_high": unstable | uncertain}
+    for name, mark in (marks | {"overdamped": columns.overdamped}).items():
+        count = pd.Series(np.bincount(columns.point[mark], minlength=len(points)), dtype="Int64")
+        points[f"n_{name}"] = count.where(points["status"] == "ok")  # missing, not zero
+    for name in ("method", "working_point_residual", "open_share"):
+        points[name] = found[name]
+    for kind in ("frequency", "damping"):
+        values = [references.get(i, {}).get(f"{kind}_error", np.nan) for i in points["point_id"]]
+        points[f"reference_{kind}_error"] = np.array(values, dtype=float)
+    return with_validity(plan, points)
+
+
+def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
+    """The points table with its explicit schema."""
+    schema = pa.schema(
+        [(n, pa.string()) for n in ("point_id", "status", "message")]
+        + [("wall_s", pa.float64())]
+        + [(p, pa.float64()) for p in parameters]
+        + [(n, pa.int64()) for n in COUNTS]
+        + [("method", pa.string())]
+        + [
+            (n, pa.float64())
+            for n in (
+                "working_point_residual",
+                "open_share",
+                "reference_frequency_error",
+                "reference_damping_error",
+            )
+        ]
+        + list(VALIDITY)
+    )
+    return pa.Table.from_pandas(points, schema=schema, preserve_index=False)

@@ -1,0 +1,175 @@
+"""The parameters of a sensitivity study: names and families of names, checked and expanded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.kinds.sensitivity.section import UNSTABLE, SensitivitySection
+from squealstudy.models.operating import (
+    IN_TIME_ONLY,
+    OperatingPoint,
+    contact_parameters,
+    friction_parameters,
+)
+from squealstudy.modes.sensitivity.mode_choice import ModeChoice
+from squealstudy.modes.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
+from squealstudy.study.definition import Study
+from squealstudy.study.design import Design
+from squealstudy.study.parameters import (
+    ModeParameter,
+    PlainParameter,
+    StudyParameter,
+    parse_parameter,
+)
+from squealstudy.study.source import SourceText
+from squealstudy.system.design_state import ModeKey
+
+EVERY, ONE = "[*]", "[1]"
+DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
+LARGEST_SCALE = 10.0
+RIGID = 1e-4  # of the highest frequency of a component mode that is held: zero but for round-off
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A parameter asked for, or every elastic mode of a component (`every`)."""
+
+    name: str
+    parameter: StudyParameter
+    every: bool
+
+    @property
+    def structural(self) -> bool:
+        """Whether it changes the assembly."""
+        return self.parameter.structural
+
+
+def asked_parameters(study: Study, design: Design) -> tuple[Asked, ...]:
+    """The parameters of the [sensitivity] section, or the default ones.
+
+    Raises
+    ------
+    StudyFileError
+        A name that the model does not know, or that has no derivative here.
+    """
+    source = SourceText(study.path, study.text)
+    if not study.model.components:
+        raise source.error(
+            ("study", "kind"),
+            f"model '{study.model.name}' has no components and no contact: there are no "
+            "sensitivities of it",
+        )
+    section, operating = study.section, design.operating_point()
+    if not section.parameters:
+        return tuple(_asked(name, study, operating) for name in _default_names(study, operating))
+    found = []
+    for number, name in enumerate(section.parameters):
+        try:
+            found.append(_asked(name, study, operating))
+        except ParameterError as error:
+            raise source.error(("sensitivity", "parameters", number), error.message) from None
+    return tuple(found)
+
+
+def _asked(name: str, study: Study, operating: OperatingPoint) -> Asked:
+    every = EVERY in name
+    parameter = parse_parameter(name.replace(EVERY, ONE), study.model)
+    if every and not (isinstance(parameter, ModeParameter) and parameter.component):
+        raise ParameterError(name, f"expected mode numbers of the assembly, got '{name}'")
+    if name in IN_TIME_ONLY:
+        raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
+    for law, sort, known in (
+        (operating.law, "contact law", contact_parameters()),
+        (operating.curve, "friction law", friction_parameters()),
+    ):
+        if name in {p.name for p in known} - set(law.names):
+            its = ", ".join(law.names) or "no parameters"
+            raise ParameterError(name, f"the {law.kind} {sort} has {its}, not '{name}'")
+    return Asked(name, parameter, every)
+
+
+def _default_names(study: Study, operating: OperatingPoint) -> Iterator[str]:
+    known = {p.name for p in study.model.parameters}
+    ignored = {p.name for p in contact_parameters()} - set(operating.law.names)
+    yield from (name for name in DEFAULTS if name in known - ignored)
+    for component in study.model.components:
+        yield f"{component}.modes{EVERY}.{FREQUENCY}"
+        yield f"{component}.modes{EVERY}.{DAMPING}"
+
+
+def mode_choice(section: SensitivitySection, stability_tolerance: float) -> ModeChoice:
+    """Which modes the section asks for."""
+    if section.modes == UNSTABLE:
+        return ModeChoice(stability_tolerance=stability_tolerance)
+    if isinstance(section.modes, int):
+        return ModeChoice(count=section.modes, stability_tolerance=stability_tolerance)
+    frequencies = tuple(float(f) for f in section.modes)
+    return ModeChoice(frequencies_hz=frequencies, stability_tolerance=stability_tolerance)
+
+
+def state_parameters(
+    asked: Sequence[Asked], omega: Mapping[ModeKey, float]
+) -> list[StateParameter]:
+    """Parameters of the design state, families expanded to the elastic modes of the basis.
+
+    Parameters
+    ----------
+    omega : mapping of (component, mode) -> float
+        Free-free frequencies of all component modes held, rad/s.
+
+    Raises
+    ------
+    ParameterError
+        A component mode that the basis does not hold.
+    """
+    found: dict[tuple[object, ...], StateParameter] = {}
+    for item in asked:
+        for parameter in _expanded(item, omega):
+            plain = not parameter.modes
+            key = (parameter.name if plain else "", *_mode_identity(parameter))
+            found.setdefault(key, parameter)
+    return list(found.values())
+
+
+def _mode_identity(parameter: StateParameter) -> tuple[object, ...]:
+    return parameter.component, parameter.modes, parameter.quantity
+
+
+def _expanded(item: Asked, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:
+    if item.structural:
+        return
+    parameter = item.parameter
+    if isinstance(parameter, PlainParameter):
+        yield StateParameter(item.name, maximum=parameter.parameter.maximum)
+        return
+    component, quantity = parameter.component, parameter.quantity
+    maximum = LARGEST_SCALE if quantity == FREQUENCY else 1.0
+    if item.every:
+        least = RIGID * max(omega.values(), default=0.0)
+        for owner, mode in omega:
+            if owner == component and omega[owner, mode] > least:
+                name = item.name.replace(EVERY, f"[{mode}]")
+                yield StateParameter(name, component, (mode,), quantity, maximum)
+        return
+    held, highest = sum(owner == component for owner, _ in omega), max(parameter.modes)
+    if component and highest > held:
+        raise ParameterError(
+            item.name, f"{component} has modes 1 to {held} in this basis, got {highest}"
+        )
+    yield StateParameter(item.name, component, parameter.modes, quantity, maximum)
+
+
+def structural_names(asked: Sequence[Asked]) -> list[str]:
+    """The parameters that change the assembly."""
+    return [item.name for item in asked if item.structural]
+
+
+def error_at_name(study: Study, error: ParameterError) -> StudyFileError:
+    """The error of a parameter as one of the study file, where its name stands in it."""
+    source = SourceText(study.path, study.text)
+    names = study.section.parameters
+    if error.key in names:
+        return source.error(("sensitivity", "parameters", names.index(error.key)), error.message)
+    return source.error(("sensitivity",), f"{error.key}: {error.message}")

@@ -1,0 +1,111 @@
+"""What is shown of sensitivity studies: the parameters that move one mode, most first."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows, grid, notes
+from squealstudy.tables.sensitivity_ranking import (
+    mode_sensitivities,
+    parameter_text,
+    rank_sensitivities,
+    step_text,
+)
+from squealstudy.wording import in_digits, setting
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+NUMBERS = ("step", "growth 1/s", "reanalysis", "off", "Hz", "damping %")
+
+
+class SensitivityScreen(KindScreen):
+    """Derivatives of one mode, each beside a finite change."""
+
+    tables = ("points", "sensitivities")
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """Refused: there are parameters to rank, not modes."""
+        raise ResultsError(
+            f"{results.directory}: a sensitivity study has no ranking of modes; 'squealstudy "
+            "sensitivity' ranks its parameters"
+        )
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """The sensitivities of the mode of largest growth."""
+        return sensitivities(results)
+
+    def facts(self, results: Results) -> Rows:
+        """How far derivatives and reanalysis agree, where the derivative is said to hold."""
+        table = results.sensitivities
+        held = table[~table["near_coalescence"].to_numpy(bool)]
+        off = held["disagreement"].dropna()
+        text = f"{len(table) - len(held)} of {len(table)} sensitivities near coalescence"
+        if len(off):
+            text = (
+                f"first order within {100 * off.median():.2g} % of the reanalysis (median; 95 % of "
+                f"them within {100 * off.quantile(0.95):.2g} %); {text}"
+            )
+        return [("error", text)]
+
+
+def sensitivities(
+    results: Results, frequency_hz: float | None = None, top: int | None = LISTED
+) -> list[RenderableType]:
+    """The sensitivities of one mode, largest first; ResultsError where there is no such mode."""
+    every = results.sensitivities
+    if not len(every):
+        return ["No mode is unstable anywhere in the study: there are no sensitivities."]
+    mode = mode_sensitivities(every, frequency_hz)
+    shown = rank_sensitivities(mode, top)
+    near = bool(shown["near_coalescence"].any())
+    legend = notes(
+        f"first {len(shown)} of {len(mode)} parameters; growth, Hz, damping: change at the step, "
+        "first order; reanalysis: of the growth rate; off: first order against reanalysis, in the "
+        "complex plane",
+        "! near coalescence: the derivative does not hold over the step, or means nothing"
+        if near
+        else "",
+    )
+    rows = (_cells(row) for row in shown.to_dict("records"))
+    table = grid("text:parameter", *NUMBERS, "word:", rows=rows)
+    return [_headline(results, shown.iloc[0]), table, legend]
+
+
+def _headline(results: Results, first: pd.Series) -> str:
+    """The mode, and at which design point."""
+    points = results.points
+    point = points[points["point_id"] == first["point_id"]].iloc[0]
+    where = ", ".join(
+        setting(name, point[name], results.units.get(name, ""), points[name].abs().max())
+        for name in results.parameters
+    )
+    text = f"mode at {in_digits(first['frequency_hz'], 1)} Hz: growth rate "
+    text += f"{in_digits(first['growth_rate'], 2)} 1/s, "
+    text += f"damping {100 * first['damping_ratio']:.3f} %, eigenvalue condition "
+    text += f"{first['condition']:.2f}, most energy in {first['main_component']}"
+    return f"{text}\n{where}" if where else text
+
+
+def _cells(row: dict[Hashable, Any]) -> list[str]:
+    finite, off = row["finite_growth_change"], row["disagreement"]
+    return [
+        parameter_text(row),
+        step_text(row),
+        f"{row['predicted_growth_change']:+.4g}",
+        f"{finite:+.4g}" if np.isfinite(finite) else "no solution",
+        f"{100 * off:.1f} %" if np.isfinite(off) else "-",
+        f"{row['predicted_frequency_change']:+.3g}",
+        f"{100 * row['predicted_damping_change']:+.3g}",
+        "!" if row["near_coalescence"] else "",
+    ]
+
+
+SCREEN = SensitivityScreen()

@@ -1,0 +1,99 @@
+"""What a worker process does: sensitivities of a chunk of design points, and its file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from squealstudy.engine.cache import prepared_model
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.working_points import known_gap
+from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
+from squealstudy.kinds.sensitivity.rows import failed_row, solved_row
+from squealstudy.modes.sensitivity.mode_choice import ModeChoice
+from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
+from squealstudy.modes.sensitivity.reduced import point_sensitivities, solve_families
+from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
+from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.study.design import Design
+from squealstudy.system.linearise import component_frequencies
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of every design point.
+
+    Attributes
+    ----------
+    asked : tuple of Asked
+    choice : ModeChoice
+    change : float
+        Relative finite change.
+    band_hz : (low, high)
+    options : mapping
+        Of the model, to build assemblies.
+    settings : BasisSettings
+    """
+
+    asked: tuple[Asked, ...]
+    choice: ModeChoice
+    change: float
+    band_hz: tuple[float, float]
+    options: Mapping[str, str | int]
+    settings: BasisSettings
+
+
+@dataclass(frozen=True)
+class SensitivityTask:
+    """Design points that one worker solves and writes together."""
+
+    request: Request
+    points: tuple[PointTask, ...]
+
+
+def solve_sensitivities(task: SensitivityTask) -> Solved:
+    """Solve the points of a chunk."""
+    known = sum(known_gap(p.prepared_key, p.design) is not None for p in task.points)
+    return Solved([_row(point, task.request) for point in task.points], known=known)
+
+
+def _row(point: PointTask, request: Request) -> dict[str, Any]:
+    started = time.perf_counter()
+    try:
+        found, modes = design_sensitivities(point, request)
+    except FAILURES as error:
+        return failed_row(point.point_id, time.perf_counter() - started, *reason(error))
+    return solved_row(point.point_id, time.perf_counter() - started, found, modes)
+
+
+def design_sensitivities(
+    point: PointTask, request: Request
+) -> tuple[WorkingPoint, list[ModeSensitivities]]:
+    """Working point and sensitivities of one design point; SquealstudyError."""
+    prepared = prepared_model(point.prepared_key)
+    gap = known_gap(point.prepared_key, point.design)
+    state = point.design.state()
+    solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
+    parameters = state_parameters(request.asked, component_frequencies(prepared.model))
+    modes = point_sensitivities(solved, parameters, request.change, request.band_hz[1])
+    structure = design_structure(point.design, request.options, request.settings)
+    names = structural_names(request.asked)
+    more = structural_sensitivities(solved, structure, names, request.change)
+    return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
+
+
+def design_structure(
+    design: Design, options: Mapping[str, str | int], settings: BasisSettings
+) -> Structure:
+    """How the assembly of a design is built."""
+    return Structure(
+        partial(design.model.build, options),
+        design.plain_values(),
+        settings.component_cutoff,
+        settings.damped_to,
+    )

@@ -1,0 +1,254 @@
+"""A batch of design points as a worker gets it, and the modes that its points share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.engine.cache import prepared_model, prepared_path
+from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.tasks import PointTask
+from squealstudy.kinds.transient.plan_facts import (
+    TRANSIENT_SOURCES,
+    start_of,
+    training_designs,
+)
+from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.kinds.transient.start import StartState
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.point import state_working_point
+from squealstudy.motion.integrator import Integrator
+from squealstudy.motion.modal_basis import Training, truncated, with_pod
+from squealstudy.motion.reference_modes import ReferenceModes, reference_modes
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.system.design_state import DesignState, ModeKey
+
+SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
+TRAINING_KEYS = {"step", "duration", "friction"}
+
+
+@dataclass(frozen=True)
+class BasisChoice:
+    """Which of the reference's modes are kept, and what repairs them.
+
+    Attributes
+    ----------
+    modes_below : float or None
+        Hz; None keeps all.
+    pod_vectors : int
+    training : Path or None
+        Snapshots and growing modes of a run with all modes, of which `pod_vectors` are taken.
+    """
+
+    modes_below: float | None = None
+    pod_vectors: int = 0
+    training: Path | None = None
+
+
+ALL_MODES = BasisChoice()
+
+
+def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
+    """Component modes that the study names, in order."""
+    keys = {(p.component, m) for p in plan.designs[0].mode_parameters() for m in p.modes}
+    return tuple(sorted(keys))
+
+
+def full_choice(plan: Plan, prepared_key: str) -> BasisChoice:
+    """The basis that the study asks for."""
+    section = plan.study.section
+    training = training_path(plan, prepared_key) if section.pod_vectors else None
+    return BasisChoice(section.modes_below, section.pod_vectors, training)
+
+
+def truncated_choice(plan: Plan) -> BasisChoice:
+    """The same without POD vectors, for which no run is needed."""
+    return BasisChoice(plan.study.section.modes_below)
+
+
+def training_path(plan: Plan, prepared_key: str) -> Path:
+    """Where what the study's training run gave is kept, there or not."""
+    section = plan.study.section.training
+    settings = section.model_dump(mode="json", include=TRAINING_KEYS)
+    values = [sorted(d.values.items()) for d in training_designs(plan)]
+    code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
+    name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
+    return prepared_path(prepared_key) / "training" / f"{name}.npz"
+
+
+@dataclass(frozen=True)
+class BatchTask:
+    """Design points of one structure that advance together.
+
+    Attributes
+    ----------
+    points : tuple of PointTask
+    section : TransientSection
+    integrator : Integrator
+    operating : OperatingPoint
+        Of the study's [parameters]: where the shared reference modes are made.
+    component_modes : tuple of (component, mode)
+        All that any design point of the study changes.
+    basis : BasisChoice
+    band_hz : (low, high)
+        Where growing modes are followed.
+    tolerance : float
+        Damping ratio below minus which a mode is unstable.
+    start : StartState or None
+    options : tuple of (name, value)
+        Of the model: what its assembly is built from, beside the parameters.
+    cutoff_hz : float
+        Assembly modes up to here are in the basis, exact.
+    """
+
+    points: tuple[PointTask, ...]
+    section: TransientSection
+    integrator: Integrator
+    operating: OperatingPoint
+    component_modes: tuple[ModeKey, ...]
+    basis: BasisChoice
+    band_hz: tuple[float, float]
+    tolerance: float
+    start: StartState | None
+    options: tuple[tuple[str, str | int], ...]
+    cutoff_hz: float
+
+    @property
+    def hybrid(self) -> bool:
+        """Whether contact layers are finite elements."""
+        return self.section.representation == "hybrid"
+
+    @property
+    def reference(self) -> ReferenceModes:
+        """The modes that the points share."""
+        key = self.points[0].prepared_key
+        return shared_reference(key, self.operating, self.component_modes, self.basis)
+
+    @property
+    def perturbation(self) -> float:
+        """Initial velocity [m/s]; none at a continued state unless the study gives one."""
+        if self.start is not None and "perturbation" not in self.section.model_fields_set:
+            return 0.0
+        return self.section.perturbation
+
+    def settings(self) -> MotionSettings:
+        """How the points are integrated; rows are kept as summaries need them."""
+        every = sampling(self.section, self.band_hz)
+        return replace(settings_of(self.section, every), integrator=self.integrator)
+
+
+def batch_task(
+    plan: Plan,
+    points: tuple[PointTask, ...],
+    basis: BasisChoice | None = None,
+    integrator: Integrator | None = None,
+) -> BatchTask:
+    """What a worker needs to know of a batch; basis and integrator of the study by default."""
+    section = plan.study.section
+    return BatchTask(
+        points=points,
+        section=section,
+        integrator=integrator or section.integrator,
+        operating=plan.nominal,
+        component_modes=mode_keys(plan),
+        basis=basis or full_choice(plan, points[0].prepared_key),
+        band_hz=plan.band_hz,
+        tolerance=plan.study.definition.modes.stability_tolerance,
+        start=start_of(plan),
+        options=tuple(sorted(plan.study.options.items())),
+        cutoff_hz=plan.settings.assembly_cutoff,
+    )
+
+
+@lru_cache(maxsize=4)
+def shared_reference(
+    prepared_key: str,
+    operating: OperatingPoint,
+    component_modes: tuple[ModeKey, ...],
+    basis: BasisChoice,
+) -> ReferenceModes:
+    """Modes of the structure at the nominal working point, no component mode changed.
+
+    Raises
+    ------
+    ParameterError
+        A truncation below the first mode.
+    """
+    if basis.modes_below is not None:
+        whole = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
+        if basis.training is None:
+            return truncated(whole, basis.modes_below)
+        training = Training(**np.load(basis.training))
+        return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
+    prepared = prepared_model(prepared_key)
+    state = DesignState(operating)
+    point = state_working_point(prepared, state)
+    return reference_modes(prepared.model, point, state, component_modes)
+
+
+def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
+    """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
+
+    Else a power of two: runs whose steps are halves of each other are then seen at equal times,
+    and differences of what is found in them are those of the integration.
+
+    Raises
+    ------
+    ValueError
+        Where that has none of a useful size.
+    """
+    enough = 2 ** int(np.log2(max(1.0, 1.0 / (SAMPLES_A_PERIOD * band_hz[1] * section.step))))
+    if section.save_every == 0:
+        return enough
+    best = max(d for d in range(1, enough + 1) if section.save_every % d == 0)
+    if 4 * best < min(enough, section.save_every):
+        near = max(1, round(section.save_every / enough)) * enough
+        raise ValueError(
+            f"{section.save_every} has no divisor near {enough}, the steps between samples that "
+            f"summaries need; {near} does"
+        )
+    return best
+
+
+def settings_of(section: TransientSection, every: int) -> MotionSettings:
+    """How a section has points integrated, a row kept every `every` steps."""
+    return MotionSettings(
+        duration=section.duration,
+        step=section.step,
+        save_every=every,
+        integrator=section.integrator,
+        tolerance=section.balance,
+    )
+
+
+def sensed_modes(
+    section: TransientSection, omega2: np.ndarray, band_hz: tuple[float, float]
+) -> np.ndarray:
+    """Numbers (from 1) of the assembly modes under modal sensors (THEORY.md eq. (85)).
+
+    Raises
+    ------
+    ValueError
+        A band without modes, or a mode that is not there; the message says which.
+    """
+    wanted = band_hz if section.sensors is None else section.sensors
+    n = len(omega2)
+    if section.sensors is not None and all(isinstance(v, int) for v in wanted):
+        if max(wanted) > n:
+            raise ValueError(
+                f"the assembly has {n} modes in this basis, got mode {max(wanted)}; "
+                "a band in Hz is written with a point, [500.0, 8000.0]"
+            )
+        return np.array(wanted, dtype=int)
+    f = np.sqrt(np.maximum(omega2, 0.0)) / (2 * np.pi)
+    found = np.flatnonzero((f >= wanted[0]) & (f <= wanted[1])) + 1
+    if not len(found):
+        raise ValueError(
+            f"no assembly mode lies between {wanted[0]:g} and {wanted[1]:g} Hz "
+            f"(there are {n}, up to {f[-1]:.4g} Hz)"
+        )
+    return found

@@ -1,0 +1,140 @@
+"""What a transient study will do before it runs: compiled kernels, warnings, seconds a step."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.engine.cache import is_prepared
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.working_points import NewGaps
+from squealstudy.kinds.transient.batch import (
+    BatchTask,
+    batch_task,
+    settings_of,
+    truncated_choice,
+)
+from squealstudy.kinds.transient.motions import set_up
+from squealstudy.kinds.transient.regularisation import regularised
+from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.models.operating import REGULARISATION_SPEED
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import (
+    CLOSING_LIMIT,
+    STICK_LIMIT,
+    MotionPoint,
+    closing_number,
+    stick_number,
+)
+from squealstudy.motion.warmup import warm_kernels
+from squealstudy.wording import in_digits
+
+TIMED_STEPS = 300
+MOST_ENDS = 6  # design points looked at for warnings
+
+
+def warm(section: TransientSection) -> float:
+    """Compile the kernels here, before workers ask for them; seconds."""
+    return warm_kernels(section.storage == "single")
+
+
+def warnings(plan: Plan) -> list[str]:
+    """Growth above the band, friction and contact too stiff for the step, at ends of the sweeps.
+
+    Empty where the first structure is not in the cache yet.
+    """
+    if not is_prepared(plan.structures[0].key):
+        return []
+    above: dict[str, float] = {}
+    stiff: list[tuple[float, float, float]] = []
+    closing: list[float] = []
+    for task in _ends(plan):
+        design = set_up(task, task.points[0], NewGaps())
+        if isinstance(design, MotionPoint):
+            modes, system = design.growing, task.reference.system
+            if modes.n_above:
+                text = (
+                    f"{in_digits(modes.frequency_above)} Hz at {in_digits(modes.growth_above)} 1/s"
+                )
+                above[text] = modes.growth_above
+            number = stick_number(system, design, task.section.step)
+            own = task.points[0].design
+            speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
+            stiff.append((number, design.friction.k_t, speed))
+            # squeal saturates where the vibration moves about as fast as the disc
+            closing.append(closing_number(design.contact, design.speed, task.section.step))
+    found = (_above(plan, above), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
+    return [text for part in found for text in part]
+
+
+def _ends(plan: Plan) -> list[BatchTask]:
+    """Design points where a sweep is at its first or last value, one each."""
+    chosen = [len(plan.tasks) - 1, 0]
+    for column in plan.coordinates.T:
+        chosen += [int(np.argmax(column)), int(np.argmin(column))]
+    key = plan.structures[0].key
+    tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].prepared_key == key]
+    basis = truncated_choice(plan)
+    return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
+
+
+def _above(plan: Plan, above: dict[str, float]) -> list[str]:
+    if not above:
+        return []
+    worst = max(above, key=lambda text: above[text])
+    return [
+        f"a mode above the band of {plan.band_hz[1]:g} Hz is unstable too ({worst}): it will grow "
+        "in time; structural damping (damping_ratio, or stiffness_damping that rises with "
+        "frequency) holds it"
+    ]
+
+
+def _still(plan: Plan) -> list[str]:
+    section = plan.study.section
+    if section.perturbation or section.continued:
+        return []
+    return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
+
+
+def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
+    """`stiff`: stick number, slope, and the regularisation speed it follows from, 0 without."""
+    number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
+    if number <= STICK_LIMIT:
+        return []
+    step = plan.study.section.step * STICK_LIMIT / number
+    softer = f"contact.kt of {slope * STICK_LIMIT / number:.2g}"
+    if speed > 0:
+        softer = f"{REGULARISATION_SPEED.name} of {speed * number / STICK_LIMIT:.2g}"
+    return [
+        f"friction is too stiff for the step: h k_t |T|^2 / 2 is {number:.3g} with k_t = "
+        f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}; a step of {step:.2g} s or a "
+        f"{softer} would do"
+    ]
+
+
+def _closing(plan: Plan, closing: list[float]) -> list[str]:
+    number = max(closing, default=0.0)
+    if number <= CLOSING_LIMIT:
+        return []
+    step = plan.study.section.step * CLOSING_LIMIT / number
+    return [
+        f"contact is too stiff for the step: closing at the sliding speed v it stiffens by e to "
+        f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}; a "
+        f"step of {step:.2g} s would do"
+    ]
+
+
+def time_steps(task: BatchTask) -> tuple[float, int, int] | None:
+    """Seconds of the first steps of a point, their number, and that of the whole run."""
+    design = set_up(task, task.points[0], NewGaps())
+    if not isinstance(design, MotionPoint):
+        return None
+    warm(task.section)
+    whole = settings_of(task.section, 0)
+    steps = min(TIMED_STEPS, whole.n_steps)
+    settings = replace(whole, duration=steps * whole.step)
+    started = time.perf_counter()
+    simulate(task.reference.system, [design], settings)
+    return time.perf_counter() - started, steps, whole.n_steps

@@ -1,0 +1,218 @@
+"""Transient studies as a kind."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.cache import is_prepared
+from squealstudy.engine.model_kind import ModelKind, Solves
+from squealstudy.engine.names import GROWTH, MODES, POINTS
+from squealstudy.engine.parallel import Progress, Workers
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.errors import ParameterError
+from squealstudy.kinds.transient import forecast, rows
+from squealstudy.kinds.transient.batch import (
+    BatchTask,
+    batch_task,
+    mode_keys,
+    sampling,
+    sensed_modes,
+    shared_reference,
+    truncated_choice,
+)
+from squealstudy.kinds.transient.plan_facts import (
+    motion_identity,
+    regularisation_of,
+    start_of,
+)
+from squealstudy.kinds.transient.regularisation import slowest_speed, with_speed
+from squealstudy.kinds.transient.section import TransientDefinition
+from squealstudy.kinds.transient.start import KEY as START
+from squealstudy.kinds.transient.start import check_model
+from squealstudy.kinds.transient.tables import build_tables, simulated_time
+from squealstudy.kinds.transient.training import make_training_runs
+from squealstudy.kinds.transient.worker import solve_batch
+from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
+from squealstudy.motion.warmup import begin_warming
+from squealstudy.study.definition import Study
+from squealstudy.study.sampling import design_points
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from squealstudy.engine.measurement import Measuring
+
+
+class Transient(ModelKind):
+    """Motion of every design point from its steady sliding state.
+
+    Nothing is checked at full order in time.
+    """
+
+    name = "transient"
+    description = "motion in time"
+    section = "transient"
+    definition = TransientDefinition
+    tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
+    schema: pa.Schema = rows.SCHEMA
+    tells_reduction = False
+    has_fidelity = True
+
+    def resolver(self, study: Study) -> Callable[[dict[str, float]], dict[str, float]]:
+        """Fills in the speed at which friction saturates, of the slowest design point."""
+        return partial(with_speed, slowest=slowest_speed(study, design_points(study)))
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """The settings of the runs."""
+        return motion_identity(plan)
+
+    def table_identity(self, plan: Plan) -> list[Any]:
+        """Whether the slope of friction is looked into."""
+        return [plan.study.section.slope_pilot]
+
+    def manifest(self, plan: Plan) -> dict[str, Any]:
+        """How design points are integrated; the unit of torques."""
+        facts = super().manifest(plan)
+        facts["units"] |= {"torque": plan.study.model.torque_unit}
+        settings = motion_identity(plan)[0]
+        return facts | {"transient": settings, "regularisation": regularisation_of(plan)}
+
+    def check(self, plan: Plan) -> None:
+        """Sensors, perturbed modes and the continued state must fit every structure."""
+        section = plan.study.section
+        if REGULARISATION_SPEED.name in plan.study.shown_parameters and not regularisation_of(plan):
+            raise plan.error(
+                REGULARISATION_SPEED.name,
+                f"every design point has a {SLOPE.name} of its own, which this would not change: "
+                "give one of the two",
+            )
+        try:
+            sampling(section, plan.band_hz)
+        except ValueError as error:
+            raise plan.error_at(("transient", "save_every"), str(error)) from None
+        if (start := start_of(plan)) is not None:
+            keys = {s.key for s in plan.structures}
+            reason = check_model(start, keys, section)
+            if reason:
+                raise plan.error_at(START, reason)
+        for structure in plan.structures:
+            if not is_prepared(structure.key):
+                continue
+            basis = truncated_choice(plan)
+            try:
+                reference = shared_reference(structure.key, plan.nominal, mode_keys(plan), basis)
+            except ParameterError as error:
+                raise plan.error_at(("transient", error.key), error.message) from None
+            omega2 = reference.system.omega2[: reference.n_exact]
+            try:
+                sensed_modes(section, omega2, plan.band_hz)
+            except ValueError as error:
+                raise plan.error_at(("transient", "sensors"), str(error)) from None
+            plan.check_assembly_modes(reference.n_exact)
+            if max(section.perturb_modes, default=1) > reference.n_exact:
+                raise plan.error_at(
+                    ("transient", "perturb_modes"),
+                    f"the assembly has modes 1 to {reference.n_exact} in this basis",
+                )
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """Growth above the band, and friction too stiff for the step."""
+        return forecast.warnings(plan)
+
+    def begin(self, plan: Plan) -> None:
+        """Compile the kernels."""
+        section = plan.study.section
+        if section.representation == "modal":
+            begin_warming(section.storage == "single")
+
+    def prepare(self, plan: Plan, report: Progress) -> None:
+        """Compile the kernels, and make the training runs that a POD basis needs."""
+        forecast.warm(plan.study.section)
+        make_training_runs(plan, report)
+
+    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[BatchTask]:
+        """Batches of points of one structure, of even size over the workers."""
+        self.prepare(plan, workers.report)
+        section = plan.study.section
+        size = max(1, min(section.batch, math.ceil(len(points) / workers.jobs)))
+        grouped: dict[str, list[PointTask]] = {}
+        for point in points:
+            grouped.setdefault(point.prepared_key, []).append(point)
+        return [
+            batch_task(plan, tuple(group[i : i + size]))
+            for group in grouped.values()
+            for i in range(0, len(group), size)
+        ]
+
+    def solve(self, task: BatchTask) -> Solved:
+        """Integrate one batch in a worker."""
+        return solve_batch(task)
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """Chunk row of a point that could not be solved."""
+        return rows.failed_row(point_id, 0.0, status, message)
+
+    def build_tables(
+        self, plan: Plan, directory: Path, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write points, modes and growth; what ending early has saved."""
+        points = build_tables(plan, directory)
+        section = plan.study.section
+        facts: dict[str, Any] = {}
+        if (regularisation := regularisation_of(plan)) is not None:
+            from squealstudy.kinds.transient.slope_pilot import slope_pilot  # of all kinds of study
+
+            facts["regularisation"] = regularisation | {
+                "pilot": slope_pilot(plan, directory, points, workers.report)
+            }
+        if section.stop != "end":
+            facts["simulated_time"] = simulated_time(points, section.duration)
+        return points, facts
+
+    def solves(self, plan: Plan) -> Solves:
+        """Points are timed from their first steps; runs that end early may be over soon."""
+        return Solves(least=0.0) if self.may_end_early(plan) else Solves()
+
+    def may_end_early(self, plan: Plan) -> bool:
+        """Runs end once their outcome is known, where the study asks for that."""
+        return bool(plan.study.section.stop != "end")
+
+    def measuring(self) -> Measuring:
+        """How methods are timed."""
+        from squealstudy.kinds.transient.measuring import MEASURING
+
+        return MEASURING
+
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """The integrator, and what slopes of friction follow from."""
+        from squealstudy.kinds.transient.screen import regularisation
+
+        section = plan.study.section
+        slope = regularisation(self.manifest(plan).get("regularisation"))
+        return [
+            ("method", f"{section.integrator.name}, contact iteration to {section.balance:g}"),
+            *slope,
+        ]
+
+    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+        """Seconds of one design point alone, from its first steps."""
+        forecast.warm(plan.study.section)
+        started = time.perf_counter()
+        with threadpool_limits(1):
+            found = forecast.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
+        if found is None:
+            return None
+        seconds, steps, total = found
+        return (time.perf_counter() - started - seconds) + seconds * total / steps
+
+
+KIND = Transient()

@@ -1,0 +1,214 @@
+"""How an integrator or a basis of transient studies is timed, and what it finds."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.measurement import Measurement, Measuring
+from squealstudy.engine.parallel import silent
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.process import memory_above
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.tasks import PointTask
+from squealstudy.engine.working_points import NewGaps
+from squealstudy.errors import SquealstudyError
+from squealstudy.kinds.complex_modes.measuring import reduction_seconds
+from squealstudy.kinds.transient import forecast
+from squealstudy.kinds.transient.batch import batch_task
+from squealstudy.kinds.transient.motions import integrate, set_up
+from squealstudy.kinds.transient.training import make_training_runs, training_seconds
+from squealstudy.motion.integrator import Integrator
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.levels import pooled_interval
+from squealstudy.motion.outcome.summary import summarise
+from squealstudy.motion.system import MotionPoint
+from squealstudy.tables.finding_errors import run_errors
+from squealstudy.wording import IRREGULAR, LASTING, UNDECIDED
+
+WITH_BOUNDS = {
+    "growth_rate": ("growth_rate_low", "growth_rate_high"),
+    "torque_mean": ("torque_mean_low", "torque_mean_high"),
+    "torque_rms": ("torque_rms_low", "torque_rms_high"),
+}
+START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
+PLAIN = {"dominant_frequency": "dominant_frequency_hz"}
+
+
+def measure_runs(
+    plan: Plan, measured: Sequence[int], integrator: Integrator | None = None, starts: int = 1
+) -> Measurement:
+    """Run chosen points of a transient study; only the integration is timed as theirs.
+
+    Working points, forecasts and summaries are the same for all methods of a basis.
+
+    Parameters
+    ----------
+    plan : Plan
+        The structures of those points are in the cache.
+    measured : sequence of int
+        Positions of the points among the plan's.
+    integrator : Integrator or None
+        In place of the study's own (modal representation only).
+    starts : int
+        Runs of each point from perturbations of other sizes, so that bounds of levels hold what
+        an irregular cycle owes to its start; seconds are those of one.
+    """
+    return measure_tasks(plan, [plan.tasks[i] for i in measured], integrator, starts)
+
+
+def measure_tasks(
+    plan: Plan, chosen: Sequence[PointTask], integrator: Integrator | None = None, starts: int = 1
+) -> Measurement:
+    """The same of design points that need not be among the plan's."""
+    section = plan.study.section
+    forecast.warm(section)
+    with threadpool_limits(1):
+        make_training_runs(plan, silent, {task.prepared_key for task in chosen})
+        findings: dict[str, dict[str, Any]] = {}
+        spent, passes, memory_mb, size = 0.0, [], 0.0, 0
+        for first in range(0, len(chosen), section.batch):
+            part = tuple(chosen[first : first + section.batch])
+            runs = [_batch(plan, part, integrator, START_RATIO**n) for n in range(starts)]
+            merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
+            findings |= {str(first + n): one for n, one in enumerate(merged)}
+            spent += sum(r[1] if r[3] else np.nan for r in runs) / starts
+            memory_mb = max(memory_mb, *(r[2] for r in runs))
+            finished = [motion for r in runs for motion in r[3]]
+            passes += [motion.mean_iterations for motion in finished]
+            size = max([size, *(len(motion.q) for motion in finished)])
+    return Measurement(
+        seconds=spent / len(chosen),
+        setup_seconds=training_seconds(plan),
+        reduction_seconds=reduction_seconds(plan),
+        memory_mb=memory_mb,
+        iterations=float(np.mean(passes)) if passes else np.nan,
+        n_coordinates=size,
+        findings=findings,
+    )
+
+
+def _batch(
+    plan: Plan, part: tuple[PointTask, ...], integrator: Integrator | None, start: float
+) -> tuple[list[dict[str, Any]], float, float, list[Motion]]:
+    """Findings of some points, seconds, memory, and the runs that came to something."""
+    task = batch_task(plan, part, integrator=integrator)
+    try:
+        _ = task.reference
+    except SquealstudyError as error:
+        return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
+    found = [set_up(task, point, NewGaps()) for point in part]
+    chosen = [
+        point for point, made in zip(part, found, strict=True) if isinstance(made, MotionPoint)
+    ]
+    ready = [_scaled(made, start) for made in found if isinstance(made, MotionPoint)]
+    seconds, finished, message = 0.0, [], ("failed", "")
+    with memory_above() as memory:
+        started = time.process_time()
+        try:
+            finished = integrate(task, chosen, ready) if ready else []
+        except FAILURES as error:
+            message = reason(error)
+        seconds = time.process_time() - started
+    done = iter(finished)
+    findings = [
+        _failed(*made)
+        if not isinstance(made, MotionPoint)
+        else _found(next(done))
+        if finished
+        else _failed(*message)
+        for made in found
+    ]
+    return findings, seconds, memory.megabytes, finished
+
+
+def _scaled(point: MotionPoint, start: float) -> MotionPoint:
+    """The point with a smaller perturbation."""
+    assert point.q0 is not None
+    q0, v0 = point.start(len(point.q0))
+    return replace(point, q0=start * q0, v0=start * v0)
+
+
+def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Findings of several starts of one point as one: means with bounds, the class of most."""
+    first = found[0]
+    bad = [one for one in found if one["status"] != "ok"]
+    if bad or len(found) == 1:
+        return bad[0] if bad else first
+    values = {name: _pooled([one["values"][name] for one in found]) for name in first["values"]}
+    modes = {mode for one in found for mode in one["energy_share"]}
+    shares = {
+        mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in found]))
+        for mode in sorted(modes, key=int)
+    }
+    name, count = Counter(one["class"] for one in found).most_common(1)[0]
+    if 2 * count <= len(found):  # starts that all last differ as an irregular motion does
+        name = IRREGULAR if {one["class"] for one in found} <= {*LASTING} else UNDECIDED
+    return {**first, "class": name, "values": values, "energy_share": shares}
+
+
+def _pooled(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
+    """Value with bounds of all starts; unknown where one is."""
+    columns = [[n for n in column if n is not None] for column in zip(*numbers, strict=True)]
+    if any(len(column) < len(numbers) for column in columns):
+        return [None, None, None]
+    return list(pooled_interval(*(np.array(column) for column in columns)))
+
+
+def _failed(status: str, message: str) -> dict[str, Any]:
+    return {"status": status, "message": message}
+
+
+def _found(motion: Motion) -> dict[str, Any]:
+    if motion.outcome != "ok":
+        return _failed(motion.outcome, motion.message)
+    summary = summarise(motion)
+    return _finding(summary.point, summary.modes)
+
+
+def run_finding(row: dict[str, Any]) -> dict[str, Any]:
+    """What errors are measured on, from a chunk row of a transient study."""
+    if row["status"] != "ok":
+        return _failed(row["status"], row["message"])
+    return _finding(row, row["modes"])
+
+
+def _finding(point: Mapping[str, Any], modes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Values with bounds where there are some."""
+    values: dict[str, list[float | None]] = {}
+    for name, (low, high) in WITH_BOUNDS.items():
+        values[name] = _numbers(point, name, low, high)
+    for name, column in PLAIN.items():
+        values[name] = _numbers(point, column, column, column)
+    return {
+        "status": "ok",
+        "message": "",
+        "class": point["class"],
+        "torque_static": float(point["torque_static"]),
+        "predicted_frequency_hz": float(np.nan_to_num(point["predicted_frequency_hz"])),
+        "energy_balance": float(point["energy_balance"]),
+        "values": values,
+        "energy_share": {str(m["mode"]): m["energy_share"] for m in modes},
+    }
+
+
+def _numbers(point: Any, *names: str) -> list[float | None]:
+    numbers = [float(point.get(name, np.nan)) for name in names]
+    return [None if np.isnan(x) else x for x in numbers]
+
+
+MEASURING = Measuring(
+    quantities=("growth_rate", "torque_mean", "torque_rms", "dominant_frequency", "energy_share"),
+    judged=("growth_rate", "torque_rms", "torque_mean", "dominant_frequency"),
+    measure=lambda plan, measured, asked: measure_runs(
+        plan, measured, asked.integrator, asked.starts
+    ),
+    comparisons=(run_errors,),
+    finding=run_finding,
+)

@@ -1,0 +1,230 @@
+"""What is shown of transient studies: one line a design point, and the modes' energies."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows, facts, grid, notes
+from squealstudy.tables.energy_ranking import rank_energy
+from squealstudy.wording import FAILED, TORQUE, UNDECIDED, figure, in_digits, plural, with_unit
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_COLUMNS = 2  # parameters with a column of their own
+MOST_POINTS = 24  # design points listed; all of them are in the tables
+PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
+FINDINGS = 9  # columns of `_findings`
+
+
+class TransientScreen(KindScreen):
+    """What every design point comes to in time, and which assembly modes have the energy."""
+
+    tables = ("points", "modes", "growth")
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """The modes that carry the energy, `analysis.tables.energy_ranking.rank_energy`."""
+        if by != "share":
+            raise ResultsError(
+                f"{results.directory}: modes of a transient study are ranked by energy share, "
+                f"not by '{by}'"
+            )
+        return rank_energy(results.points, results.modes, top, where)
+
+    def ranking(
+        self,
+        results: Results,
+        by: str = "share",
+        top: int | None = LISTED,
+        where: str | None = None,
+    ) -> list[RenderableType]:
+        """Which assembly modes carry the energy."""
+        table = self.rank(results, by, top, where)
+        undecided = table.attrs["undecided"]
+        left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
+        if not len(table):
+            known = "is known to keep" if undecided else "keeps"
+            return [f"No design point {known} vibrating{left_out}."]
+        varied = any(table["worst"])
+        shown = grid(
+            *("mode", "Hz", "energy %", "most %", "leads at", "word:energy in"),
+            *(["text:most where"] if varied else []),
+            rows=(_energy(row, varied) for row in table.to_dict("records")),
+        )
+        legend = notes(
+            "energy: share of the mechanical energy, mean over the points that keep vibrating; "
+            f"leads at: number of points where it has most{left_out}"
+        )
+        return [shown, legend]
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """What became of each design point, then the ranking."""
+        unit = results.units.get(TORQUE, "N m")
+        parts = points(results.points, results.parameters, results.units, unit)
+        return [*parts, "", *self.ranking(results)]
+
+    def facts(self, results: Results) -> Rows:
+        """What ending early has saved, the slope of friction and its error, the energy balance."""
+        solved = results.points[(results.points["status"] == "ok").to_numpy()]
+        balance = solved["energy_balance"].abs().max()
+        text = f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
+        manifest = results.manifest
+        slope = regularisation(manifest.get("regularisation"))
+        return [*_ended_early(manifest.get("simulated_time")), *slope, ("error", text)]
+
+
+def points(
+    table: pd.DataFrame, parameters: Sequence[str], units: Mapping[str, str], unit: str
+) -> list[RenderableType]:
+    """What became of each design point; `unit` is N m of torques, N of friction forces."""
+    what = "torque" if unit == "N m" else "force"
+    varied = [p for p in parameters if len(set(table[p])) > 1]
+    own = varied if len(varied) <= MOST_COLUMNS else []
+    places = [f"value:{with_unit(p, units)}" for p in own] or (["point"] if varied else [])
+    listed = table.head(MOST_POINTS)
+    moved = bool(listed["transfer_to"].any())
+    columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "Hz", "mode", "share %"]
+
+    def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
+        place = [f"{row[p]:.6g}" for p in own] or ([str(number)] if varied else [])
+        return [*place, *_findings(row)[: FINDINGS - (not moved)]]
+
+    shown = grid(
+        *places,
+        "word:class",
+        *(f"value:{title}" for title in columns),
+        *(["word:transfer"] if moved else []),
+        rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"), start=1)),
+    )
+    more = len(table) - len(listed)
+    legend = notes(
+        f"{more} more in the points table" if more else "",
+        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; "
+        f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
+        "leading line (a harmonic where that is loudest), mode and its energy share: over the "
+        "last window",
+    )
+    parts: list[RenderableType] = [shown, legend]
+    if varied and not own:
+        parts += ["", _changes(listed, varied)]
+    return [*parts, *_undecided(table)]
+
+
+def _undecided(table: pd.DataFrame) -> list[RenderableType]:
+    """How many runs are too short for a class, and how long they would have to be."""
+    until = table.loc[table["class"] == UNDECIDED, "undecided_until"]
+    if not len(until):
+        return []
+    known = until[np.isfinite(until)]
+    runs = "run is" if len(until) == len(table) == 1 else "runs are"
+    text = f"undecided: {len(until)} of {len(table)} {runs} too short to tell what they come to"
+    if len(known):
+        text += f"; a duration of about {known.max():.2g} s would decide "
+        text += "them" if len(known) == len(until) else f"{len(known)} of them"
+    if len(known) < len(until):
+        text += f"; of {len(until) - len(known)} no duration is known that would"
+    return [text]
+
+
+def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
+    """What each point changes of the first, a line a point."""
+    first = table.iloc[0]
+    rows = []
+    for number, row in enumerate(table.to_dict("records"), start=1):
+        changed = [f"{p} = {row[p]:.4g}" for p in varied if row[p] != first[p]]
+        rows.append((f"point {number}", ", ".join(changed) or "first"))
+    return facts(rows)
+
+
+def _findings(row: dict[Hashable, Any]) -> list[str]:
+    if row["class"] == FAILED:
+        why = row["status"] if row["status"] != "ok" else "its energy is not finite"
+        return [f"failed: {why}", *[""] * (FINDINGS - 1)]
+    transfer = ""
+    if row["transfer_to"]:
+        transfer = (
+            f"{row['transfer_from']} > {row['transfer_to']} at {1e3 * row['transfer_time']:.0f} ms"
+        )
+    rate, hz = row["growth_rate"], row["dominant_frequency_hz"]
+    wide = row["growth_rate_high"] - row["growth_rate_low"] > 0.2 * abs(rate)  # bounds 10 % away
+    return [
+        str(row["class"]),
+        f"{'~' if wide else ''}{figure(rate)}",
+        figure(row["predicted_growth_rate"]),
+        figure(row["torque_mean"]),
+        figure(row["torque_rms"]),
+        in_digits(hz) if hz == hz else "-",
+        str(row["dominant_mode"]) if row["dominant_mode"] else "-",
+        figure(100 * row["dominant_share"], ".0f"),
+        transfer,
+    ]
+
+
+def _energy(row: dict[Hashable, Any], varied: bool) -> list[str]:
+    return [
+        str(row["mode"]),
+        in_digits(row["frequency_hz"]),
+        f"{100 * row['energy_share']:.1f}",
+        f"{100 * row['energy_share_max']:.1f}",
+        str(row["dominant_points"]),
+        str(row["main_component"]),
+        *([str(row["worst"])] if varied else []),
+    ]
+
+
+def _ended_early(found: Mapping[str, Any] | None) -> Rows:
+    """What runs that stopped once their outcome was known have saved; nothing where none may."""
+    if found is None:
+        return []
+    share = 100 * found["saved_s"] / found["asked_s"] if found["asked_s"] else 0.0
+    text = (
+        f"{found['saved_s']:.3g} of {found['asked_s']:.3g} s not simulated ({share:.0f} %): "
+        f"{found['settled']} runs had settled, {found['decayed']} had decayed"
+    )
+    return [("ended early", text)]
+
+
+def regularisation(found: Mapping[str, Any] | None) -> Rows:
+    """What slopes of friction follow from, and what they err by; nothing where they are given."""
+    if found is None:
+        return []
+    low, high = found["speed"], found["speed_highest"]
+    speed = f"{low:.3g} m/s" if low == high else f"{low:.3g} to {high:.3g} m/s"
+    text = f"points stick below {speed}"
+    if found["automatic"]:
+        text += (
+            f", {100 * found['share']:g} % of the study's slowest sliding speed of "
+            f"{found['slowest_sliding_speed']:.4g} m/s: a slower design point changes every row"
+        )
+    rows = [("friction", text)]
+    pilot = found.get("pilot")
+    return rows if pilot is None else [*rows, ("  its error", _pilot(pilot))]
+
+
+def _pilot(pilot: Mapping[str, Any]) -> str:
+    """What one run at twice the slope of friction told."""
+    known = pilot.get("errors", {})
+    errors = ", ".join(
+        f"{word} {_share(known[name])}" for name, word in PILOT_WORDS.items() if name in known
+    )
+    if pilot["status"] in ("failed", "skipped"):
+        return f"not known: {pilot['message']}"
+    told = f"{errors or 'no level, no growth to compare'}, by one design point at 2 k_t"
+    return told if pilot["status"] == "ok" else f"{told}; undecided: {pilot['message']}"
+
+
+def _share(error: Mapping[str, float]) -> str:
+    """An error in percent; what chance may do where that is more."""
+    if error["error"] < error["chance"]:
+        return f"below {in_digits(100 * error['chance'], 1)} % (the bounds of the runs)"
+    return f"{in_digits(100 * error['error'], 1)} %"
+
+
+SCREEN = TransientScreen()

@@ -1,0 +1,287 @@
+"""The [transient] section of a study file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    Strict,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from squealstudy.errors import ParameterError
+from squealstudy.motion.integrator import (
+    SLOW_TOLERANCE,
+    TOLERANCE,
+    KernelIntegrator,
+    integrator,
+    integrators,
+)
+from squealstudy.study.section import Section
+from squealstudy.study.sections import StudyDefinition
+
+# enrichment shapes of small singular values are local contact shapes: in time they are modes far
+# above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
+TRANSIENT_BASIS = {
+    "tolerance": 1e-3,
+    "assembly_cutoff_factor": 1.5,
+    "residual_responses": False,
+}
+MOST_STEPS = 1e9
+PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
+AUTO = "auto"
+WORKING_POINT = "working_point"  # where a run starts by default
+
+
+def _modes(values: tuple[int, ...]) -> tuple[int, ...]:
+    if any(v < 1 for v in values) or len(set(values)) < len(values):
+        raise ValueError("expected distinct mode numbers from 1")
+    return values
+
+
+def _sensors(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
+    """Whole numbers are modes; a number with a point makes it a band."""
+    if not values:
+        raise ValueError("expected a band [low, high] in Hz or mode numbers, got an empty list")
+    if all(isinstance(v, int) for v in values):
+        if min(values) < 1 or len(set(values)) < len(values):
+            raise ValueError("expected distinct mode numbers from 1")
+    elif len(values) != 2 or not 0 <= values[0] < values[1]:
+        raise ValueError("expected a band [low, high] in Hz with 0 <= low < high")
+    return values
+
+
+def _method(value: str) -> str:
+    """``auto`` or an integrator of the kernel: those of the package, of extensions, in Python."""
+    if value == AUTO:
+        return value
+    known = [AUTO, *(k for k, v in integrators().items() if issubclass(v, KernelIntegrator))]
+    if value not in known:
+        names = ", ".join(f"'{name}'" for name in known[:-1]) + f" or '{known[-1]}'"
+        raise PydanticCustomError("literal_error", "no integrator", {"expected": names})
+    return value
+
+
+Sensors = Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)]
+
+
+class TransientSection(Section):
+    """How design points are integrated in time, and what is kept of them."""
+
+    duration: float = Field(default=0.1, description="simulated time, s")
+    step: float = Field(default=1e-6, description="time step, s")
+    method: Annotated[str, AfterValidator(_method)] = Field(
+        default=AUTO,
+        description="'exponential': free modes exact, contact forces by the trapezoidal rule with "
+        "Newmark's iteration; 'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; "
+        "'newmark_newton', the slow reference; one of an extension; 'auto': exponential, in the "
+        "hybrid representation and with prewarp newmark",
+    )
+    representation: Literal["modal", "hybrid"] = Field(
+        default="modal",
+        description="component-mode coordinates, or contact layers as finite elements: the slow "
+        "reference",
+    )
+    layers: int = Field(
+        default=1,
+        ge=0,
+        le=100,
+        description="element layers about the contact that the hybrid representation keeps",
+    )
+    start: str = Field(
+        default=WORKING_POINT,
+        min_length=1,
+        description="'working_point', or a results directory whose final state goes on: "
+        "its deviation from steady sliding, about that of each design point",
+    )
+    start_point: str | None = Field(
+        default=None, description="point_id in that directory, where it has more than one"
+    )
+    perturbation: float = Field(
+        default=1e-3,
+        ge=0,
+        description="largest initial velocity at a contact point, m/s; nothing is added to a "
+        "continued state unless this is given",
+    )
+    perturb_modes: Annotated[tuple[int, ...], Strict(False), AfterValidator(_modes)] = Field(
+        default=(),
+        description="assembly modes (from 1) that carry it; the unstable complex modes by default",
+    )
+    save_every: int = Field(
+        default=10, ge=0, le=10**9, description="steps between kept rows of histories; 0 keeps none"
+    )
+    sensors: Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)] | None = (
+        Field(
+            default=None,
+            description="band [low, high] in Hz of the modal sensors, or a list of assembly modes "
+            "(integers, from 1); the band of [modes] by default",
+        )
+    )
+    friction: Literal["regularised", "smooth"] = Field(
+        default="regularised",
+        description="friction below the bound: straight (Coulomb with a corner) or tanh",
+    )
+    tolerance: float | None = Field(
+        default=None,
+        gt=0,
+        le=0.1,
+        description="force imbalance at which a step is corrected a last time, relative; friction "
+        f"forces may change by ten times this. By default {TOLERANCE:g}, at which it is far below "
+        f"the error of the step, and {SLOW_TOLERANCE:g} for the slow references",
+    )
+    contact_factor: float = Field(
+        default=1.0,
+        ge=0,
+        le=1000,
+        description="factor k_c on the contact stiffness of the fixed Jacobian",
+    )
+    prewarp: bool = Field(
+        default=False,
+        description="correct Newmark's period error of free modes; where contact opens levels come "
+        "out worse (studies/integrators.toml)",
+    )
+    storage: Literal["double", "single"] = Field(
+        default="double", description="precision in which the observation matrix is stored"
+    )
+    slope_pilot: Literal["auto", "always", "never"] = Field(
+        default="auto",
+        description="one design point once more with twice its slope of friction k_t: what the "
+        "automatic k_t errs by; auto: of minimal models always, of meshed ones from "
+        f"{PILOT_POINTS} design points on",
+    )
+    stop: Literal["end", "settled"] = Field(
+        default="end",
+        description="'settled': a run ends before its duration once it is a lasting vibration of "
+        "known level with nothing else rising, or has decayed as predicted",
+    )
+    settle_tolerance: float = Field(
+        default=0.01,
+        gt=0,
+        le=0.1,
+        description="how well the torque's RMS must be known where a run may end, relative",
+    )
+    batch: int = Field(
+        default=8, ge=1, le=64, description="design points that advance together in a worker"
+    )
+    modes_below: float | None = Field(
+        default=None,
+        gt=0,
+        description="assembly modes up to this frequency [Hz] are kept; all by default",
+    )
+    pod_vectors: int = Field(
+        default=0,
+        ge=0,
+        le=2000,
+        description="vectors that repair the truncated basis (with modes_below): of the growing "
+        "modes of the training designs, then of their runs",
+    )
+    pod_duration: float = Field(default=0.03, gt=0, description="length of the training runs, s")
+    pod_step: float | None = Field(
+        default=None,
+        gt=0,
+        description="time step of the training run, s; that of the study by default. Runs with "
+        "other steps are comparable in one basis only",
+    )
+
+    @field_validator("duration", "step")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        if value <= 0:
+            raise ValueError(f"expected a positive time in s, got {value:g}")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.duration < self.step:
+            raise ValueError(
+                f"duration {self.duration:g} s is shorter than one step of {self.step:g} s"
+            )
+        if self.duration / self.step > MOST_STEPS:
+            raise ValueError(f"{self.duration / self.step:.3g} steps: at most {MOST_STEPS:.0g}")
+        if self.start == WORKING_POINT and self.start_point is not None:
+            raise ValueError("start_point needs a results directory as start")
+        if self.pod_vectors and self.modes_below is None:
+            raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
+        if self.representation == "hybrid" and self.modes_below is not None:
+            raise ValueError("modes_below truncates the modal representation, not the hybrid one")
+        if self.representation == "hybrid" and self.stop == "settled":
+            raise ValueError('stop = "settled" is for the modal representation, not the hybrid one')
+        if self.representation == "hybrid":
+            self._refuse_modal_settings()
+        try:
+            _ = self.method == AUTO or self.integrator
+        except ParameterError as error:
+            raise ValueError(f'{error.key} is not for method = "{self.method}"') from None
+        if self.pod_step is not None and not self.pod_vectors:
+            raise ValueError("pod_step is of the training run: give pod_vectors too")
+        if self.pod_step is not None and not self.pod_step <= self.pod_duration:
+            raise ValueError(f"pod_step {self.pod_step:g} s is longer than pod_duration")
+        if self.stop == "end" and "settle_tolerance" in self.model_fields_set:
+            raise ValueError('settle_tolerance needs stop = "settled"')
+        return self
+
+    def _refuse_modal_settings(self) -> None:
+        """ValueError for what the hybrid kernel does not have."""
+        modal = {
+            "method": self.method in ("exponential", "newmark_newton"),
+            "prewarp": self.prewarp,
+            "contact_factor": self.contact_factor != 1.0,
+            "storage": self.storage == "single",
+        }
+        for name, used in modal.items():
+            if used:
+                value = getattr(self, name)
+                raise ValueError(f'{name} = {value!r} is not for representation = "hybrid"')
+
+    @property
+    def integrator(self) -> KernelIntegrator:
+        """What runs, ``auto`` resolved, with the options that are given here."""
+        plain = self.prewarp or self.representation == "hybrid"
+        name = self.method if self.method != AUTO else "newmark" if plain else "exponential"
+        given: dict[str, Any] = {
+            "contact_factor": self.contact_factor,
+            "prewarp": self.prewarp,
+            "single_storage": self.storage == "single",
+        }
+        none = {"contact_factor": 1.0, "prewarp": False, "single_storage": False}
+        made = integrator(name, {k: v for k, v in given.items() if v != none[k]})
+        assert isinstance(made, KernelIntegrator)
+        return made
+
+    @property
+    def balance(self) -> float:
+        """The tolerance that runs, the default resolved."""
+        if self.tolerance is not None:
+            return self.tolerance
+        return SLOW_TOLERANCE if self.representation == "hybrid" else self.integrator.tolerance
+
+    @property
+    def training(self) -> TransientSection:
+        """The same for the training run, however the study itself integrates."""
+        step = self.step if self.pod_step is None else self.pod_step
+        changes = {"duration": self.pod_duration, "step": step, "method": AUTO}
+        plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
+        return self.model_copy(update=changes | plain)
+
+    @property
+    def continued(self) -> bool:
+        """Whether a run begins with the final state of another."""
+        return self.start != WORKING_POINT
+
+
+class TransientDefinition(StudyDefinition):
+    """A whole file of a study in time."""
+
+    other_defaults: ClassVar[Mapping[str, Mapping[str, Any]]] = {"reduction": TRANSIENT_BASIS}
+
+    transient: TransientSection = Field(
+        default=TransientSection(), description="time integration (kind = 'transient' only)"
+    )
+
+
+DEFINITION = TransientDefinition

@@ -1,0 +1,134 @@
+"""What the slope of friction at zero sliding errs by: a design point once more at twice the slope.
+
+The friction law has a corner that the slope k_t rounds off; what a run owes to that is of the order
+of 1/k_t. The study's own run of the point and one at 2 k_t tell how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.chunks import read_chunks
+from squealstudy.engine.parallel import Progress
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.errors import SquealstudyError
+from squealstudy.kinds.transient.measuring import measure_tasks, run_finding
+from squealstudy.kinds.transient.regularisation import regularised
+from squealstudy.kinds.transient.rows import SCHEMA
+from squealstudy.kinds.transient.section import PILOT_POINTS
+from squealstudy.models.operating import REGULARISATION_SPEED
+from squealstudy.tables.finding_errors import run_errors
+
+FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
+CYCLE = "limit_cycle"
+DECIDED = ("stable", CYCLE, "growing")  # classes of which one run tells about another
+UNTOLD = {  # why two runs of a class cannot tell
+    "irregular": ": levels differ by chance too",
+    "undecided": ": neither is known to have reached its level",
+}
+QUANTITIES = ("torque_rms", "growth_rate", "torque_mean", "dominant_frequency")
+OK, UNDECIDED, FAILED, SKIPPED = "ok", "undecided", "failed", "skipped"
+
+
+def slope_pilot(
+    plan: Plan, directory: Path, points: pd.DataFrame, report: Progress
+) -> dict[str, Any]:
+    """Run a design point at 2 k_t, and compare.
+
+    Parameters
+    ----------
+    plan : Plan
+        With design points whose slope follows from a regularisation speed.
+    directory : Path
+        Of the finished study.
+    points : DataFrame
+        Its points, in the order of the plan.
+    report : callable
+
+    Returns
+    -------
+    dict
+        ``status``: ``ok``; ``undecided`` where the two runs cannot tell, ``message`` says why, and
+        errors are those of the two runs all the same; ``failed`` or ``skipped`` without errors.
+        ``point_id``; ``class``, ``class_at_double``. ``errors``: of each quantity that both runs
+        have ``value``, ``at_double``, ``error`` (twice their difference, relative) and ``chance``
+        (twice what the 95 % bounds of both explain of it, relative).
+    """
+    if not _wanted(plan):
+        return {"status": SKIPPED, "message": _why_skipped(plan)}
+    chosen = _representative(plan, points)
+    if chosen is None:
+        return {"status": FAILED, "message": "every design point failed"}
+    task = plan.tasks[chosen]
+    own = run_finding(read_chunks(directory, {task.point_id}, SCHEMA)[task.point_id])
+    report("slope of friction", 0, 1)
+    values = dict(task.design.values)
+    values[REGULARISATION_SPEED.name] *= 0.5
+    double = replace(task, point_id="double", design=replace(task.design, values=values))
+    try:
+        found = measure_tasks(plan, [double]).findings["0"]
+    except (*FAILURES, SquealstudyError) as error:
+        found = dict(zip(("status", "message"), reason(error), strict=True))
+    report("slope of friction", 1, 1)
+    return {"point_id": task.point_id, **_verdict(own, found)}
+
+
+def _wanted(plan: Plan) -> bool:
+    choice = plan.study.section.slope_pilot
+    few = has_mesh(plan.study) and len(plan.tasks) < PILOT_POINTS
+    return choice == "always" or (choice == "auto" and not few)
+
+
+def _why_skipped(plan: Plan) -> str:
+    if plan.study.section.slope_pilot == "never":
+        return 'slope_pilot = "never"'
+    return f'fewer than {PILOT_POINTS} design points; slope_pilot = "always" would tell'
+
+
+def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
+    """Position of the design point that shows most: a limit cycle, of those what sticks most."""
+    automatic = np.array([regularised(design) for design in plan.designs])
+    usable = points[automatic & (points["status"] == "ok").to_numpy()]
+    if not len(usable):
+        return None
+    cycle, stick = usable["class"] == CYCLE, usable["stick_share"].fillna(0.0)
+    level = usable["torque_rms"].fillna(0.0)
+    order = np.lexsort((-level, -stick, ~(cycle & (stick > 0)), ~cycle))
+    return int(np.flatnonzero(points["point_id"] == usable["point_id"].iloc[order[0]])[0])
+
+
+def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """Errors of a run from that at twice the slope, and what they are worth."""
+    if found["status"] != "ok":
+        return {"status": FAILED, "message": f"at 2 k_t: {found['status']}: {found['message']}"}
+    errors = {
+        error.quantity: {
+            "value": error.value,
+            "at_double": error.truth,
+            "error": FIRST_ORDER * error.error,
+            "chance": FIRST_ORDER * error.chance,
+        }
+        for error in run_errors(own, found)[0]
+        if error.quantity in QUANTITIES and np.isfinite(error.value)  # which both runs have
+    }
+    classes = {"class": own["class"], "class_at_double": found["class"]}
+    return {"status": OK, "message": "", **classes, "errors": errors} | _doubt(classes, errors)
+
+
+def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """Status and message where the two runs cannot tell; empty where they can."""
+    own, double = classes.values()
+    if own != double:
+        return {"status": UNDECIDED, "message": f"{own} at k_t, {double} at 2 k_t"}
+    if own not in DECIDED:
+        return {"status": UNDECIDED, "message": f"both runs are {own}{UNTOLD.get(own, '')}"}
+    if not errors:
+        return {"status": UNDECIDED, "message": f"both runs are {own} and have nothing to compare"}
+    return {}

@@ -1,0 +1,240 @@
+"""Adaptive solvers of scipy on the modal equations, as their own authors would run them.
+
+Right-hand side and tangents are compiled; the implicit solvers get an analytic Jacobian. Saved
+times come from each solver's dense output.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+from scipy.integrate import BDF, DOP853, LSODA, Radau
+
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.modal_rate import modal_rate, point_tangents, show_state
+from squealstudy.laboratory.integrators.fixed_step import own_arrays
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import KernelRun, OneByOne
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+ATOL = 1e-3  # absolute over relative tolerance, in units of each coordinate's scale
+
+
+class Adaptive(OneByOne):
+    """A solver that chooses its steps; those of the settings name the times of the rows.
+
+    A run's `steps` and `mean_iterations` are the solver's own steps and evaluations of the
+    right-hand side in one of them, `newton_steps` its Jacobians. Works and dissipations are NaN:
+    nothing integrates them.
+    """
+
+    solver: ClassVar[Any]
+    implicit: ClassVar[bool] = True  # it asks for the Jacobian
+
+    rtol: float = Field(default=1e-6, ge=1e-14, le=1, description="relative tolerance")
+    atol: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="absolute tolerance over the scale of each coordinate; 0: rtol / 1000",
+    )
+    max_evaluations: int = Field(
+        default=0, ge=0, description="of the right-hand side before giving up; 0: any"
+    )
+
+    def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
+        """Integrate a design point; a failure of the solver is an outcome."""
+        plain = Newmark(max_halvings=0, mockup="never")
+        case = own_arrays(system, design, replace(settings, integrator=plain))
+        equations = Equations(case)
+        atol = (self.atol or ATOL * self.rtol) * scales(case)
+        y0 = np.concatenate(design.start(system.n))
+        end = settings.n_steps * settings.step
+        extra = {"jac": equations.jacobian} if self.implicit else {}
+        case.work.real[0, layout.W_LOAD : layout.STORED_START] = np.nan
+        case.work.real[0, layout.STORED_START] = shown(case, y0, 0)
+        course = Course(case, y0)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
+            try:
+                made = self.solver(equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra)
+                course.march(made, self.max_evaluations)
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                course.fail("solver_failed", str(error) or "the solver raised an error")
+        return course.motion()
+
+
+class Dop853(Adaptive):
+    """Explicit Runge-Kutta, by scipy."""
+
+    name = "dop853"
+    label = "DOP853"
+    description = "explicit Runge-Kutta of order 8, adaptive (Hairer)"
+    solver = DOP853
+    implicit = False
+
+
+class RadauIIA(Adaptive):
+    """Implicit Runge-Kutta, by scipy."""
+
+    name = "radau"
+    label = "Radau"
+    description = "implicit Runge-Kutta of order 5, adaptive"
+    solver = Radau
+
+
+class BackwardDifferences(Adaptive):
+    """Backward differences, by scipy."""
+
+    name = "bdf"
+    label = "BDF"
+    description = "backward differences of orders 1 to 5, adaptive"
+    solver = BDF
+
+
+class Lsoda(Adaptive):
+    """Adams and backward differences, by scipy."""
+
+    name = "lsoda"
+    label = "LSODA"
+    description = "Adams and BDF with automatic switching, adaptive (Petzold)"
+    solver = LSODA
+
+
+class Equations:
+    """f(t, y) and its Jacobian for one design, y = (q, v)."""
+
+    def __init__(self, case: KernelRun) -> None:
+        system = case.system
+        self.case, self.n = case, system.n
+        self.contact = np.concatenate([system.N, system.T1, system.T2])
+        modes = case.modal.modes[0, :, : self.n]
+        d, s = case.modal.tuned[0]
+        U = system.shapes
+        self.K = np.diag(modes[layout.W2]) + U.T @ (s[:, None] * U)
+        self.C = np.diag(modes[layout.C]) + U.T @ (d[:, None] * U)
+        self.parts = (system.N, system.T1, system.T2)
+        self.D = np.zeros((6, len(system.area)))
+
+    def rate(self, _t: float, y: np.ndarray) -> np.ndarray:
+        """Right-hand side (2 n,)."""
+        dy = np.empty(2 * self.n)
+        modal_rate(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, dy)
+        return dy
+
+    def jacobian(self, _t: float, y: np.ndarray) -> np.ndarray:
+        """df/dy (2 n, 2 n)."""
+        n, D = self.n, self.D
+        point_tangents(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, D)
+        N, T1, T2 = self.parts
+        J = np.zeros((2 * n, 2 * n))
+        J[:n, n:] = np.eye(n)
+        pushed = np.concatenate([D[0][:, None] * N, D[1][:, None] * N, D[2][:, None] * N])
+        J[n:, :n] = self.contact.T @ pushed - self.K
+        along = D[3][:, None] * T1 + D[4][:, None] * T2
+        across = D[4][:, None] * T1 + D[5][:, None] * T2
+        J[n:, n:] = T1.T @ along + T2.T @ across - self.C
+        return J
+
+
+def scales(case: KernelRun) -> np.ndarray:
+    """Size (2 n,) that each coordinate may have: one velocity for all modes, over frequencies.
+
+    The velocity is the largest of those of the initial state, of the load on a free mode, and of
+    1/1000 of the sliding speed in the mode that moves a point most.
+    """
+    system, design = case.system, case.designs[0]
+    n = system.n
+    q0, v0 = design.start(n)
+    omega = np.sqrt(np.abs(system.omega2))
+    slow = np.maximum(omega, 1.0 / case.settings.duration)
+    load = case.modal.modes[0, layout.LOAD, :n]
+    largest = [np.abs(v0).max(), np.abs(omega * q0).max(), np.abs(load / slow).max()]
+    row = max(np.linalg.norm(T, axis=1).max(initial=0.0) for T in (system.T1, system.T2))
+    if row > 0.0:
+        largest.append(1e-3 * abs(design.speed) / row)
+    velocity = max(largest) or 1.0
+    return np.concatenate([velocity / slow, np.full(n, velocity)])
+
+
+def shown(case: KernelRun, y: np.ndarray, step: int) -> float:
+    """Keep y as the state after `step` steps of the settings; its stored energy, J."""
+    every = case.settings.save_every
+    case.work.counts[0, layout.STEP] = step
+    keep = every > 0 and step % every == 0
+    return float(show_state(y, *case.arguments, keep))
+
+
+class Course:
+    """How far a solver came."""
+
+    def __init__(self, case: KernelRun, y0: np.ndarray) -> None:
+        self.case, self.y, self.t = case, y0, 0.0
+        self.steps = self.evaluations = self.most = self.jacobians = 0
+        self.outcome, self.reason = "ok", ""
+
+    def fail(self, outcome: str, reason: str) -> None:
+        """End with an outcome."""
+        self.outcome, self.reason = outcome, reason
+
+    def march(self, solver: Any, limit: int) -> None:
+        """Step to the end, or to a failure; `limit` evaluations at most, 0 for any number."""
+        settings = self.case.settings
+        every = settings.save_every or settings.n_steps
+        due = every
+        while solver.status == "running":
+            before = solver.nfev
+            message = solver.step()
+            if solver.status == "failed":
+                self.fail("solver_failed", message or "the solver gave up")
+                return
+            if not np.isfinite(solver.y).all():
+                self.fail("not_finite", "the state is not finite")
+                return
+            self.y, self.t = np.array(solver.y), float(solver.t)
+            self.steps += 1
+            self.most = max(self.most, solver.nfev - before)
+            self.evaluations, self.jacobians = solver.nfev, solver.njev
+            if due * settings.step <= self.t or solver.status == "finished":
+                due = self.save(solver, due, every)
+            if solver.status == "running" and 0 < limit <= solver.nfev:
+                self.fail("solver_failed", f"more than {limit} evaluations")
+                return
+
+    def save(self, solver: Any, due: int, every: int) -> int:
+        """Keep the rows from step `due` on that the solver has passed; the next one."""
+        settings = self.case.settings
+        dense = solver.dense_output()
+        while due <= settings.n_steps:
+            t = due * settings.step
+            if t > self.t and solver.status == "running":
+                break
+            shown(self.case, np.ascontiguousarray(dense(min(t, self.t))), due)
+            due += every
+        return due
+
+    def motion(self) -> Motion:
+        """After the end."""
+        case, settings = self.case, self.case.settings
+        counts, real = case.work.counts[0], case.work.real[0]
+        stored = float(show_state(self.y, *case.arguments, False))
+        counts[layout.STATUS] = layout.DONE
+        if self.outcome == "ok":
+            real[layout.STORED_END] = stored
+        message = f"t = {self.t:.9g} s: {self.reason}" if self.reason else ""
+        return replace(
+            case.motion(0),
+            outcome=self.outcome,
+            message=message,
+            time=self.t if self.outcome != "ok" else settings.n_steps * settings.step,
+            mean_iterations=self.evaluations / max(self.steps, 1),
+            max_iterations=self.most,
+            newton_steps=self.jacobians,
+            steps=self.steps,
+        )

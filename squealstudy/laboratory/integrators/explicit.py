@@ -1,0 +1,77 @@
+"""Methods without iteration: central differences, and exponential steps of predictor, corrector."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.central_difference import central_difference
+from squealstudy.kernels.exponential_steps import exponential_steps
+from squealstudy.kernels.integrator_layout import N_COEFFICIENT
+from squealstudy.laboratory.integrators.fixed_step import OwnKernel
+from squealstudy.motion.arrays import aligned_zeros
+from squealstudy.motion.propagators import propagators
+from squealstudy.motion.simulate import KernelRun
+
+
+class CentralDifference(OwnKernel):
+    """Leap-frog: stable up to omega h = 2, contact included."""
+
+    name = "central_difference"
+    label = "central difference"
+    description = "explicit, velocities at half steps"
+    order = 2
+
+    velocity: Literal["extrapolated", "lagged"] = Field(
+        default="extrapolated",
+        description="velocity that friction sees: that of half a step before (order 1), or "
+        "extrapolated (order 2)",
+    )
+
+    def advance(self, case: KernelRun) -> None:
+        """Integrate design 0 of the case to its end or failure."""
+        lagged = self.velocity == "lagged"
+        central_difference(case.B, case.modal, case.options, lagged, case.work, case.saved)
+
+
+class ExponentialSecond(OwnKernel):
+    """Exact free motion, contact forces linear in time through a predicted end."""
+
+    name = "exponential_2"
+    label = "exponential, order 2"
+    description = "free modes exact, contact by PEC of order 2"
+    order = 2
+
+    def advance(self, case: KernelRun) -> None:
+        """Integrate design 0 of the case to its end or failure."""
+        _exponential(case, parts=0)
+
+
+class ExponentialThird(OwnKernel):
+    """The same with forces quadratic in time, through the step before as well."""
+
+    name = "exponential_3"
+    label = "exponential, order 3"
+    description = "free modes exact, contact by PEC of order 3"
+    order = 3
+
+    start_parts: int = Field(
+        default=16, ge=1, le=1000, description="parts of the first step, of order 2"
+    )
+
+    def advance(self, case: KernelRun) -> None:
+        """Integrate design 0 of the case to its end or failure."""
+        _exponential(case, self.start_parts)
+
+
+def _exponential(case: KernelRun, parts: int) -> None:
+    """Order 2 with parts = 0; else order 3 with a first step of so many parts."""
+    w2, c = case.modal.modes[0, layout.W2], case.modal.modes[0, layout.C]
+    h = case.settings.step
+    E = aligned_zeros(2, N_COEFFICIENT, len(w2))
+    E[0] = propagators(w2, c, h)
+    if parts > 0:
+        E[1] = propagators(w2, c, h / parts)
+    exponential_steps(case.B, case.modal, case.options, E, parts, case.work, case.saved)

@@ -1,0 +1,111 @@
+"""Second-order perturbation beside an exceptional point.
+
+Hulten's mass with equal dampers: the squares nu of its undamped frequencies are
+
+    nu = a +- sqrt(b^2 - mu^2 w1^2 w2^2),    a, b = (w1^2 +- w2^2) / 2,
+
+which meet at mu_c = b / (w1 w2). From an anchor at mu_0 the root has the expansion of a square
+root about it, whose radius is the distance d = mu_c - mu_0; after a step r d the third term left
+out is S r^3 / 16 of the frequency, S = (nu_1 - nu_2) / (4 a) at the anchor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laboratory.method_stability.small_problem import SmallProblem
+from squealstudy.modes.reanalysis.estimate import EstimatedRoots
+from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
+
+OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
+SAFE = 2.0  # times the estimate, THEORY.md eq. (39)
+REACH = 2.0
+
+KNOBS = (
+    Knob("anchor", "", 0.1, 0.0, 2.0, False, "friction whose modes are known"),
+    Knob("step", "", 0.01, 1e-6, 2.0, True, "change of friction from there on"),
+    Knob("damping_ratio", "", 0.01, 0.0, 0.5, False, "of both modes at their mean frequency"),
+    Knob("tolerance", "", 1e-3, 1e-10, 0.1, True, "relative error of a root that is allowed"),
+)
+
+
+@dataclass(frozen=True)
+class Coalescence:
+    """`perturbed_roots` of second order near a lock-in; see `Case`."""
+
+    name: str = "coalescence"
+    title: str = "second-order perturbation beside a lock-in"
+    boundary: str = "step over distance to coalescence where S r^3 / 16 is the tolerance, 1 at most"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the step, the model and the tolerance."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the largest relative error of a root over the tolerance."""
+        knobs = checked(self.knobs, values)
+        problem = flutter_problem(knobs["damping_ratio"])
+        to = np.array([knobs["anchor"] + knobs["step"]])
+        with np.errstate(all="ignore"):
+            anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
+            found = perturbed_roots(problem, anchor, to, 2)
+            assert isinstance(found, EstimatedRoots)  # every friction has a working point
+            estimate = SAFE * float((found.error / np.abs(found.lam)).max(initial=0.0))
+        exact = exact_roots(to[0], knobs["damping_ratio"])
+        error = distance(found.lam, exact)
+        tolerance = knobs["tolerance"]
+        flagged = not estimate <= tolerance
+        outcome = CONVERGED if error <= tolerance else WRONG
+        by = f"estimate {estimate:.1e}" if flagged else ""
+        return Cell(outcome, by, flagged, predict(knobs), error / tolerance, error, 1.0)
+
+
+def flutter_problem(damping_ratio: float) -> SmallProblem:
+    """Hulten's mass over its friction, damped alike in all directions."""
+    C = 2 * damping_ratio * np.sqrt((OMEGA_1**2 + OMEGA_2**2) / 2) * np.eye(2)
+    K = np.diag([OMEGA_1**2, OMEGA_2**2])
+    friction = np.array([[0.0, -(OMEGA_2**2)], [OMEGA_1**2, 0.0]])
+    return SmallProblem(lambda theta: (C, K + theta[0] * friction), K)
+
+
+def exact_roots(mu: float, damping_ratio: float) -> np.ndarray:
+    """The two roots of imaginary part >= 0, rad/s."""
+    a, b = (OMEGA_1**2 + OMEGA_2**2) / 2, (OMEGA_1**2 - OMEGA_2**2) / 2
+    split = np.sqrt(complex(b**2 - (mu * OMEGA_1 * OMEGA_2) ** 2))
+    nu = a + np.array([split, -split])
+    c = 2 * damping_ratio * np.sqrt(a)
+    roots: np.ndarray = -c / 2 + 1j * np.sqrt(nu - c**2 / 4)
+    return roots
+
+
+def distance(lam: np.ndarray, exact: np.ndarray) -> float:
+    """Largest relative distance of an exact root to the nearest found; inf where one is missing."""
+    if not len(lam) or not np.isfinite(lam).all():
+        return float("inf")
+    return float((np.abs(exact[:, None] - lam).min(axis=1) / np.abs(exact)).max())
+
+
+def predict(knobs: Mapping[str, float]) -> float:
+    """Step over distance, relative to the share of it at which the third term is the tolerance."""
+    a, b = (OMEGA_1**2 + OMEGA_2**2) / 2, (OMEGA_1**2 - OMEGA_2**2) / 2
+    critical = b / (OMEGA_1 * OMEGA_2)
+    away = abs(critical - knobs["anchor"])
+    split = np.sqrt(abs(b**2 - (knobs["anchor"] * OMEGA_1 * OMEGA_2) ** 2))
+    share = 2 * split / (4 * a)
+    reach = min(1.0, (16 * knobs["tolerance"] / max(share, 1e-300)) ** (1 / 3))
+    return float(knobs["step"] / max(away * reach, 1e-300))
+
+
+COALESCENCE = Coalescence()

@@ -1,0 +1,134 @@
+"""The small contact models on which Newmark's iteration is tried, and states of one step on them.
+
+Both are modal systems at a reference (mean pressure `REFERENCE_PRESSURE`, exponent
+`REFERENCE_LAMBDA`) whose tangent is in the fixed Jacobian; the design rests elsewhere, as in a
+sweep over pressures and laws on shared modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.kernels.newmark_layout import POINT_NORMAL
+from squealstudy.laboratory.method_stability.contract import Knob
+from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+REFERENCE_PRESSURE = 1e6  # Pa
+REFERENCE_LAMBDA = 5e5  # 1/m
+DAMPING_RATIO = 0.01
+SEED = 3
+MODES, POINTS = 6, 8
+NEARLY_OPEN, LEFT = (0, 5), 1e-3  # points that carry next to nothing, and their share of pressure
+DISTURBED = 1e-5  # of the distance over which the contact law changes by its own size
+STUCK = (2, 6)  # points that the kicked state holds
+
+CONTACT_KNOBS = (
+    Knob("step", "s", 1e-6, 1e-8, 1e-2, True, "time step h"),
+    Knob("contact_factor", "", 1.0, 0.0, 1e3, False, "k_c over the static contact tangent"),
+    Knob("kt", "N s/m3", 3e7, 1e3, 1e15, True, "slope of friction at zero sliding, per area"),
+    Knob("lambda", "1/m", REFERENCE_LAMBDA, 1e3, 1e9, True, "exponent of the contact law"),
+    Knob("friction", "", 0.5, 0.0, 5.0, False, "friction coefficient"),
+    Knob("sliding_speed", "m/s", 0.5, 1e-4, 1e3, True, "imposed sliding speed"),
+    Knob("preload", "", 1.0, 1e-4, 1e4, True, "contact pressure over that of the reference"),
+)
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """A model, and a design on it with the state from which it moves on."""
+
+    system: ModalSystem
+    design: MotionPoint
+
+
+@cache
+def rough_model() -> tuple[ModalSystem, np.ndarray]:
+    """Six modes under eight points, drawn from a seed; reference pressures (nc,), Pa."""
+    rng = np.random.default_rng(SEED)
+    w2 = (2 * np.pi * np.sort(rng.uniform(800.0, 9e3, MODES))) ** 2
+    area = rng.uniform(0.5, 1.5, POINTS) * 1e-2 / POINTS
+    p = rng.uniform(0.5, 1.5, POINTS) * REFERENCE_PRESSURE
+    k = area * p * REFERENCE_LAMBDA
+    rows = rng.normal(size=(3, POINTS, MODES)) * np.sqrt(0.3 * w2.mean() / (k.sum() * MODES))
+    values, phi = la.eigh(np.diag(w2) + rows[0].T @ (k[:, None] * rows[0]))
+    return _system(values, rows @ phi, area, p), p
+
+
+@cache
+def single_point() -> tuple[ModalSystem, np.ndarray]:
+    """One mass under one point: normal and tangential motion, both of 1 kHz; pressure (1,), Pa."""
+    area, p = np.array([1e-3]), np.array([REFERENCE_PRESSURE])
+    k = float(area[0] * p[0] * REFERENCE_LAMBDA)
+    mass = k / (2 * np.pi * 1e3) ** 2
+    rows = np.array([[[1.0, 0.0]], [[0.0, 1.0]], [[0.0, 0.0]]]) / np.sqrt(mass)
+    own = (2 * np.pi * 1e3) ** 2
+    return _system(np.array([own + k / mass, own]), rows, area, p), p
+
+
+def _system(omega2: np.ndarray, rows: np.ndarray, area: np.ndarray, p: np.ndarray) -> ModalSystem:
+    law = contact_law("exponential", lam=REFERENCE_LAMBDA)
+    nc = len(area)
+    return ModalSystem(
+        omega2=omega2,
+        N=rows[0],
+        T1=rows[1],
+        T2=rows[2],
+        area=area,
+        frictional=np.ones(nc),
+        radius=np.ones(nc),
+        gap=np.array([law.gap_at(float(x)) for x in p]),
+        k_ref=area * p * REFERENCE_LAMBDA,
+        force=np.column_stack([area * p, 0 * p, 0 * p]),
+    )
+
+
+def rough_state(values: Mapping[str, float]) -> ContactState:
+    """Six modes, eight points: two held, two nearly open, the others slide, all of it moving."""
+    system, p_ref = rough_model()
+    share = np.ones(POINTS)
+    share[list(NEARLY_OPEN)] = LEFT
+    design = _design(system, p_ref * share, values)
+    held = np.vstack([system.T1[list(STUCK)], system.T2[list(STUCK)]])
+    stop = np.repeat([-values["sliding_speed"], 0.0], len(STUCK))
+    v0 = np.linalg.lstsq(held, stop, rcond=None)[0]
+    return ContactState(system, replace(design, v0=v0))
+
+
+def sliding_state(values: Mapping[str, float]) -> ContactState:
+    """One point that slides, so little off its equilibrium that its tangents are those there."""
+    system, p_ref = single_point()
+    closer = -DISTURBED / (values["lambda"] * system.N[0, 0])
+    design = _design(system, p_ref, values)
+    return ContactState(system, replace(design, q0=np.array([closer, 0.0])))
+
+
+def stuck_state(values: Mapping[str, float]) -> ContactState:
+    """One point that moves with the belt, about a state without friction."""
+    state = sliding_state(values)
+    v0 = np.array([0.0, -values["sliding_speed"] / state.system.T1[0, 1]])
+    pressed = state.design.points(state.system)[POINT_NORMAL]
+    force = np.column_stack([pressed, 0 * pressed, 0 * pressed])
+    return ContactState(state.system, replace(state.design, force=force, v0=v0))
+
+
+def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> MotionPoint:
+    """Steady sliding at a multiple of the reference's pressures, under its own law."""
+    law = contact_law("exponential", lam=values["lambda"])
+    p, mu = values["preload"] * p_ref, values["friction"]
+    normal = system.area * p
+    speed = values["sliding_speed"]
+    drag = -system.area * np.minimum(mu * p, values["kt"] * speed)
+    return MotionPoint(
+        law,
+        FrictionLaw(mu, values["kt"]),
+        speed,
+        2 * DAMPING_RATIO * np.sqrt(system.omega2),
+        gap=np.array([law.gap_at(float(x)) for x in p]),
+        force=np.column_stack([normal, drag, 0 * p]),
+    )

@@ -1,0 +1,144 @@
+"""The product's own chain of helps: which one a run needed, and whether it ends where it should."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.laboratory.method_stability.contact_models import (
+    CONTACT_KNOBS,
+    ContactState,
+    rough_state,
+)
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    RECOVERED,
+    SLOW,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.motion.doubts import energy_drift
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import (
+    CLOSING_LIMIT,
+    STICK_LIMIT,
+    closing_number,
+    stick_number,
+)
+
+STEPS = 20
+SLOW_PASSES = 10.0  # passes a step: five times those of a squealing brake
+FINE = 16  # sub-steps of the reference of a run that halved: as many as its halvings allow
+SAME = 0.05  # relative distance from which on a final state is another one
+ENERGY = "energy drift"
+
+
+@dataclass(frozen=True)
+class DefaultChain:
+    """`simulate` with its default settings over a few steps; see `Case`."""
+
+    name: str = "default_chain"
+    title: str = "default chain of helps, six modes and eight points"
+    boundary: str = f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the step, the laws and the working point; the chain has no contact factor."""
+        return named(*(k for k in CONTACT_KNOBS if k.name != "contact_factor"))
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the largest number of passes a step over what it has before it is halved.
+
+        `error` is the distance to Newton's method at the same step; where a step had to be halved,
+        to Newton's method at the smallest of its sub-steps. `flagged` may be a false alarm: the
+        run is shorter than an impact, inside of which the energy balance is off.
+        """
+        knobs = checked(self.knobs, values)
+        state = rough_state(knobs)
+        settings = chain_settings(knobs["step"])
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = run(state, settings)
+            predicted = predict(state, knobs["step"])
+            measured = result.max_iterations / settings.max_iterations
+            cost = result.mean_iterations
+            if result.outcome != "ok":
+                return Cell(FAILED, result.outcome, True, predicted, measured, np.nan, cost)
+            error = deviation(state, settings, result)
+            by = help_needed(state, settings, result)
+        outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
+        flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
+        if error > SAME:
+            outcome, by = WRONG, ENERGY if flagged else by
+        return Cell(outcome, by, flagged, predicted, measured, error, cost)
+
+
+def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionSettings:
+    """A few steps by the defaults of a study, or with less help."""
+    method = chain or ExactFreeMotion()
+    return MotionSettings(STEPS * step, step, 1, method, tolerance=method.tolerance)
+
+
+def run(state: ContactState, settings: MotionSettings) -> Motion:
+    """Integrate from the state."""
+    return simulate(state.system, [state.design], settings)[0]
+
+
+def predict(state: ContactState, step: float) -> float:
+    """The larger of the stick and the closing number, each over its limit."""
+    system, design = state.system, state.design
+    velocity = float(np.abs(system.N @ design.start(system.n)[1]).max())
+    return max(
+        stick_number(system, design, step) / STICK_LIMIT,
+        closing_number(design.contact, velocity, step) / CLOSING_LIMIT,
+    )
+
+
+def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -> str:
+    """What kept the run from failing: the last link of the chain that it needed, or nothing."""
+    if result.newton_steps:
+        return "newton"
+    if result.halvings:
+        return "halving"
+    unaided = chain_settings(settings.step, ExactFreeMotion(mockup="never"))
+    if not _whole(run(state, unaided)):
+        return "mock-up"
+    plain = chain_settings(settings.step, ExactFreeMotion(mockup="never", aitken=False))
+    return "" if _whole(run(state, plain)) else "aitken"
+
+
+def _whole(result: Motion) -> bool:
+    return result.outcome == "ok" and not result.halvings and not result.newton_steps
+
+
+def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> float:
+    """Relative distance of a run to where its steps lead if they are solved to the end.
+
+    NaN where not even Newton's method solves them.
+    """
+    sharp = replace(settings, tolerance=1e-10, max_iterations=400)
+    reference = run(state, sharp)
+    if not result.halvings and not reference.halvings:
+        return distance(state, result, reference)
+    return distance(state, result, run(state, replace(sharp, step=settings.step / FINE)))
+
+
+def distance(state: ContactState, a: Motion, b: Motion) -> float:
+    """Of two final states in the norm of their energy, relative to b; NaN where one failed."""
+    if "ok" not in (a.outcome, b.outcome) or a.outcome != b.outcome:
+        return float("nan")
+    omega = state.system.frequencies
+    change = np.concatenate([a.v - b.v, omega * (a.q - b.q)])
+    size = np.linalg.norm(np.concatenate([b.v, omega * b.q]))
+    return float(np.linalg.norm(change) / size)
+
+
+DEFAULT_CHAIN = DefaultChain()

@@ -1,0 +1,165 @@
+"""The working point of one contact point that friction presses on.
+
+A mass on two coupled springs, x along the sliding and y away from the contact; friction mu A p
+pulls at x, and through the coupling at y. With k the stiffness of y where x is free
+
+    k y = F + (1 - mu / mu_c) A p(y),    p = p0 exp(-lambda y),    mu_c = k_xx / |k_xy|,
+
+F the load, negative where it presses. Up to mu_c there is one equilibrium, tension or not. Beyond
+it friction pulls the mass into the contact: both sides still meet while
+
+    (mu / mu_c - 1) lambda A p0 / k <= exp(lambda F / k - 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import brentq
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    SLOW,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laws import contact_law
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.minimal_parts import point_mass
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.working_point import MAX_ITERATIONS, working_point
+
+K_XX, K_XY, K_YY = 1e7, -8e6, 1.64e7  # N/m: mu_c = 1.25, k = 1e7
+SOFT = K_YY - K_XY**2 / K_XX
+CRITICAL = K_XX / abs(K_XY)
+AREA, P_0 = 1e-3, 1e5  # m2, Pa
+SLOW_FROM = 30  # Newton iterations
+DIVERGES = "real positive root"
+SAME = 1e-6  # distance of gaps, in 1/lambda, up to which two are one
+
+KNOBS = (
+    Knob("friction", "", 0.5, 0.0, 5.0, False, "friction coefficient"),
+    Knob("pressure", "Pa", 1e6, 0.0, 1e9, True, "of the load on the area of the contact"),
+    Knob("tension", "N", 0.0, 0.0, 1e6, False, "constant pull away from the contact"),
+    Knob("lambda", "1/m", 5e5, 1e2, 1e9, True, "exponent of the contact law"),
+    Knob(
+        "start",
+        "",
+        0.0,
+        -500.0,
+        500.0,
+        False,
+        "gap of the first guess beyond a uniform pressure's, in 1/lambda",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """`working_point` of one contact point; see `Case`."""
+
+    name: str = "working_point"
+    title: str = "steady sliding of one contact point that friction presses on"
+    boundary: str = "largest friction at which the closed form has an equilibrium"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the load, the laws and the first guess."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the number of Newton iterations over those allowed.
+
+        `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
+        second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
+        """
+        knobs = checked(self.knobs, values)
+        lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA
+        predicted = knobs["friction"] / largest_friction(lam, load)
+        law = contact_law("exponential", p0=P_0, lam=lam)
+        point = OperatingPoint(knobs["friction"], knobs["pressure"], 1.0, law)
+        space = one_point(knobs["tension"])
+        uniform = law.gap_at(max(knobs["pressure"], 1.0))
+        start = np.array([uniform + knobs["start"] / lam])
+        try:
+            with np.errstate(all="ignore"):
+                found = working_point(space, point, start)
+        except ConvergenceError as reason:
+            return Cell(FAILED, reason.status, True, predicted, np.inf, np.nan, MAX_ITERATIONS)
+        exact = equilibrium_gap(lam, load, knobs["friction"])
+        error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
+        slow = found.iterations > SLOW_FROM
+        outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
+        measured = found.iterations / MAX_ITERATIONS
+        diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
+        by = DIVERGES if diverges else ""
+        return Cell(outcome, by, diverges, predicted, measured, error, found.iterations)
+
+
+def one_point(tension: float) -> ContactSpace:
+    """The mass on its springs seen from its contact point."""
+    K = np.array([[K_XX, K_XY], [K_XY, K_YY]])
+    values, vectors = np.linalg.eigh(K)
+    springs = SpringInterface("springs", sp.csr_matrix(vectors.T), values)
+    contact = ContactInterface(
+        sp.csr_matrix([[0.0, 1.0]]),
+        sp.csr_matrix([[1.0, 0.0]]),
+        sp.csr_matrix((1, 2)),
+        np.array([AREA]),
+        np.zeros(1),
+        np.ones(1),
+        contact_law(),
+        np.ones(1),
+    )
+    loads = np.array([0.0, -AREA]), np.array([0.0, tension])
+    assembly = Assembly((point_mass("mass", 1.0),), contact, (springs,), *loads)
+    return contact_space(assembly, SOFT / AREA, np.zeros((2, 0)))
+
+
+def leaves(tangent: float, friction: float) -> bool:
+    """Whether complex modes at a contact tangent [Pa/m] have a real positive root: divergence."""
+    k_n = AREA * tangent
+    K = np.array([[K_XX, K_XY - friction * k_n], [K_XY, K_YY + k_n]])
+    lam, _ = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
+    return bool(((lam.real > 0) & (lam.imag == 0)).any())
+
+
+def largest_friction(lam: float, load: float) -> float:
+    """Friction up to which there is an equilibrium under a load F [N]."""
+    exponent = min(lam * load / SOFT - 1.0, 700.0)
+    return float(CRITICAL * (1.0 + SOFT / (lam * AREA * P_0) * np.exp(exponent)))
+
+
+def equilibrium_gap(lam: float, load: float, friction: float) -> float:
+    """The gap [m] of the stable equilibrium; NaN where there is none."""
+    share = 1.0 - friction / CRITICAL
+    free = lam * load / SOFT  # gaps in 1/lambda from here on
+    push = share * lam * AREA * P_0 / SOFT
+    if push == 0.0:
+        return free / lam
+    if push > 0.0:  # z - free = push exp(-z), in logarithms: no overflow
+
+        def excess(s: float) -> float:
+            return s + free + np.exp(s) - np.log(push)
+
+        top = np.log(push) - free
+        s = brentq(excess, min(top, 0.0) - 1.0, np.log(max(top, 0.0) + 1.0) + 1.0, xtol=1e-13)
+        return float((free + np.exp(s)) / lam)
+    turn = np.log(-push)  # the two equilibria are on either side of it
+    if turn > free - 1.0:
+        return float("nan")
+    return float(brentq(lambda z: z - free - push * np.exp(-z), turn, free, xtol=1e-13) / lam)
+
+
+WORKING_POINT = Equilibrium()

@@ -1,0 +1,126 @@
+"""An undamped mass that hits an exponential contact: energy from nowhere.
+
+The trapezoidal rule integrates the work of the contact force over a step; where the stiffness
+changes by its own size within one, what an impact takes and what it gives back differ (Hughes
+1976). The largest tangent stiffness that a motion of energy E meets is k = lambda p at the
+penetration d where all of E is potential, (p - p0) / lambda + w^2 d^2 / 2 = E.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from squealstudy.laboratory.integrators.alpha_methods import DiscreteGradient
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.doubts import energy_drift
+from squealstudy.motion.integrator import Integrator
+from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+IMPACTS = 30
+LIMIT = 1.26  # h omega_peak below which 1 % of random cells gain more than GAIN, beyond 2 all
+GAIN = 1e-2  # of the energy from which on an answer is wrong
+P_0 = 1e-2  # Pa: the contact is far away in free flight
+
+KNOBS = (
+    Knob("step", "s", 1e-5, 1e-9, 1e-2, True, "time step h"),
+    Knob("lambda", "1/m", 1e5, 1e3, 1e8, True, "exponent of the contact law"),
+    Knob("velocity", "m/s", 1.0, 1e-3, 1e2, True, "of the mass of 1 kg as it meets the contact"),
+    Knob("frequency", "Hz", 500.0, 1.0, 1e4, True, "of the mass on its spring"),
+    Knob("gradient", "", 0.0, 0.0, 1.0, False, "1: the discrete gradient instead of Newmark"),
+    Knob("exact", "", 0.0, 0.0, 1.0, False, "1: exact free motion instead of Newmark's"),
+)
+
+
+@dataclass(frozen=True)
+class ImpactEnergy:
+    """Energy after thirty impacts; see `Case`."""
+
+    name: str = "impact_energy"
+    title: str = "energy of an impact oscillator under average acceleration"
+    boundary: str = "h omega_peak = 1.26, omega_peak^2 the largest tangent stiffness met over mass"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the step, the law and the motion."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the largest energy of a free flight over that at the start."""
+        knobs = checked(self.knobs, values)
+        # the contact force of the discrete gradient is its potential's difference: exact
+        predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / LIMIT
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = fly(knobs)
+        cost = result.mean_iterations
+        if result.outcome != "ok":
+            return Cell(FAILED, result.outcome, True, predicted, np.nan, np.nan, cost)
+        free = result.history["normal_force"] < P_0
+        stored = result.history["stored"]
+        ratio = float(stored[free].max() / stored[0])
+        error = float(np.abs(stored[free] / stored[0] - 1.0).max())
+        outcome = WRONG if error > GAIN else CONVERGED
+        drift = energy_drift(result)
+        flagged = drift > (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
+        by = f"energy drift {drift:.1e}" if flagged else ""
+        return Cell(outcome, by, flagged, predicted, ratio, error, cost)
+
+
+def peak_number(knobs: Mapping[str, float]) -> float:
+    """H omega_peak at the deepest penetration, for a mass of 1 kg."""
+    lam, energy = knobs["lambda"], knobs["velocity"] ** 2 / 2
+    own = (2 * np.pi * knobs["frequency"]) ** 2
+
+    def missing(depth: float) -> float:
+        return P_0 / lam * np.expm1(lam * depth) + own * depth**2 / 2 - energy
+
+    deepest = np.log1p(energy * lam / P_0) / lam
+    depth = brentq(missing, 0.0, deepest, xtol=1e-9 / lam)
+    return knobs["step"] * float(np.sqrt(lam * P_0 * np.exp(lam * depth)))
+
+
+def fly(knobs: Mapping[str, float]) -> Motion:
+    """Thirty half periods, every step saved."""
+    omega = 2 * np.pi * knobs["frequency"]
+    one, none = np.ones((1, 1)), np.zeros((1, 1))
+    system = ModalSystem(
+        omega2=np.array([omega**2]),
+        N=one,
+        T1=none,
+        T2=none,
+        area=one[0],
+        frictional=none[0],
+        radius=one[0],
+        gap=none[0],
+        k_ref=none[0],
+        force=np.zeros((1, 3)),
+    )
+    law = contact_law("exponential", p0=P_0, lam=knobs["lambda"])
+    still = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(1))
+    design = replace(still, v0=np.array([knobs["velocity"]]))
+    duration = max(IMPACTS * np.pi / omega, 2 * knobs["step"])
+    method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()
+    if knobs["gradient"] >= 0.5:
+        method = DiscreteGradient()
+    settings = MotionSettings(duration, knobs["step"], 1, method, tolerance=1e-8)
+    return simulate(system, [design], settings)[0]
+
+
+IMPACT_ENERGY = ImpactEnergy()

@@ -1,0 +1,120 @@
+"""The companion form of a quadratic eigenproblem beside roots in closed form.
+
+Uncoupled modes, turned by a random rotation, are what `dense_roots` sees. LAPACK's roots are exact
+for matrices that differ by round-off of the largest entry: relative to the smallest root that is
+eps times the ratio of the stiffnesses, whatever the algorithm. A damping far beyond critical
+spreads the roots further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laboratory.method_stability.small_problem import SmallProblem
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.reanalysis.estimate import bounded, residuals
+
+MODES = 8
+LOWEST = 1e3  # rad/s
+ACCURATE = 1e-6  # relative error of a root from which on it is wrong
+SAFE = 10.0  # times the estimate
+
+KNOBS = (
+    Knob("stiffness_ratio", "", 1e3, 1.0, 1e20, True, "largest over smallest stiffness"),
+    Knob("damping_ratio", "", 0.01, 0.0, 1e8, True, "of the stiffest mode; the others have 1 %"),
+)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """`dense_roots` on eight uncoupled modes; see `Case`."""
+
+    name: str = "linearisation"
+    title: str = "companion form of eight uncoupled modes"
+    boundary: str = "round-off of the largest matrix entry moves the smallest root by 1e-6"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the modes."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the largest relative error of a root over 1e-6.
+
+        The estimate is that of points that are solved exactly: how far their residuals may have
+        moved the roots.
+        """
+        knobs = checked(self.knobs, values)
+        C, K, exact = turned_modes(knobs["stiffness_ratio"], knobs["damping_ratio"])
+        lam, psi = dense_roots(C, K, (0.0, np.inf))
+        error = relative_errors(lam, exact)
+        limit = predicted_error(C, K, exact)
+        with np.errstate(over="ignore", invalid="ignore"):
+            estimate = SAFE * estimated(C, K, lam, psi)
+        outcome = WRONG if error > ACCURATE else CONVERGED
+        flagged = not estimate <= ACCURATE
+        by = f"estimate {estimate:.1e}" if flagged else ""
+        return Cell(outcome, by, flagged, limit / ACCURATE, error / ACCURATE, error, len(lam))
+
+
+def turned_modes(ratio: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C, K (n, n) of uncoupled modes in other coordinates, and all of their roots (2n,)."""
+    omega = LOWEST * np.sqrt(np.geomspace(1.0, ratio, MODES))
+    zeta = np.full(MODES, 0.01)
+    zeta[-1] = damping
+    turn = la.qr(np.random.default_rng(4).normal(size=(MODES, MODES)))[0]
+    C = (turn * (2 * zeta * omega)) @ turn.T
+    K = (turn * omega**2) @ turn.T
+    root = np.sqrt((zeta**2 - 1).astype(complex))
+    far = -omega * (zeta + root)  # the larger of two real roots; the other without cancellation
+    return (C + C.T) / 2, (K + K.T) / 2, np.concatenate([far, omega**2 / far])
+
+
+def relative_errors(lam: np.ndarray, exact: np.ndarray) -> float:
+    """Largest relative distance of an exact root, imaginary part >= 0, to the nearest found."""
+    upper = exact[exact.imag >= 0]
+    if not len(lam):
+        return float("inf")
+    return float((np.abs(upper[:, None] - lam).min(axis=1) / np.abs(upper)).max())
+
+
+def predicted_error(C: np.ndarray, K: np.ndarray, exact: np.ndarray) -> float:
+    """Largest relative change of a root by round-off, for modes that do not couple.
+
+    d lam = -(dK + lam dC) / (2 lam + c), where 2 lam + c is the distance to the mode's other root;
+    LAPACK's own part is round-off of the companion matrix, of size |C| + |K| / s + s, in any of
+    its blocks: an upper bound, as balancing does better.
+    """
+    tiny, n = np.finfo(float).eps, len(exact) // 2
+    gap = np.tile(np.abs(exact[:n] - exact[n:]), 2)
+    size_c, size_k, size = np.linalg.norm(C, 2), np.linalg.norm(K, 2), np.abs(exact)
+    scale = np.sqrt(np.linalg.norm(K) / np.sqrt(n))
+    companion = size_c + size_k / scale + scale
+    change = tiny * (companion * scale + size * companion + size**2)
+    moved = change / np.maximum(gap, np.sqrt(change))  # a double root moves by the square root
+    return float((np.maximum(moved, tiny * companion) / size).max())
+
+
+def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> float:
+    """Largest estimated relative error of a root; matrices are symmetric: left vectors are psi*."""
+    slope = np.einsum("ij,ij->j", psi, 2 * lam * psi + C @ psi)
+    Y = psi.conj() / np.where(slope == 0, 1e-300, slope.conj())
+    problem = SmallProblem(lambda _: (C, K), np.eye(len(K)))
+    _, moved = residuals(problem, (1.0, C, K), Eigenpairs(lam, psi, Y))
+    return float((bounded(moved, lam) / np.maximum(np.abs(lam), 1e-300)).max())
+
+
+LINEARISATION = Linearisation()

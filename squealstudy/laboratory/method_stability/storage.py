@@ -1,0 +1,112 @@
+"""Contact forces from an observation matrix in single precision: round-off times cancellation.
+
+A mass moves along a surface that lies across its two modes: N q = n1 q1 + n2 q2 vanishes for
+q = a (n2, -n1) cos(w t), and what is left is the rounding of n1 and n2. Both lie nearly
+as far from numbers of single precision as they can, which is u = 2^-24, to either side: the gap
+errs by 2 u a n1 n2, and the pressure, p0 exp(-lambda g), by lambda times that. The contact is so
+light that it follows the motion and does not change it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.doubts import STORAGE_LIMIT, storage_number
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+UNIT = 2.0**-24  # round-off of single precision
+ROWS = 1.0 + UNIT * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
+OMEGA = 2 * np.pi * 500.0
+PERIODS, STEPS = 1, 100  # and steps in each
+FORCE = 1e-6  # N
+
+KNOBS = (
+    Knob("amplitude", "m", 1e-4, 1e-12, 1.0, True, "motion along the surface"),
+    Knob("lambda", "1/m", 5e5, 1e3, 1e9, True, "exponent of the contact law"),
+    Knob("single", "", 1.0, 0.0, 1.0, False, "1: single-precision storage, 0: double"),
+)
+
+
+@dataclass(frozen=True)
+class Storage:
+    """`simulate` with a matrix in single precision against double; see `Case`."""
+
+    name: str = "storage"
+    title: str = "contact force by an observation matrix in single precision"
+    boundary: str = "lambda 2 u |n1 n2| a = 1e-3, u = 2^-24"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the motion, the law and the storage."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is what `storage_number` says, `error` the largest one of the force."""
+        knobs = checked(self.knobs, values)
+        single = knobs["single"] >= 0.5
+        system, design = light_touch(knobs["lambda"])
+        step = 2 * np.pi / OMEGA / STEPS
+        q0 = knobs["amplitude"] * np.array([ROWS[1], -ROWS[0]])
+        settings = MotionSettings(PERIODS * STEPS * step, step, 1)
+        methods = Newmark(single_storage=single), Newmark()
+        with np.errstate(over="ignore"):
+            stored, exact = (
+                simulate(system, [replace(design, q0=q0)], replace(settings, integrator=method))[0]
+                for method in methods
+            )
+        predicted = predict(knobs) if single else 0.0
+        cost = stored.mean_iterations
+        if stored.outcome != "ok":
+            return Cell(FAILED, stored.outcome, True, predicted, np.nan, np.nan, cost)
+        force, truth = (r.history["normal_force"] for r in (stored, exact))
+        error = float(np.abs(force / truth - 1.0).max())
+        energy = float(stored.history["modal_energy"].max())
+        number = storage_number(system, design, energy) if single else 0.0
+        flagged = number > STORAGE_LIMIT
+        by = f"storage number {number:.1e}" if flagged else ""
+        outcome = WRONG if error > STORAGE_LIMIT else CONVERGED
+        return Cell(outcome, by, flagged, predicted, number, error, cost)
+
+
+def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
+    """Two modes of one frequency under a contact point that they slide along."""
+    law = contact_law("exponential", lam=lam)
+    one, none = np.ones(1), np.zeros((1, 2))
+    pressure = FORCE / one
+    system = ModalSystem(
+        omega2=np.full(2, OMEGA**2),
+        N=ROWS[None].copy(),
+        T1=none,
+        T2=none,
+        area=one,
+        frictional=0 * one,
+        radius=one,
+        gap=np.array([law.gap_at(FORCE)]),
+        k_ref=pressure * lam,
+        force=np.column_stack([pressure, 0 * one, 0 * one]),
+    )
+    return system, MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(2))
+
+
+def predict(knobs: Mapping[str, float]) -> float:
+    """Bound of the error of the pressure by round-off, over the limit."""
+    return float(knobs["lambda"] * 2 * UNIT * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT)
+
+
+STORAGE = Storage()

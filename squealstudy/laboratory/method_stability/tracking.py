@@ -1,0 +1,93 @@
+"""Labels of two modes across a veering: one step by the shapes, then refined.
+
+Two oscillators with squared frequencies w^2 (1 +- s x) and a coupling c w^2 never cross: the lower
+mode stays the lower. Their shapes turn within a width 2 c / s of x; over a longer step the shapes
+alone would exchange the labels. A veering so narrow that a mode keeps its shape (`KEPT`) when it
+takes the other's place is a crossing to anyone who looks at both ends: either labelling is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    RECOVERED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
+from squealstudy.modes.tracking.refinement import Modes, Refinement
+
+OMEGA = 2 * np.pi * 1000.0
+KEPT = 0.95  # MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less
+SLOPE = 0.1  # s, relative change of w^2 over x = 1
+
+KNOBS = (
+    Knob("step", "", 0.1, 1e-6, 1.0, True, "change of the parameter x"),
+    Knob("width", "", 0.1, 1e-9, 1.0, True, "change of x over which the shapes turn"),
+    Knob("middle", "", 0.0, -1.0, 1.0, False, "x at the middle of the step, in steps"),
+    Knob("damping_ratio", "", 0.01, 0.0, 0.3, False, "of both modes"),
+)
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """`pair_modes` and `Refinement` over one step; see `Case`."""
+
+    name: str = "tracking"
+    title: str = "labels of two modes across a veering"
+    boundary: str = "step = width of the veering"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the step and the veering."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the best alternative of the direct pairing: 1 where it is as good.
+
+        `error` is the share of modes with the other's label, `cost` the points solved between.
+        """
+        knobs = checked(self.knobs, values)
+        predicted = knobs["step"] / knobs["width"]
+        ends = [np.array([knobs["step"] * (knobs["middle"] + x)]) for x in (-0.5, 0.5)]
+        a, b = (veering(x, knobs) for x in ends)
+        direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes)
+        refinement = Refinement(lambda x: veering(x, knobs))
+        refined = refinement.pair(a, b, *ends)
+        measured = 1.0 / float(np.maximum(direct.trust.min(), 1e-300))
+        error = exchanged(refined, a, b)
+        flagged = bool(refined.ambiguous.any())
+        outcome = WRONG if error else RECOVERED if exchanged(direct, a, b) else CONVERGED
+        by = "refinement" if outcome == RECOVERED else "ambiguous" if flagged else ""
+        return Cell(outcome, by, flagged, predicted, measured, error, refinement.points)
+
+
+def veering(x: np.ndarray, knobs: Mapping[str, float]) -> Modes:
+    """Both modes at x (1,), by frequency."""
+    tilt, coupling = SLOPE * float(x[0]), SLOPE * knobs["width"] / 2
+    K = OMEGA**2 * np.array([[1.0 + tilt, coupling], [coupling, 1.0 - tilt]])
+    C = 2 * knobs["damping_ratio"] * OMEGA * np.eye(2)
+    lam, psi = dense_roots(C, K, (0.0, np.inf))
+    return Modes(lam, psi.T)
+
+
+def exchanged(pairing: Pairing, a: Modes, b: Modes) -> float:
+    """Share of the modes that got another's label, though the shapes do not say so clearly."""
+    macs = mac(a.shapes, b.shapes)
+    wrong = [
+        partner != i and not (partner >= 0 and macs[i, partner] > KEPT)
+        for i, partner in enumerate(pairing.partner)
+    ]
+    return float(np.mean(wrong))
+
+
+TRACKING = Tracking()

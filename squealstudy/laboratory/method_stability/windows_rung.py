@@ -1,0 +1,165 @@
+"""The windows rung beside an exceptional point: what is left of its tolerance there.
+
+Hulten's mass at the friction mu_c (1 - d) or mu_c (1 + d). A patch follows the pair that meets as
+one block, which is smooth at mu_c where its two roots are not; what diverges is the condition of
+the roots. Round-off eps of the matrices changes the squared frequencies, a apart from each other by
+2 b sqrt(2 d), by a eps / sqrt(2 d), and at the point itself by a sqrt(eps):
+
+    |d lam| / |lam| = eps / (2 sqrt(2 d)),  sqrt(eps) / 2 at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.laboratory.method_stability.coalescence import (
+    OMEGA_1,
+    OMEGA_2,
+    distance,
+    flutter_problem,
+)
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    RECOVERED,
+    WRONG,
+    Cell,
+    Knob,
+    checked,
+    named,
+)
+from squealstudy.laboratory.method_stability.small_problem import SmallProblem
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import in_band
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
+from squealstudy.modes.rungs.windows import RUNG, Windows
+from squealstudy.system.parametric import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    ParametricSystem,
+    Term,
+    Weights,
+)
+
+CRITICAL = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
+BAND = (1.0, 1e4)  # rad/s
+SPAN = 0.9  # of the box about mu_c
+NEIGHBOURS = 40  # design points beside the two that are judged: enough to pay for patches
+ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
+SAFE = 2.0  # times its estimate is what an error may be (THEORY.md eq. (39)), and the tolerance
+BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
+
+KNOBS = (
+    Knob("distance", "", 1e-3, 1e-16, 0.5, True, "of friction to coalescence, relative to mu_c"),
+    Knob("tolerance", "", 1e-6, 1e-13, 0.1, True, "relative error of a root that is allowed"),
+    Knob("damping_ratio", "", 0.0, 0.0, 0.04, False, "of both modes at their mean frequency"),
+)
+
+
+@dataclass(frozen=True)
+class WindowsRung:
+    """`Windows` over a box about a lock-in; see `Case`."""
+
+    name: str = "windows"
+    title: str = "reanalysis by windows beside a lock-in"
+    boundary: str = "4 round-offs over twice the root of (2 distance) = 2 tolerances"
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Of the design points and the tolerance."""
+        return named(*KNOBS)
+
+    def evaluate(self, values: Mapping[str, float]) -> Cell:
+        """`measured` is the largest estimate over the tolerance; `error` that of the roots.
+
+        `recovered` is a design point that the windows left to another rung.
+        """
+        knobs = checked(self.knobs, values)
+        tolerance, away = knobs["tolerance"], knobs["distance"]
+        problem, basis = ready(knobs["damping_ratio"], tolerance)
+        theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
+        found = Windows(problem, basis, tolerance).solve(whole(), theta / SPAN)
+        both = {row: outcome for row, outcome in found if row < 2}
+        own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
+        predicted = predict(away) / (SAFE * tolerance)
+        if len(own) < len(both):
+            return Cell(FAILED, "working point", True, predicted, np.nan, np.nan, len(theta))
+        error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
+        estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
+        rungs = sorted({p.method for p in own.values()} - {RUNG.name})
+        flagged = not (estimate <= tolerance and all(p.sure for p in own.values()))
+        outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
+        by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
+        return Cell(outcome, by, flagged, predicted, estimate / tolerance, error, len(theta))
+
+
+def friction(theta: np.ndarray) -> float:
+    """Friction at theta (1,), its relative distance to coalescence."""
+    return CRITICAL * (1.0 + float(theta[0]))
+
+
+def whole() -> Box:
+    """The box of all design points."""
+    return Box(-np.ones(1), np.ones(1))
+
+
+class FrictionProblem(SmallProblem):
+    """Hulten's mass as three constant matrices, one times friction; theta in [-1, 1] is the box."""
+
+    def __init__(self, damping_ratio: float) -> None:
+        plain = flutter_problem(damping_ratio)
+        _, C, K = plain.weights(np.zeros(1))
+        coupling = plain.weights(np.ones(1))[2] - K
+        super().__init__(lambda _: (C, K), K, BAND)
+        terms = (Term(MASS), *(Term(*t) for t in ((DAMPING, None, C), (STIFFNESS, None, K))))
+        self.system = ParametricSystem(len(K), (*terms, Term(STIFFNESS, None, coupling)))
+        self._parts = C, K, coupling
+
+    def weights(self, theta: np.ndarray) -> Weights:
+        """One of mass, damping and springs, and the friction."""
+        return (1.0, 1.0, 1.0, friction(SPAN * np.asarray(theta)))
+
+    def exact_roots(self, theta: np.ndarray) -> np.ndarray:
+        """The two roots of imaginary part >= 0, rad/s.
+
+        Fractions for the split: its round-off would be what is to be measured.
+        """
+        C, K, coupling = self._parts
+        mu = Fraction(self.weights(theta)[3])
+        pairs = zip(K.ravel(), coupling.ravel(), strict=True)
+        k11, k12, k21, k22 = (Fraction(float(k)) + mu * Fraction(float(f)) for k, f in pairs)
+        split = np.sqrt(complex(((k11 - k22) / 2) ** 2 + k12 * k21))
+        nu = float((k11 + k22) / 2) + np.array([split, -split])
+        roots: np.ndarray = -C[0, 0] / 2 + 1j * np.sqrt(nu - C[0, 0] ** 2 / 4)
+        return roots
+
+    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+        """All pairs of imaginary part >= 0 in reach of the band."""
+        weights = self.weights(theta)
+        _, C, K = self.system.matrices(weights)
+        pairs = all_pairs(C, K)
+        return weights, pairs.take(in_band(pairs.lam, self.band, reach) & (pairs.lam.imag >= 0))
+
+
+@lru_cache(maxsize=8)
+def ready(damping_ratio: float, tolerance: float) -> tuple[FrictionProblem, SweepBasis]:
+    """Hulten's mass over a box about mu_c, and its basis."""
+    problem = FrictionProblem(damping_ratio)
+    return problem, build_sweep_basis(problem, tolerance / BASIS_SHARE)
+
+
+def predict(away: float) -> float:
+    """Relative error of a root from round-off at a relative distance to coalescence."""
+    eps = ROUND_OFFS * float(np.finfo(float).eps)
+    return min(eps / (2 * np.sqrt(2 * away)), np.sqrt(eps) / 2)
+
+
+WINDOWS_RUNG = WindowsRung()

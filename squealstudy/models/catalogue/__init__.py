@@ -1,0 +1,34 @@
+"""The models a study can name: a file or folder each here, and what extensions register."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.models.parameter import ModelDefinition
+
+MODELS: dict[str, ModelDefinition] = {}
+
+
+def register_model(model: ModelDefinition) -> None:
+    """Add a model; ValueError where another one has its name."""
+    if model.name == MATRICES or MODELS.get(model.name, model) != model:
+        raise ValueError(f"there is a model '{model.name}' already")
+    MODELS[model.name] = model
+
+
+def model_names() -> tuple[str, ...]:
+    """Names of all models; a family of matrices is what its study file makes of it."""
+    return (*MODELS, MATRICES)
+
+
+def _read_folder() -> None:
+    for found in iter_modules(__path__):
+        module = import_module(f"{__name__}.{found.name}")
+        for value in vars(module).values():
+            if isinstance(value, ModelDefinition):
+                register_model(value)
+
+
+_read_folder()

@@ -1,0 +1,46 @@
+"""The generated disc brake: disc with bell, two pads and a floating caliper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.catalogue.disc_brake.parameters import (
+    BRAKE_ASSUMPTIONS,
+    COMPONENTS,
+    OPTIONS,
+    PARAMETERS,
+    UNDAMPED,
+    vanishing,
+)
+from squealstudy.models.parameter import ModelChange, ModelDefinition
+
+
+def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
+    """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
+    from squealstudy.models.catalogue.disc_brake.assemble import (
+        assemble,  # the mesher is slow to import
+    )
+
+    return assemble(options, values)
+
+
+DISC_BRAKE = ModelDefinition(
+    "disc_brake",
+    "finite-element disc brake: disc with bell, two pads, floating caliper; about 29,000 DOF",
+    OPTIONS,
+    PARAMETERS,
+    COMPONENTS,
+    build,
+    BRAKE_ASSUMPTIONS,
+    vanishing=vanishing,
+    torque_unit="N m",
+    changes=(
+        ModelChange(
+            "0.2.0",
+            "the mesh is finer at corners, and damping_ratio is 0.005 and stiffness_damping "
+            "1.5e-7 s where a study does not set them (before: 0)",
+            UNDAMPED,
+        ),
+    ),
+)

@@ -1,0 +1,162 @@
+"""Interfaces of the disc brake: contact, layers of springs, springs to ground, brake load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.laws import ContactLaw
+from squealstudy.models.assembly import component_slices, expand_rows
+from squealstudy.models.catalogue.disc_brake.faces import brake_faces
+from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
+from squealstudy.models.component import Component
+from squealstudy.models.fem.sampling import facing_surface, sample_surface
+from squealstudy.models.fem.solid import Solid
+from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.surface import Surface
+
+AXIAL = np.array([0.0, 0.0, 1.0])
+LAYER_POINTS = 3  # Gauss points a side of a facet in the linear layers
+
+
+def _radial(points: np.ndarray) -> np.ndarray:
+    e = points * np.array([1.0, 1.0, 0.0])
+    return e / np.linalg.norm(e, axis=1, keepdims=True)
+
+
+def _around(points: np.ndarray) -> np.ndarray:
+    return np.cross(AXIAL, _radial(points))
+
+
+class BrakeInterfaces:
+    """Observation rows over the whole brake, made from its four solids."""
+
+    def __init__(
+        self, mesher: BrakeMesher, solids: Mapping[str, Solid], components: tuple[Component, ...]
+    ) -> None:
+        self._m, self._solids, self._faces = mesher, solids, brake_faces(mesher)
+        self._spans, self._n_dof = component_slices(components)
+
+    def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
+        return expand_rows(parts, self._spans, self._n_dof)
+
+    def _face(self, component: str, face: str, side: int = LAYER_POINTS) -> Surface:
+        """Sampled points of a named face."""
+        return sample_surface(self._solids[component], self._faces[component][face], side)
+
+    def _facing(
+        self, one: str, face: str, other: str, side: int = LAYER_POINTS
+    ) -> tuple[Surface, Surface]:
+        """A named face of `one`, and the same points on `other`."""
+        surface = self._face(one, face, side)
+        return surface, facing_surface(self._solids[other], surface)
+
+    # -- contact ---------------------------------------------------------------------------------
+    def contact(self, law: ContactLaw, points_per_side: int) -> ContactInterface:
+        """Both pad faces against the disc; the disc turns about +z."""
+        sides = [self._contact_side(pad, points_per_side) for pad in ("inner_pad", "outer_pad")]
+        points = np.vstack([side.points for side, _ in sides])
+        N, T, T_perp = (
+            sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
+        )
+        n = len(points)
+        return ContactInterface(
+            N,
+            T,
+            T_perp,
+            area=np.concatenate([side.area for side, _ in sides]),
+            gap0=np.zeros(n),
+            radius=np.hypot(points[:, 0], points[:, 1]),
+            law=law,
+            frictional=np.ones(n),
+        )
+
+    def _contact_side(
+        self, pad: str, points_per_side: int
+    ) -> tuple[Surface, tuple[sp.csr_matrix, ...]]:
+        """Contact points of one pad and their rows N, T and T_perp."""
+        s_pad, s_disc = self._facing(pad, "lining", "disc", points_per_side)
+        opening = -s_pad.normal  # from the disc towards the pad
+        normal = self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
+        sliding = [
+            self._rows(("disc", s_disc.observe(d)), (pad, -s_pad.observe(d)))
+            for d in (_around(s_pad.points), _radial(s_pad.points))
+        ]
+        return s_pad, (normal, *sliding)
+
+    # -- linear layers and springs ---------------------------------------------------------------
+    def springs(self) -> tuple[SpringInterface, ...]:
+        """Hub, fingers, piston, abutments and guides."""
+        v = self._m.v
+        hub = self._face("disc", "hub")
+        fingers = self._facing("caliper", "fingers", "outer_pad")
+        piston = self._facing("inner_pad", "piston", "caliper")
+        return (
+            self._layer("hub", (("disc", hub),), v("hub.stiffness")),
+            self._layer(
+                "fingers",
+                tuple(zip(("caliper", "outer_pad"), fingers, strict=True)),
+                v("fingers.stiffness"),
+            ),
+            self._layer(
+                "piston",
+                tuple(zip(("inner_pad", "caliper"), piston, strict=True)),
+                v("piston.stiffness"),
+                in_static=False,
+            ),
+            *(self._abutment(pad) for pad in ("inner_pad", "outer_pad")),
+            self._guides(),
+        )
+
+    def _layer(
+        self,
+        name: str,
+        sides: tuple[tuple[str, Surface], ...],
+        stiffness: float,
+        in_static: bool = True,
+    ) -> SpringInterface:
+        """Normal and tangential springs per area between two surfaces, or to ground."""
+        ratio = self._m.v("layers.tangential_ratio")
+        points, area = sides[0][1].points, sides[0][1].area
+        signs = (1.0, -1.0)
+        rows, k = [], []
+        for direction, factor in ((AXIAL, 1.0), (_around(points), ratio), (_radial(points), ratio)):
+            parts = [
+                (c, sign * s.observe(direction)) for (c, s), sign in zip(sides, signs, strict=False)
+            ]
+            rows.append(self._rows(*parts))
+            k.append(factor * stiffness * area)
+        return SpringInterface(name, sp.vstack(rows).tocsr(), np.concatenate(k), in_static)
+
+    def _abutment(self, pad: str) -> SpringInterface:
+        """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
+        k = [2 * self._m.v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial")]
+        return self._to_ground(f"{pad}_abutment", pad, self._face(pad, "ears"), k)
+
+    def _guides(self) -> SpringInterface:
+        """The end faces of the caliper's bridge, over the disc and the pads, to ground."""
+        k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
+        return self._to_ground(
+            "guides", "caliper", self._face("caliper", "guides"), [k, k, k_axial]
+        )
+
+    def _to_ground(
+        self, name: str, component: str, surface: Surface, stiffness: list[float]
+    ) -> SpringInterface:
+        """Springs spread over a surface: around, radial and axial, in all [N/m]."""
+        share = surface.area / surface.area.sum()
+        directions = (_around(surface.points), _radial(surface.points), AXIAL)
+        rows = [self._rows((component, surface.observe(d))) for d in directions]
+        return SpringInterface(
+            name, sp.vstack(rows).tocsr(), np.concatenate([k * share for k in stiffness])
+        )
+
+    # -- load ------------------------------------------------------------------------------------
+    def brake_load(self) -> np.ndarray:
+        """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
+        pad, caliper = self._facing("inner_pad", "piston", "caliper")
+        per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
+        rows = self._rows(("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL)))
+        return np.asarray(rows.T @ per_area)

@@ -1,0 +1,166 @@
+"""The four meshed solids of the disc brake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.models.catalogue.disc_brake.density import Density
+from squealstudy.models.catalogue.disc_brake.parameters import MEET, vanishing
+from squealstudy.models.fem.grid import Block, cylindrical_mesh, graded_lines
+from squealstudy.models.fem.material import Isotropic, Material, TransverselyIsotropic
+from squealstudy.models.fem.solid import REDUCED, Solid, assemble_solid
+
+FULL_TURN = (0.0, 2 * np.pi)
+
+
+@dataclass(frozen=True)
+class BrakeMesher:
+    """Parameter values (SI, angles in degrees) and mesh density; builds the four solids.
+
+    `stiffness_order` is that of `assemble_solid`. Raises ParameterError where a part of the
+    brake vanishes.
+    """
+
+    values: Mapping[str, float]
+    density: Density
+    stiffness_order: int = REDUCED
+
+    def __post_init__(self) -> None:
+        if pair := vanishing(self.values):
+            smaller, larger = pair
+            raise ParameterError(
+                larger, f"{self.v(larger):g} must be larger than {smaller}, {self.v(smaller):g}"
+            )
+
+    def v(self, name: str) -> float:
+        """Value of a parameter."""
+        return self.values[name]
+
+    def angle(self, name: str) -> float:
+        """Value of an angle, rad."""
+        return np.deg2rad(self.values[name])
+
+    def materials(self, component: str) -> dict[str, Material]:
+        """Materials of a component by the names in its blocks."""
+        if component in ("disc", "caliper"):
+            return {"iron": self._isotropic(component + ".")}
+        return {
+            "plate": self._isotropic("pad.plate_"),
+            "lining": TransverselyIsotropic(
+                self.v("pad.lining_young_modulus"),
+                self.v("pad.lining_young_modulus_z"),
+                self.v("pad.lining_shear_modulus_z"),
+                self.v("pad.lining_poisson_ratio"),
+                self.v("pad.lining_poisson_ratio_z"),
+                self.v("pad.lining_density"),
+            ),
+        }
+
+    def _isotropic(self, prefix: str) -> Isotropic:
+        """Material of the parameters that begin with `prefix`."""
+        return Isotropic(
+            *(self.v(prefix + p) for p in ("young_modulus", "poisson_ratio", "density"))
+        )
+
+    def component(self, name: str) -> Solid:
+        """The solid of a component: disc, inner_pad, outer_pad or caliper."""
+        if name.endswith("pad"):
+            return self.pad(1 if name == "outer_pad" else -1)
+        return self.disc() if name == "disc" else self.caliper()
+
+    def _solid(
+        self,
+        component: str,
+        lines: tuple[np.ndarray, np.ndarray, np.ndarray],
+        blocks: list[Block],
+    ) -> Solid:
+        """The union of blocks, assembled on lines in r [m], theta [rad] and z [m]."""
+        grid = cylindrical_mesh(*lines, blocks)
+        return assemble_solid(grid, self.materials(component), self.stiffness_order)
+
+    def disc(self) -> Solid:
+        """Band at 0 <= z <= thickness, bell and top below it."""
+        v, split = self.v, self.density.split
+        band, bell, top = v("disc.thickness"), v("disc.bell_height"), v("disc.top_thickness")
+        bi, bo = v("disc.bell_inner_radius"), v("disc.bell_outer_radius")
+        ri, ro, hub = v("disc.inner_radius"), v("disc.outer_radius"), v("hub.radius")
+        lines = (
+            graded_lines([ri, hub, bi, bo, ro], self.density.disc_r, split[0]),
+            np.linspace(*FULL_TURN, self.density.around * split[1] + 1),
+            graded_lines([-bell - top, -bell, 0.0, band], self.density.disc_z, split[2]),
+        )
+        blocks = [
+            Block((bi, ro), FULL_TURN, (0.0, band), "iron"),
+            Block((bi, bo), FULL_TURN, (-bell, 0.0), "iron"),
+            Block((ri, bo), FULL_TURN, (-bell - top, -bell), "iron"),
+        ]
+        return self._solid("disc", lines, blocks)
+
+    def pad(self, side: int) -> Solid:
+        """Outer pad (side +1, above the disc) or inner pad (-1, below it)."""
+        v, split = self.v, self.density.split
+        lining, plate = v("pad.lining_thickness"), v("pad.plate_thickness")
+        half, ear = self.angle("pad.half_angle"), self.angle("pad.ear_angle")
+        piston = self.angle("piston.half_angle")
+        z_face = v("disc.thickness") if side > 0 else 0.0
+        r_span = (v("pad.inner_radius"), v("pad.outer_radius"))
+        z_plate = np.sort(z_face + side * np.array([lining, lining + plate]))
+        blocks = [
+            Block(r_span, (-half, half), (-np.inf, np.inf), "lining"),
+            Block(r_span, (-half - ear, half + ear), (z_plate[0], z_plate[1]), "plate"),
+        ]
+        theta = [-half - ear, -half, -piston, piston, half, half + ear]
+        z = graded_lines([0.0, lining, lining + plate], self.density.pad_z, split[2])
+        lines = (
+            graded_lines(r_span, self.density.pad_r, split[0]),
+            graded_lines(theta, self.density.pad_theta, split[1]),
+            np.sort(z_face + side * z),
+        )
+        return self._solid("pad", lines, blocks)
+
+    @property
+    def plate_z(self) -> tuple[float, float]:
+        """Height of the inner and of the outer back plate's free face, m."""
+        pad = self.v("pad.lining_thickness") + self.v("pad.plate_thickness")
+        return -pad, self.v("disc.thickness") + pad
+
+    def caliper(self) -> Solid:
+        """Body behind the inner pad, bridge over the disc, two fingers behind the outer pad."""
+        v, angle, split = self.v, self.angle, self.density.split
+        z_in, z_out = self.plate_z
+        z_low, z_high = z_in - v("caliper.body_thickness"), z_out + v("caliper.finger_thickness")
+        ri, rb, ro = (v(f"caliper.{n}_radius") for n in ("inner", "bridge_inner", "outer"))
+        bridge, body = angle("caliper.bridge_half_angle"), angle("caliper.body_half_angle")
+        near, far = angle("caliper.finger_inner_angle"), angle("caliper.finger_outer_angle")
+        lines = (
+            graded_lines([ri, v("pad.outer_radius"), rb, ro], self.density.caliper_r, split[0]),
+            self._caliper_theta(near, [body, far, bridge]),
+            graded_lines([z_low, z_in, z_out, z_high], self.density.caliper_z, split[2]),
+        )
+        blocks = [
+            Block((rb, ro), (-bridge, bridge), (z_low, z_high), "iron"),
+            Block((ri, ro), (-body, body), (z_low, z_in), "iron"),
+            Block((ri, ro), (near, far), (z_out, z_high), "iron"),
+            Block((ri, ro), (-far, -near), (z_out, z_high), "iron"),
+        ]
+        return self._solid("caliper", lines, blocks)
+
+    def _caliper_theta(self, near: float, angles: list[float]) -> np.ndarray:
+        """Lines on both sides of the plane of symmetry, through `near` and `angles` [rad].
+
+        Angles may coincide, as those of the fingers and of the bridge do by default: the number
+        of cells changes where a sweep makes them meet or part, for the shape does.
+        """
+        beyond = [near, *sorted(angles)]
+        kept = [beyond[0], *(b for a, b in pairwise(beyond) if b - a > MEET)]
+        between = [self.density.caliper_angles] * (len(kept) - 1)
+        between[-1] = replace(between[-1], high=())
+        half = graded_lines(
+            [0.0, *kept], [self.density.caliper_middle, *between], self.density.split[1]
+        )
+        return np.concatenate([-half[:0:-1], half])

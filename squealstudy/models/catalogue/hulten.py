@@ -1,0 +1,89 @@
+"""Hulten's two degrees of freedom: the smallest model with flutter by mode coupling.
+
+A mass rests on two bilateral contacts at right angles; each friction force acts along the other
+contact's normal. With k_i = m w_i^2 the linearised stiffness is
+
+    K = m [[w1^2, -mu w2^2], [mu w1^2, w2^2]],
+
+which flutters for mu > |w1^2 - w2^2| / (2 w1 w2), both frequencies merged at
+w^2 = (w1^2 + w2^2) / 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from squealstudy.laws import curve_from_values
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.minimal_parts import bilateral_points, point_mass
+from squealstudy.models.operating import (
+    ASSUMPTIONS,
+    DAMPING,
+    FRICTION,
+    FRICTION_OPTION,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+    friction_parameters,
+)
+from squealstudy.models.parameter import Assumption, Declared, ModelDefinition, structural
+
+PARAMETERS: Declared = (
+    FRICTION,
+    SLIDING_SPEED,
+    DAMPING,
+    STIFFNESS_DAMPING,
+    friction_parameters,
+    *structural(
+        (
+            ("frequency_1", 100.0, "Hz", "of the mass on its first contact"),
+            ("frequency_2", 75.0, "Hz", "of the mass on its second contact"),
+            ("mass", 1.0, "kg", "the mass"),
+            ("normal_force", 100.0, "N", "along both normals: presses both contacts for mu < 1"),
+        )
+    ),
+)
+
+
+def _friction(values: Mapping[str, float]) -> float:
+    """The coefficient at the sliding speed."""
+    curve = curve_from_values("exponential_fall", values)
+    return float(curve.at(values["friction"], values["sliding_speed"], np.zeros(1)).mu)
+
+
+BOTH_PRESS = Assumption(
+    "both contacts press only for friction below 1", _friction, float(np.nextafter(1.0, 0.0))
+)
+
+
+def build(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, float],
+) -> Assembly:
+    """Assemble the mass and its two contacts. Returns an Assembly of 2 degrees of freedom.
+
+    Both gaps open with the displacements q1 and q2. Sliding at the first contact is -q2, at the
+    second q1, as for a disc that turns through the corner between the two.
+    """
+    omega = 2 * np.pi * np.array([values["frequency_1"], values["frequency_2"]])
+    N = np.eye(2)
+    T = np.array([[0.0, -1.0], [1.0, 0.0]])
+    return Assembly(
+        (point_mass("mass", values["mass"]),),
+        bilateral_points(N, T, values["mass"] * omega**2),
+        (),
+        np.zeros(2),
+        np.full(2, -values["normal_force"]),
+    )
+
+
+HULTEN = ModelDefinition(
+    "hulten",
+    "mass on two bilateral contacts at right angles (Hulten): flutter in closed form; 2 DOF",
+    (FRICTION_OPTION,),
+    PARAMETERS,
+    ("mass",),
+    build,
+    (*ASSUMPTIONS, BOTH_PRESS),
+)

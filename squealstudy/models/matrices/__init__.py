@@ -1,0 +1,1 @@
+"""Families of matrices: files, terms, coefficients as expressions."""

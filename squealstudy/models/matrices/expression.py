@@ -1,0 +1,209 @@
+"""Coefficients of matrices as text: arithmetic of named parameters, read without running it.
+
+Python's own parser makes the syntax tree; only the nodes listed here are taken over, so a text can
+compute a number and nothing else.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from keyword import iskeyword
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.expression_tree import (
+    FUNCTIONS,
+    SEVERAL,
+    Call,
+    Evaluation,
+    Name,
+    Node,
+    Number,
+    compiled,
+    derivative,
+    names_of,
+)
+
+CONSTANTS = {"pi": math.pi, "e": math.e}
+RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
+_WORD = re.compile(r"[A-Za-z_]\w*")
+LONGEST, DEEPEST = 1000, 60  # characters; nesting
+_BINARY: dict[type[ast.operator], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Pow: "**",
+}
+_FOREIGN = {  # nodes of Python that people may try, in plain words
+    ast.Attribute: "an attribute (a dot after a name)",
+    ast.Subscript: "an index in square brackets",
+    ast.Compare: "a comparison",
+    ast.IfExp: "a condition",
+    ast.BoolOp: "and/or",
+    ast.Lambda: "a lambda",
+    ast.NamedExpr: "an assignment",
+    ast.JoinedStr: "text",
+    ast.Tuple: "a tuple",
+    ast.List: "a list",
+    ast.Starred: "a star",
+}
+
+
+class ExpressionError(ModelError):
+    """A text that is no expression, or an expression without a finite value."""
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A number as a function of named parameters.
+
+    Attributes
+    ----------
+    text : str
+        As it was written; of a derivative, what it is the derivative of.
+    node : Node
+    """
+
+    text: str
+    node: Node
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameters used, each once."""
+        return names_of(self.node)
+
+    @cached_property
+    def _evaluate(self) -> Evaluation:
+        return compiled(self.node)
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The number at these parameter values.
+
+        Raises
+        ------
+        ExpressionError
+            Division by zero, overflow, a function outside its domain: no finite real number.
+        """
+        try:
+            result = float(self._evaluate(values))
+        except ZeroDivisionError:
+            reason = "division by zero"
+        except OverflowError:
+            reason = "the number is too large"
+        except ValueError:
+            reason = "a function or power outside its domain"
+        else:
+            if math.isfinite(result):
+                return result
+            reason = f"the result is {result}"
+        at = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
+        raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
+
+    def derivative(self, name: str) -> Expression:
+        """The exact derivative by a parameter; zero where the expression does not use it."""
+        return Expression(f"d({self.text})/d({name})", derivative(self.node, name))
+
+
+def parse_expression(text: str) -> Expression:
+    """Read an expression: numbers, names, ``+ - * / **``, brackets, constants and functions.
+
+    The constants are pi and e; the functions sin, cos, tan, asin, acos, atan, sqrt, exp, log
+    (natural), log10, abs, min and max.
+
+    Raises
+    ------
+    ExpressionError
+        With the position (character, from 1) of what cannot be used.
+    """
+    _check_text(text)
+    stripped = text.strip()
+    try:
+        tree = ast.parse(stripped, mode="eval")
+    except SyntaxError as error:
+        where = f" at character {error.offset}" if error.offset else ""
+        raise ExpressionError(f"'{stripped}' is no expression: {error.msg}{where}") from None
+    except (ValueError, RecursionError, MemoryError):  # beyond what Python's own parser takes
+        raise ExpressionError("an expression nested too deeply") from None
+    return Expression(stripped, _Reader(stripped).node(tree.body, 0))
+
+
+def _check_text(text: str) -> None:
+    if len(text) > LONGEST:
+        raise ExpressionError(f"expected at most {LONGEST} characters, got {len(text)}")
+    if not text.isascii() or not text.isprintable():
+        raise ExpressionError(f"{text!r}: expected plain ASCII text in one line")
+    for word in _WORD.finditer(text):
+        if iskeyword(word[0]):
+            place = f"character {word.start() + 1}"
+            raise ExpressionError(f"'{text}', {place}: '{word[0]}' is a reserved word, no name")
+
+
+class _Reader:
+    """Takes over the nodes of Python's syntax tree that are allowed."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def node(self, tree: ast.expr, depth: int) -> Node:
+        if depth > DEEPEST:
+            raise self._error(tree, f"nested more than {DEEPEST} deep")
+        if isinstance(tree, ast.Constant):
+            return self._number(tree)
+        if isinstance(tree, ast.Name):
+            return self._name(tree)
+        if isinstance(tree, ast.Call):
+            return self._call(tree, depth)
+        if isinstance(tree, ast.BinOp) and type(tree.op) in _BINARY:
+            sides = (self.node(tree.left, depth + 1), self.node(tree.right, depth + 1))
+            return Call(_BINARY[type(tree.op)], sides)
+        if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub | ast.UAdd):
+            operand = self.node(tree.operand, depth + 1)
+            return operand if isinstance(tree.op, ast.UAdd) else Call("neg", (operand,))
+        raise self._error(tree, f"{self._what(tree)} cannot be used")
+
+    def _number(self, tree: ast.Constant) -> Node:
+        if isinstance(tree.value, bool) or not isinstance(tree.value, int | float):
+            raise self._error(tree, f"{self._source(tree)} is no real number")
+        try:
+            value = float(tree.value)
+        except OverflowError:
+            value = math.inf
+        if not math.isfinite(value):
+            raise self._error(tree, "a number too large")
+        return Number(value)
+
+    def _name(self, tree: ast.Name) -> Node:
+        if tree.id in CONSTANTS:
+            return Number(CONSTANTS[tree.id])
+        if tree.id in FUNCTIONS:
+            raise self._error(tree, f"the function '{tree.id}' needs its argument in brackets")
+        return Name(tree.id)
+
+    def _call(self, tree: ast.Call, depth: int) -> Node:
+        name = tree.func.id if isinstance(tree.func, ast.Name) else ""
+        if name not in FUNCTIONS:
+            what = f"'{name or self._source(tree.func)}' is no function"
+            raise self._error(tree, f"{what}, expected one of {', '.join(FUNCTIONS)}")
+        if tree.keywords:
+            raise self._error(tree, f"'{name}' takes no named arguments")
+        given, several = len(tree.args), name in SEVERAL
+        if given != 1 if not several else given < 2:
+            wanted = "two arguments or more" if several else "one argument"
+            raise self._error(tree, f"'{name}' takes {wanted}, got {given}")
+        return Call(name, tuple(self.node(part, depth + 1) for part in tree.args))
+
+    def _what(self, tree: ast.expr) -> str:
+        if isinstance(tree, ast.BinOp | ast.UnaryOp):
+            return f"the operator of '{self._source(tree)}' (expected + - * / **)"
+        return _FOREIGN.get(type(tree), f"'{self._source(tree)}'")
+
+    def _source(self, tree: ast.expr) -> str:
+        return ast.get_source_segment(self.text, tree) or type(tree).__name__
+
+    def _error(self, tree: ast.expr, message: str) -> ExpressionError:
+        return ExpressionError(f"'{self.text}', character {tree.col_offset + 1}: {message}")

@@ -1,0 +1,138 @@
+"""A parametric family of matrices: M(p) = sum a_i(p) M_i, likewise C and K."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.matrices.expression import Expression
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.parameter import Parameter
+
+NAME = "matrices"
+DESCRIPTION = "a family M(p), C(p), K(p) of matrices from files, coefficients in named parameters"
+ORDERS = {"K": 0, "C": 1, "M": 2}  # power of lambda
+NEEDED = ("M", "K")
+
+
+@dataclass(frozen=True)
+class FamilyTerm:
+    """One summand a(p) A.
+
+    Attributes
+    ----------
+    order : int
+        Power of lambda: 0 stiffness, 1 damping, 2 mass.
+    matrix : csr_matrix (n, n)
+    coefficient : Expression
+    """
+
+    order: int
+    matrix: sp.csr_matrix
+    coefficient: Expression
+
+
+@dataclass(frozen=True)
+class MatrixFamily:
+    """The quadratic eigenproblem lambda^2 M(p) + lambda C(p) + K(p) as sums over terms.
+
+    Nothing is assumed of the matrices but that they are real and square: M and K may be
+    unsymmetric, and all three may depend on parameters.
+
+    Raises
+    ------
+    ModelError
+        No term of the mass or of the stiffness; sizes that differ.
+    """
+
+    terms: tuple[FamilyTerm, ...]
+
+    def __post_init__(self) -> None:
+        for letter in NEEDED:
+            if all(t.order != ORDERS[letter] for t in self.terms):
+                raise ModelError(f"a family of matrices needs at least one term of {letter}")
+        for number, term in enumerate(self.terms, start=1):
+            if term.matrix.shape != (self.n, self.n):
+                raise ModelError(
+                    f"term {number} is {term.matrix.shape[0]} x {term.matrix.shape[1]}, "
+                    f"the first is {self.n} x {self.n}"
+                )
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return int(self.terms[0].matrix.shape[0])
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of all coefficients, in the order of their first use."""
+        return tuple(dict.fromkeys(n for t in self.terms for n in t.coefficient.names))
+
+    def weights(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Coefficient of each term at parameter values; ModelError where one has none."""
+        return tuple(t.coefficient.value(values) for t in self.terms)
+
+    def weight_derivatives(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
+        """Exact derivative of each coefficient by a parameter; ModelError where one has none."""
+        return tuple(t.coefficient.derivative(name).value(values) for t in self.terms)
+
+    def matrices(
+        self, values: Mapping[str, float]
+    ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """M, C, K (n, n) at parameter values; ModelError where a coefficient has none."""
+        return self.combined(self.weights(values))
+
+    def combined(
+        self, weights: tuple[float, ...]
+    ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """M, C, K (n, n) as the sums of the terms with these weights."""
+        parts = [sp.csr_matrix((self.n, self.n)) for _ in ORDERS]
+        for term, weight in zip(self.terms, weights, strict=True):
+            parts[term.order] = parts[term.order] + weight * term.matrix
+        stiffness, damping, mass = (part.tocsr() for part in parts)
+        return mass, damping, stiffness
+
+
+@dataclass(frozen=True)
+class TermSource:
+    """Where a term comes from: ``M``, ``C`` or ``K``, its file, and its coefficient as text."""
+
+    matrix: str
+    path: Path
+    variable: str | None
+    coefficient: str
+
+
+@dataclass(frozen=True)
+class FamilyDefinition(ModelDefinition):
+    """A family as a study describes it: a model without contact, friction or components.
+
+    Its parameters are the names in the coefficients, their defaults what the study gives.
+
+    Attributes
+    ----------
+    sources : tuple of TermSource
+    """
+
+    sources: tuple[TermSource, ...] = ()
+
+
+def family_definition(
+    sources: tuple[TermSource, ...], nominal: Mapping[str, float]
+) -> FamilyDefinition:
+    """The model of these terms, with the value of each parameter where nothing is swept."""
+    parameters = tuple(Parameter(n, v, "", "in the coefficients") for n, v in nominal.items())
+    return FamilyDefinition(NAME, DESCRIPTION, (), parameters, (), _no_assembly, sources=sources)
+
+
+def _no_assembly(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, float],  # noqa: ARG001
+) -> Assembly:
+    raise ModelError("a family of matrices has neither components nor contact")

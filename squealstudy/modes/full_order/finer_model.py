@@ -1,0 +1,249 @@
+"""The next larger component-mode model: how far a reduced model is from the full-order one.
+
+At a few working points the reduced right and left modes leave loads r = Q(lam) T psi in the
+unreduced equations. The nearly static responses (K0 + s M)^-1 r to random sums of them, each mode
+of unit energy, span what the basis lacks (a randomised range finder: Halko, Martinsson, Tropp
+2011); K0 + s M is what the assembly's modes were found with. With them it is a finer model, whose
+roots are nearer to those of the full-order model by orders of magnitude: the distance of the roots
+of both models is the error of the smaller one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.modes.point import PointModes, solve_point, state_working_point
+from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
+from squealstudy.reduction.extended_basis import extended_basis
+from squealstudy.reduction.prepared import PreparedModel, shape_basis
+from squealstudy.root_pairs import partner_distances
+from squealstudy.system.contact_weights import ContactWeights, contact_weights
+from squealstudy.system.design_state import DesignState, ModeKey
+from squealstudy.system.linearise import component_frequencies, linearise, unreduced_structure
+
+DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
+FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
+ENRICHING = 0.012  # and of what enriches a basis
+STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
+EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
+LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What a prepared model was made from.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    modes : mapping of component name -> ComponentModes
+    points : tuple of OperatingPoint
+        Residual loads are taken there, at strong friction and at none.
+    scales : tuple of mapping of (component, mode) -> float
+        And at the first of them, at strong friction, with component frequencies times these.
+    top_hz : float
+        Modes up to here leave loads.
+    damped_to_hz : float
+        Real modes of the unreduced assembly up to here have modal damping of their own, and those
+        of the finer model: that a reduced one has it of all its modes is part of its error.
+    """
+
+    assembly: Assembly
+    modes: Mapping[str, ComponentModes]
+    points: tuple[OperatingPoint, ...]
+    top_hz: float
+    damped_to_hz: float
+    scales: tuple[Mapping[ModeKey, float], ...] = ()
+
+    @property
+    def states(self) -> list[DesignState]:
+        """Where residual loads are taken."""
+        strong = [replace(p, friction=max(p.friction, STRONG)) for p in self.points]
+        none = [replace(p, friction=0.0) for p in self.points]
+        changed = [DesignState(strong[0], scale) for scale in self.scales]
+        return [*map(DesignState, [*strong, *none]), *changed]
+
+
+def with_finer_model(
+    prepared: PreparedModel, basis: Basis, made: Reduction, rounds: int = 0
+) -> tuple[PreparedModel, Basis]:
+    """A prepared model, of this basis or of one that is enriched, with its finer model.
+
+    Parameters
+    ----------
+    prepared : PreparedModel
+    basis : Basis
+    made : Reduction
+    rounds : int
+        0: the basis stays. 1: the leading static responses, which cover most of its error, join it,
+        all of them make the finer model. 2: first all of them join, then the leading ones of what
+        that basis lacks.
+
+    Returns
+    -------
+    PreparedModel, Basis
+        Without a finer model (None) where no working point has modes to be found.
+    """
+    try:
+        if rounds > 1:
+            responses = _responses(prepared, basis, made)
+            model, basis = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+            prepared = _in_basis(prepared, model, basis, made)
+        responses = _responses(prepared, basis, made)
+        finer, _ = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+        if rounds > 0:
+            model, basis = extended_basis(made.assembly, made.modes, basis, responses, ENRICHING)
+            prepared = _in_basis(prepared, model, basis, made)
+    except np.linalg.LinAlgError:  # an error that is not known is better than no study
+        return replace(prepared, finer=None), basis
+    finer = replace(finer, damped_to=2 * np.pi * made.damped_to_hz)
+    return replace(prepared, finer=finer), basis
+
+
+def _in_basis(
+    prepared: PreparedModel, model: ReducedModel, basis: Basis, made: Reduction
+) -> PreparedModel:
+    """The same structure in another basis."""
+    phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
+    return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
+
+
+def _responses(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
+    """Nearly static responses (n_dof, DIRECTIONS) to residual loads."""
+    return basis.factor.solve_once(residual_loads(prepared, basis, made))
+
+
+def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
+    """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
+
+    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
+    relatively, and a phase of their own, so that sums do not hang on the eigensolver's. They are
+    added in reduced coordinates, where all their sums cost as much as one.
+
+    Points without a working point or modes are left out; LinAlgError where no other is left.
+    """
+    rng = np.random.default_rng(0)  # the same structure has the same finer model
+    seen = basis.restrict(rng.standard_normal(made.assembly.n_dof))
+    sums = _ResidualSums(prepared.model)
+    for state in made.states:
+        with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
+            point = state_working_point(prepared, state)
+            small = linearise(prepared.model, point, state)
+            contact = contact_weights(prepared.model, point, state.operating)
+            changes = state.stiffness_changes(component_frequencies(prepared.model))
+            for left in (False, True) if state.operating.friction else (False,):
+                C, K = (small.C.T, small.K.T) if left else (small.C, small.K)
+                top = 2 * np.pi * made.top_hz
+                lam, x = dense_roots(C, K, (LOWEST * top, top))
+                toward = seen @ x
+                x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
+                mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+                sums.add([_mixed(x * lam**power, mixed) for power in range(3)], contact, left)
+                sums.add_changes(_mixed(x, mixed), changes)
+    if not sums.any:
+        raise np.linalg.LinAlgError("no point has modes")
+    return sums.loads(basis, made)
+
+
+def _mixed(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Real sums (n, k) of the real and the imaginary parts of x (n, m) with weights (2m, k)."""
+    sums: np.ndarray = np.hstack([x.real, x.imag]) @ weights
+    return sums
+
+
+class _ResidualSums:
+    """Sums of loads lam^2 M psi + lam C psi + K psi of many points, in reduced coordinates.
+
+    Attributes
+    ----------
+    any : bool
+        Whether there are any.
+    """
+
+    def __init__(self, model: ReducedModel) -> None:
+        self._model, self.any = model, False
+        self._inertia = self._elastic = np.zeros((model.n, DIRECTIONS))
+        self._normal = self._sliding = self._across = np.zeros((len(model.area), DIRECTIONS))
+        self._changed: dict[ModeKey, np.ndarray] = {}
+
+    def add(self, powers: list[np.ndarray], contact: ContactWeights, left: bool) -> None:
+        """Sums (n, DIRECTIONS) of x, lam x and lam^2 x of one point; `left` of left vectors."""
+        x, speed, inertia = powers
+        model, self.any = self._model, True
+        self._inertia, self._elastic = self._inertia + inertia, self._elastic + x
+        normal = model.N @ x
+        self._normal = self._normal + contact.normal[:, None] * normal
+        if left:  # of K^T
+            self._normal = self._normal + contact.coupling[:, None] * (model.T @ x)
+        else:
+            self._sliding = self._sliding + contact.coupling[:, None] * normal
+        if np.any(contact.along):
+            self._sliding = self._sliding + contact.along[:, None] * (model.T @ speed)
+        self._across = self._across + contact.across[:, None] * (model.T_perp @ speed)
+
+    def add_changes(self, x: np.ndarray, changes: Mapping[ModeKey, float]) -> None:
+        """Sums (n, DIRECTIONS) of x with changes of modal stiffness [(rad/s)^2]."""
+        for key, change in changes.items():
+            load = change * x[self._model.mode_coordinate(*key)]
+            self._changed[key] = self._changed.get(key, 0.0) + load
+
+    def loads(self, basis: Basis, made: Reduction) -> np.ndarray:
+        """The loads (n_dof, DIRECTIONS)."""
+        assembly, c = made.assembly, made.assembly.contact
+        stiffness = assembly.K_el + assembly.K_springs()
+        total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
+        total += c.N.T @ self._normal + c.T.T @ self._sliding + c.T_perp.T @ self._across
+        if self._changed:
+            changed = DesignState(made.points[0], dict.fromkeys(self._changed, 1.0))
+            U = np.asarray(unreduced_structure(assembly, made.modes, changed).shapes)
+            total += U.T @ np.vstack(list(self._changed.values()))
+        loads: np.ndarray = total
+        return loads
+
+
+def reduction_errors(
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (m,) of a design point in the reduced model, and how far those of the finer one are.
+
+    Both are solved exactly; the errors (m,) are in rad/s. The finer model is looked at a little
+    beyond the band, where a root of its edge may have its partner.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point, or no finer model.
+    """
+    found = solve_point(prepared, state, band_hz)
+    low, high = band_hz
+    margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    finer = finer_modes(prepared, state, margin, found.working_point.gap)
+    return found.lam, partner_distances(found.lam, finer.lam)
+
+
+def finer_modes(
+    prepared: PreparedModel,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    gap: np.ndarray | None = None,
+) -> PointModes:
+    """Complex modes of a design point in the finer model; `gap` is its working point where known.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point, or no finer model.
+    """
+    if prepared.finer is None:
+        raise ConvergenceError("failed", "there is no finer model of this structure")
+    n = prepared.finer.n
+    larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
+    return solve_point(larger, state, band_hz, gap)

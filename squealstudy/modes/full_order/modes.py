@@ -1,0 +1,257 @@
+"""Full-order complex modes: the reference that every reduced figure is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from squealstudy.linalg.band_roots import BandRoots
+from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.root_error import root_errors
+from squealstudy.linalg.sparse_qep import (
+    DENSE_LIMIT,
+    LowRankSum,
+    WoodburyFactor,
+    smallest_roots,
+)
+from squealstudy.models.assembly import Assembly
+from squealstudy.modes.point import PointModes, angular_band, state_working_point
+from squealstudy.reduction.cmt import ComponentModes, ReducedModel
+from squealstudy.reduction.orthonormal import new_directions
+from squealstudy.reduction.prepared import PreparedModel, contact_stiffness
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.energy import energy_shares, squared
+from squealstudy.system.linearise import (
+    SYMMETRIC,
+    ContactStructure,
+    StructureWeights,
+    unreduced_structure,
+)
+from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
+
+FULL = "full"
+FIRST_ROOTS = 120  # asked for where their number is not known
+MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
+DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
+
+
+@dataclass(frozen=True)
+class FullOrderSystem:
+    """The unreduced assembly of a design point, linearised about its working point.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    state : DesignState
+    point : WorkingPoint
+    structure : ContactStructure
+        With the component modes that the state changes or damps as shapes.
+    weights : StructureWeights
+    C, K : LowRankSum (n_dof, n_dof)
+        Damping, modal damping among it, and non-symmetric stiffness.
+    omega, phi : ndarray (m,), (n_dof, m)
+        Real modes whose modal damping is their own, mass-normalised; none without it.
+    """
+
+    assembly: Assembly
+    state: DesignState
+    point: WorkingPoint
+    structure: ContactStructure
+    weights: StructureWeights
+    C: LowRankSum
+    K: LowRankSum
+    omega: np.ndarray
+    phi: np.ndarray
+
+    @property
+    def pencil(self) -> QuadraticPencil:
+        """M, C and K."""
+        return QuadraticPencil(self.assembly.M, self.C, self.K)
+
+
+def full_order_system(
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    point: WorkingPoint,
+    state: DesignState,
+    damped_to_hz: float,
+) -> FullOrderSystem:
+    """The unreduced assembly about a working point (THEORY.md eq. (17), (19)).
+
+    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
+    (THEORY.md eq. (18)) is put on the real modes up to `damped_to_hz`, those beyond have the
+    coefficient 2 zeta omega of a mode there.
+
+    Parameters
+    ----------
+    modes : mapping of component -> ComponentModes
+        Of the components whose modes the state changes or damps.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode beyond `damped_to_hz`.
+    """
+    structure = unreduced_structure(assembly, modes, state)
+    named = structure.weights(point, state)
+    weights: Weights = named
+    terms, M = structure.system.terms, assembly.M
+    omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
+    if state.damping_ratio or any(state.assembly_damping.values()):
+        omega, phi = _real_modes(M, structure.system.sparse_sum(named, SYMMETRIC), damped_to_hz)
+        dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
+        if len(omega) < assembly.n_dof:  # the others have one coefficient
+            beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
+        rows = (M @ phi[:, dampers != beyond]).T
+        terms = (*terms, Term(DAMPING, None, M), Term(DAMPING, rows, rows))
+        weights = (*named, beyond, (dampers - beyond)[dampers != beyond])
+    _, C, K = ParametricSystem(assembly.n_dof, terms).sparse_matrices(weights)
+    return FullOrderSystem(assembly, state, point, structure, named, C, K, omega, phi)
+
+
+def _real_modes(
+    M: sp.csr_matrix, K_sym: LowRankSum, cutoff_hz: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Real modes (omega, phi) up to a cutoff.
+
+    With a low-rank part U diag(d) U^T of the stiffness by Rayleigh-Ritz, on the modes without it
+    and on its static responses K^-1 U.
+    """
+    omega, phi = real_modes(M, K_sym.sparse, cutoff_hz)
+    if not len(K_sym.d):
+        return omega, phi
+    static = factorise(K_sym.sparse).solve(K_sym.U)
+    static = static / np.sqrt(np.einsum("ij,ij->j", static, M @ static))
+    X = np.hstack([phi, new_directions(M, phi, static, DEPENDENT)])
+    w2, y = la.eigh(X.T @ (K_sym @ X))
+    kept = w2 <= (2 * np.pi * cutoff_hz) ** 2
+    return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
+
+
+def full_order_roots(
+    system: FullOrderSystem, band: tuple[float, float], expected: int | None = None
+) -> BandRoots:
+    """All roots of the unreduced equations in a band.
+
+    Parameters
+    ----------
+    system : FullOrderSystem
+    band : (low, high)
+        rad/s.
+    expected : int or None
+        How many roots the band's top may have below it, conjugates included: all are found
+        whatever it says, soonest where it is close.
+
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    M = system.assembly.M
+    for refined in (False, True):  # the solves, where the roots without are not accurate
+        lam, psi = _roots_to(system, band[1], expected, refined)
+        below = len(lam) + int((lam.imag > 0).sum())
+        kept = np.abs(lam) >= band[0]
+        lam, psi = lam[kept], psi[:, kept]
+        errors = root_errors(M, system.C, system.K, lam, psi)
+        if errors.doubt(lam) <= 1.0:
+            break
+    told = errors.resolved(lam, band[1])
+    return BandRoots(lam[told], psi[:, told], below, errors.error[told])
+
+
+def _roots_to(
+    system: FullOrderSystem, limit: float, expected: int | None, refined: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
+    M, n = system.assembly.M, system.assembly.n_dof
+    most = 2 * n if n <= DENSE_LIMIT else 2 * n - 2
+    first = FIRST_ROOTS if expected is None else int(1.05 * expected) + MORE_ROOTS
+    n_roots = min(first, most)
+    factor = WoodburyFactor(system.K, refined) if n > DENSE_LIMIT else None
+    while True:
+        lam, psi = smallest_roots(M, system.C, system.K, n_roots, limit / 2, factor)
+        if np.abs(lam).max() > limit or n_roots >= most:
+            kept = np.abs(lam) <= limit
+            return lam[kept], psi[:, kept]
+        growth = (limit / np.abs(lam).max()) ** 1.5
+        n_roots = min(int(n_roots * growth) + 20, most)
+
+
+def full_order_modes(
+    prepared: PreparedModel,
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    state: DesignState,
+    band_hz: tuple[float, float],
+    damped_to_hz: float,
+) -> PointModes:
+    """Complex modes of the unreduced assembly in a band, read as those of the reduced rungs.
+
+    Shapes are the least-squares coordinates, at the prepared model's sensors, on its shape basis.
+    The error estimate is that of the eigenproblem (`root_errors`), the residual
+    |Q psi| / |K psi|.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point, or ARPACK does not converge.
+    ParameterError
+        Damping of an assembly mode beyond `damped_to_hz`.
+    """
+    point = state_working_point(prepared, state)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz)
+    expected = expected_roots(prepared.model, point, band_hz[1])
+    found = full_order_roots(system, angular_band(band_hz), expected)
+    order = np.argsort(found.lam.imag == 0, kind="stable")
+    lam, psi = found.lam[order], found.psi[:, order]
+    seen = assembly.correspondence @ psi  # which may have no column: LAPACK alone refuses that
+    shapes = np.linalg.lstsq(prepared.sensor_shapes, seen, rcond=None)[0].T
+    shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
+    return PointModes(
+        lam=lam,
+        overdamped=lam.imag == 0,
+        residual=stiffness_residuals(system, lam, psi),
+        energies=_energies(system, psi),
+        shapes=shapes.astype(np.complex64),
+        working_point=point,
+        error_rung=found.error[order],
+        method=FULL,
+    )
+
+
+def expected_roots(model: ReducedModel, point: WorkingPoint, top_hz: float) -> int:
+    """How many roots lie below a frequency: twice the real modes of the reduced model."""
+    K = contact_stiffness(model, point.tangent)
+    limit = (2 * np.pi * top_hz) ** 2
+    return 2 * len(la.eigvalsh(K, subset_by_value=(-np.inf, limit)))
+
+
+def stiffness_residuals(system: FullOrderSystem, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    """Residual |Q psi| / |K psi| (m,) of roots lam (m,) [rad/s] with vectors psi (n_dof, m)."""
+    restoring = system.K @ psi
+    R = system.assembly.M @ (psi * lam**2) + system.C @ (psi * lam) + restoring
+    residual: np.ndarray = la.norm(R, axis=0) / la.norm(restoring, axis=0)
+    return residual
+
+
+def _energies(system: FullOrderSystem, psi: np.ndarray) -> np.ndarray:
+    """Shares of the components, then of the interfaces, in the elastic energy (c + 1, m)."""
+    structure, assembly = system.structure, system.assembly
+    dk = np.broadcast_to(system.weights.shapes, len(structure.places))
+    changed = dk[:, None] * squared(np.asarray(structure.shapes @ psi))
+    components = []
+    for component in assembly.components:
+        own = psi[assembly.slices[component.name]]
+        energy = np.einsum("im,im->m", own.conj(), component.K @ own).real
+        rows = [row for (name, _), row in structure.places.items() if name == component.name]
+        components.append(energy + changed[rows].sum(axis=0))
+    springs, N = structure.springs, structure.N
+    return energy_shares(np.array(components), springs, N, system.weights, psi)

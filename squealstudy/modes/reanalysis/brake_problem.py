@@ -1,0 +1,295 @@
+"""The component-mode brake as the ladder's problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.linalg.dense_roots import pairs_inside
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.reanalysis.modal_damping_field import (
+    ModalDampingField,
+    modal_damping_field,
+)
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
+from squealstudy.modes.reanalysis.problem import Linearisation, Linearised, in_band
+from squealstudy.modes.reanalysis.sweep_basis import corners
+from squealstudy.reduction.prepared import PreparedModel, shape_column
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point_field import (
+    Cardinals,
+    WorkingPointField,
+    anchor_at,
+)
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import (
+    ContactStructure,
+    StructureWeights,
+    assembly_damping,
+    reduced_structure,
+    symmetric_stiffness,
+)
+from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
+
+DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
+FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2
+# of modal damping, which nothing polishes, by the number of parameters that stiffen the brake
+DAMPING_DEGREE = {0: 0, 1: 8, 2: 7, 3: 6}
+OFF_CENTRE = 0.618
+UNMOVED = 1e-10  # relative change of stiffness by a parameter that does not stiffen
+
+
+class BrakeProblem:
+    """A prepared brake over a box of design points.
+
+    Parameters
+    ----------
+    prepared : PreparedModel
+    dimension : int
+        Number of parameters that vary.
+    state_at : callable
+        Design state at theta in [-1, 1]^d.
+    band_hz : (low, high)
+    exact_damping : bool
+        Modal damping of the assembly, of single modes too, is formed at each design point, as one
+        dense term (n, n). Otherwise it is interpolated over the box, which sums of small
+        projections need, and a design point has one ratio for all modes.
+    """
+
+    exact = "dense"  # the rung of `pairs`
+
+    def __init__(
+        self,
+        prepared: PreparedModel,
+        dimension: int,
+        state_at: Callable[[np.ndarray], DesignState],
+        band_hz: tuple[float, float],
+        exact_damping: bool = False,
+    ) -> None:
+        self.prepared, self.state_at = prepared, state_at
+        self.exact_damping = exact_damping
+        self.dimension = dimension
+        self.band = (2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1])
+
+    @cached_property
+    def system(self) -> ParametricSystem:
+        """Terms of the component-mode model."""
+        structure, damping = self.structure, self.modal_damping
+        if self.exact_damping:
+            more = [Term(DAMPING, dense=True)]
+        else:
+            more = [Term(DAMPING, None, A) for A in ([] if damping is None else damping.matrices)]
+        return ParametricSystem(structure.n, (*structure.system.terms, *more))
+
+    @cached_property
+    def structure(self) -> ContactStructure:
+        """The component-mode model without modal damping."""
+        return reduced_structure(self.prepared.model)
+
+    @cached_property
+    def modal_damping(self) -> ModalDampingField | None:
+        """Interpolated damping of all real modes, where a design point of the box has any.
+
+        Raises
+        ------
+        ConvergenceError
+            Where a node of its interpolation has no working point.
+        """
+        if self.exact_damping or not self._has_modal_damping():
+            return None
+        axes = self._stiffening_axes()
+        grid = interpolation(DAMPING_DEGREE.get(len(axes), 2), len(axes))
+        nodes = np.zeros((len(grid.nodes), self.dimension))
+        nodes[:, axes] = grid.nodes
+        stiffness = [self._symmetric_stiffness(theta) for theta in nodes]
+        return modal_damping_field(stiffness, lambda theta: grid.cardinals(theta[:, axes]))
+
+    def _stiffening_axes(self) -> list[int]:
+        """Directions along which the symmetric stiffness changes: not those of speed or damping.
+
+        Looked at from the middle and from a point off all axes of the box.
+        """
+        found = []
+        for axis in range(self.dimension):
+            for base in (0.0, OFF_CENTRE):
+                ends = np.full((2, self.dimension), base)
+                ends[:, axis] = -1.0, 1.0
+                low, high = (self._symmetric_stiffness(theta) for theta in ends)
+                if np.abs(high - low).max() > UNMOVED * np.abs(low).max():
+                    found.append(axis)
+                    break
+        return found
+
+    def _has_modal_damping(self) -> bool:
+        """By the middle and the ends of each parameter: it varies along one of them, or not."""
+        middle, axes = np.zeros((1, self.dimension)), np.eye(self.dimension)
+        looked_at = np.vstack([middle, axes, -axes])
+        return any(self.state_at(theta).damping_ratio for theta in looked_at)
+
+    def interpolation_error(self) -> float:
+        """Largest error of a damping ratio by the interpolation of modal damping, at some points.
+
+        Raises
+        ------
+        ConvergenceError
+            As `modal_damping`.
+        """
+        field, worst = self.modal_damping, 0.0
+        if field is None:
+            return worst
+        inside = np.random.default_rng(3).uniform(-1, 1, (DAMPING_CHECKS, self.dimension))
+        for theta in np.vstack([corners(self.dimension), inside]):
+            zeta = self.state_at(theta).damping_ratio
+            K = self._symmetric_stiffness(theta)
+            worst = max(worst, zeta * field.error(theta, K, self.band[1]))
+        return worst
+
+    def _symmetric_stiffness(self, theta: np.ndarray) -> np.ndarray:
+        point = self.working_points(theta[None])[0]
+        if isinstance(point, ConvergenceError):
+            raise point
+        weights = self.structure.weights(point, self.state_at(theta))
+        return symmetric_stiffness(self.structure, weights)
+
+    @cached_property
+    def field(self) -> WorkingPointField | None:
+        """Working points over the whole box, for starts; None where a node has none."""
+        if not self.dimension:
+            return None
+        grid = interpolation(FIELD_DEGREE.get(self.dimension, 2), self.dimension)
+        points = [_alone(self.prepared, self.state_at(theta)) for theta in grid.nodes]
+        return self._field(grid.nodes, points, grid.cardinals, range(len(points)))
+
+    def local_field(self, box: Box, grid: Interpolation) -> WorkingPointField | None:
+        """Working points over a part of the box, anchored at its middle; None where one fails."""
+        theta = np.vstack([box.place(grid.nodes), box.middle])
+        points = self.working_points(theta)
+
+        def cardinals(at: np.ndarray) -> np.ndarray:
+            return np.hstack([grid.cardinals(box.local(at)), np.zeros((len(at), 1))])
+
+        return self._field(theta, points, cardinals, [len(points) - 1])
+
+    def _field(
+        self,
+        theta: np.ndarray,
+        points: Sequence[WorkingPoint | ConvergenceError],
+        cardinals: Cardinals,
+        anchored: Sequence[int],
+    ) -> WorkingPointField | None:
+        solved = [p for p in points if isinstance(p, WorkingPoint)]
+        if len(solved) < len(points):
+            return None
+        anchors = []
+        for i in anchored:
+            state = self.state_at(theta[i])
+            space = self.prepared.space.changed(self._changes(state))
+            anchors.append(anchor_at(theta[i], space, state.operating, solved[i]))
+        gaps = np.array([p.gap for p in solved])
+        return WorkingPointField(self.prepared.space, gaps, cardinals, tuple(anchors))
+
+    def _changes(self, state: DesignState) -> dict[int, float]:
+        model = self.prepared.model
+        dk = state.stiffness_changes(self.structure.frequencies)
+        return {shape_column(model, *key): value for key, value in dk.items()}
+
+    def working_points(
+        self, theta: np.ndarray, field: WorkingPointField | None = None
+    ) -> list[WorkingPoint | ConvergenceError]:
+        """Working points at theta (b, d), checked; the reason where there is none.
+
+        `field` gives the starts; by default that of the whole box.
+        """
+        states = [self.state_at(row) for row in theta]
+        found: list[WorkingPoint | None] = [None] * len(states)
+        field = field or self.field
+        if field is not None:
+            changes = [self._changes(state) for state in states]
+            found = field.solve(theta, [s.operating for s in states], changes)
+        return [
+            _alone(self.prepared, state) if point is None else point
+            for state, point in zip(states, found, strict=True)
+        ]
+
+    def samples(
+        self, theta: np.ndarray, field: WorkingPointField | None = None
+    ) -> list[Linearised]:
+        """Weights and working points at theta (b, d); the reason where there is none."""
+        found: list[Linearised] = []
+        points = self.working_points(theta, field)
+        damping = self.modal_damping
+        modal = np.zeros((len(theta), 0)) if damping is None else damping.weights(theta)
+        for row, point, roots in zip(theta, points, modal, strict=True):
+            if isinstance(point, ConvergenceError):
+                found.append(point)
+            else:
+                state = self.state_at(row)
+                weights: Weights = self.structure.weights(point, state)
+                more: Weights = tuple(2.0 * state.damping_ratio * w for w in roots)
+                if self.exact_damping:
+                    K = symmetric_stiffness(self.structure, weights)
+                    more = (assembly_damping(K, state),)
+                found.append(Linearisation(weights + more, point))
+        return found
+
+    def weights(self, theta: np.ndarray) -> Weights:
+        """Weights at theta, about its working point; ConvergenceError where it has none."""
+        sample = self.samples(np.atleast_2d(theta))[0]
+        if isinstance(sample, ConvergenceError):
+            raise sample
+        return sample.weights
+
+    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+        """Exact pairs of the dense problem."""
+        weights = self.weights(theta)
+        if self.modal_damping is None:
+            _, C, K = self.system.matrices(weights)
+        else:
+            C, K = self._with_exact_damping(theta, weights)
+        found = pairs_inside(C, K, reach * self.band[1])
+        return weights, found.take(in_band(found.lam, self.band, reach))
+
+    def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
+        _, C, K = self.structure.system.matrices(StructureWeights.of(weights))
+        K_sym = symmetric_stiffness(self.structure, weights)
+        return C + assembly_damping(K_sym, self.state_at(theta)), K
+
+    @cached_property
+    def _factor(self) -> np.ndarray:
+        """Upper F of K0 = F^T F, at the middle of the box."""
+        weights = self.weights(np.zeros(self.dimension))
+        factor: np.ndarray = la.cholesky(symmetric_stiffness(self.structure, weights))
+        return factor
+
+    def energy_root(self, X: np.ndarray) -> np.ndarray:
+        """F X."""
+        product: np.ndarray = self._factor @ X
+        return product
+
+    def from_energy(self, Z: np.ndarray) -> np.ndarray:
+        """F^-1 Z."""
+        solved: np.ndarray = la.solve_triangular(self._factor, Z)
+        return solved
+
+    def flexibility(self, r: np.ndarray) -> np.ndarray:
+        """K0^-1 r."""
+        solved: np.ndarray = la.cho_solve((self._factor, False), r)
+        return solved
+
+    def mass_product(self, X: np.ndarray) -> np.ndarray:
+        """The mass is the identity."""
+        return X
+
+
+def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | ConvergenceError:
+    try:
+        return state_working_point(prepared, state)
+    except ConvergenceError as error:
+        return error

@@ -1,0 +1,232 @@
+"""Roots of design points in a patch: two-sided Ritz values of interpolated invariant subspaces.
+
+The subspaces are wrong by the interpolation's error, their Ritz values by its square. What is left
+is estimated from both residuals in the sweep basis, the next larger model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.modes.reanalysis.patch import Patch
+from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
+from squealstudy.system.parametric import Weights
+
+NEAREST = 1e-13  # relative distance below which two followed roots are one
+FIRST_ORDER = 2.0  # on the distance of a heavy root to its first-order approximation
+MOST_AMPLIFIED = 20.0  # dynamic over static response of a mode beyond the band
+
+
+class Roots(NamedTuple):
+    """Roots of a batch of design points.
+
+    Attributes
+    ----------
+    lam : ndarray (b, m) complex
+        rad/s.
+    X, Y : ndarray (b, r, m) complex
+        Right and left vectors in reduced coordinates, y^H Q'(lam) x = 1.
+    error : ndarray (b, m)
+        Estimated |lam - lam of the sweep basis|, rad/s.
+    residual : ndarray (b, m)
+        Normwise backward error in the sweep basis.
+    """
+
+    lam: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    error: np.ndarray
+    residual: np.ndarray
+
+
+class _Batch(NamedTuple):
+    """Interpolated bases and their products with the matrices, (b, r, m) complex each."""
+
+    X: np.ndarray
+    CX: np.ndarray
+    KX: np.ndarray
+    Y: np.ndarray
+    CY: np.ndarray
+    KY: np.ndarray
+
+
+def _eigenvalues(blocks: np.ndarray) -> np.ndarray:
+    """Eigenvalues of stacked (b, k, k) matrices; of one and two rows in closed form."""
+    k = blocks.shape[1]
+    if k == 1:
+        single: np.ndarray = blocks[:, :, 0]
+        return single
+    if k == 2:
+        mean = (blocks[:, 0, 0] + blocks[:, 1, 1]) / 2
+        half = (blocks[:, 0, 0] - blocks[:, 1, 1]) / 2
+        root = np.sqrt(half**2 + blocks[:, 0, 1] * blocks[:, 1, 0])
+        return np.stack([mean + root, mean - root], axis=1)
+    values: np.ndarray = np.linalg.eigvals(blocks)
+    return values
+
+
+def ritz_roots(
+    patch: Patch, basis: SweepBasis, theta: np.ndarray, weights: Sequence[Weights]
+) -> Roots:
+    """Roots, vectors and errors of a batch of design points.
+
+    Parameters
+    ----------
+    patch : Patch
+    basis : SweepBasis
+    theta : ndarray (b, d)
+    weights : sequence of Weights
+        Of these points.
+    """
+    C, K = basis.small.matrices(weights)
+    cardinals = patch.cardinals(theta)
+    batch = _products(patch, cardinals, C, K)
+    lam, right, left = _small_problems(patch, cardinals, batch)
+    for Z in (batch.X, batch.CX, batch.KX):
+        _turn(patch, Z, right)
+    for Z in (batch.Y, batch.CY, batch.KY):
+        _turn(patch, Z, left)
+    X, CX, KX, Y, CY, KY = batch
+    at, conj = lam[:, None, :], lam.conj()[:, None, :]
+    slope = np.einsum("brm,brm->bm", Y.conj(), 2.0 * at * X + CX)
+    scale = 1.0 / np.where(slope == 0, 1e-300, slope)
+    Y, CY, KY = (Z * scale.conj()[:, None, :] for Z in (Y, CY, KY))
+    rx = X * at**2 + CX * at + KX
+    ry = Y * conj**2 + CY * conj + KY
+    shift = np.einsum("brm,brm->bm", Y.conj(), rx)  # Rayleigh's functional: second order too
+    error = _error(patch, basis, lam, X, Y, rx, ry)
+    error = np.minimum(error, _error_of_heavy(patch, cardinals, lam))
+    return Roots(lam=lam - shift, X=X, Y=Y, error=error, residual=_backward(C, K, lam, X, rx))
+
+
+def _products(patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray) -> _Batch:
+    X, Y = (_combined(cardinals, Z) for Z in (patch.X, patch.Y))
+    Ct, Kt = C.transpose(0, 2, 1), K.transpose(0, 2, 1)
+    return _Batch(X=X, CX=_times(C, X), KX=_times(K, X), Y=Y, CY=_times(Ct, Y), KY=_times(Kt, Y))
+
+
+def _combined(cardinals: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """Sum over nodes of cardinals (b, q) times Z (q, r, m) complex."""
+    q, r, m = Z.shape
+    flat = np.ascontiguousarray(Z).view(float).reshape(q, -1)
+    return (cardinals @ flat).view(complex).reshape(len(cardinals), r, m)
+
+
+def _times(A: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Real (b, r, r) times complex (b, r, m) in real arithmetic."""
+    b, r, m = X.shape
+    return (A @ X.view(float).reshape(b, r, 2 * m)).view(complex)
+
+
+def _small_problems(
+    patch: Patch, cardinals: np.ndarray, batch: _Batch
+) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
+    """Ritz values (b, m) in state space, and each block's right and left vectors (b, k, k).
+
+    With [X; X S] and [T Y^H + Y^H C, Y^H]: (T Yx S - Yk) v = lam (T Yx + Yc + Yx S) v, where
+    Yx = Y^H X, Yc = Y^H C X, Yk = Y^H K X.
+    """
+    S, T = cardinals @ patch.S, cardinals @ patch.T
+    lams, rights, lefts, offset = [], [], [], 0
+    for start, k in patch.slices:
+        own = slice(start, start + k)
+        Yh = batch.Y[:, :, own].conj().transpose(0, 2, 1)
+        Yx, Yc, Yk = (Yh @ Z[:, :, own] for Z in (batch.X, batch.CX, batch.KX))
+        Sb, Tb = (Z[:, offset : offset + k * k].reshape(-1, k, k) for Z in (S, T))
+        offset += k * k
+        A, N = Tb @ Yx @ Sb - Yk, Tb @ Yx + Yc + Yx @ Sb
+        if k == 1:
+            lam, right = (A / N)[:, :, 0], np.ones_like(A)
+            left = right
+        else:
+            lam, right = np.linalg.eig(np.linalg.solve(N, A))
+            left = np.linalg.inv(N @ _separated(right)).conj().transpose(0, 2, 1)
+        lams.append(lam)
+        rights.append(right)
+        lefts.append(left)
+    return np.hstack(lams), rights, lefts
+
+
+def _separated(V: np.ndarray) -> np.ndarray:
+    """Vectors (b, k, k) kept from being exactly parallel, as they are at an exceptional point."""
+    return V + 1e-15 * np.eye(V.shape[1])
+
+
+def _turn(patch: Patch, Z: np.ndarray, turns: Sequence[np.ndarray]) -> None:
+    """Columns of each block (b, r, k) times its vectors (b, k, k), in place; single ones are."""
+    for (start, k), turn in zip(patch.slices, turns, strict=True):
+        if k > 1:
+            own = slice(start, start + k)
+            Z[:, :, own] = Z[:, :, own] @ turn
+
+
+def _error(
+    patch: Patch,
+    basis: SweepBasis,
+    lam: np.ndarray,
+    X: np.ndarray,
+    Y: np.ndarray,
+    rx: np.ndarray,
+    ry: np.ndarray,
+) -> np.ndarray:
+    """Second-order error (b, m): through the other modes followed, and through all others.
+
+    The resolvent of the former is known, sum of x_i y_i^H / (lam - lam_i), their own block's
+    included: Rayleigh's functional moves those roots too. For the latter stand the nominal real
+    modes, dynamic beyond the band, where they may be as near as a followed mode.
+    """
+    through = (ry.conj().transpose(0, 2, 1) @ X) * (Y.conj().transpose(0, 2, 1) @ rx).transpose(
+        0, 2, 1
+    )
+    gap = lam[:, :, None] - lam[:, None, :]
+    # the distance of a mode to itself keeps it out
+    gap = np.where(np.abs(gap) < NEAREST * np.abs(lam)[:, :, None], np.inf, gap)
+    parts = through / gap
+    # contributions may cancel by chance, and the next order then counts
+    near = np.maximum(np.abs(parts.sum(axis=2)), np.linalg.norm(parts, axis=2))
+    far = np.einsum("brm,brm,brm->bm", ry.conj(), _flexibility(patch, basis, lam), rx)
+    total: np.ndarray = near + np.abs(far)
+    return total
+
+
+def _error_of_heavy(patch: Patch, cardinals: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """Another estimate (b, m) for heavily damped roots, infinite for light ones.
+
+    Overdamped roots run through decades and collide: the second-order error through others is then
+    far above the true one. Their distance to the roots of the interpolated matrices, which are
+    wrong by the first order, bounds it better.
+    """
+    error, heavy = np.full(lam.shape, np.inf), ~light(lam)
+    flat, offset = cardinals @ patch.S if heavy.any() else np.zeros(0), 0
+    for start, k in patch.slices:
+        own = slice(start, start + k)
+        if heavy[:, own].any():
+            first = _eigenvalues(flat[:, offset : offset + k * k].reshape(-1, k, k))
+            distance = np.abs(lam[:, own, None] - first[:, None, :]).min(axis=2)
+            error[:, own] = np.where(heavy[:, own], FIRST_ORDER * distance, np.inf)
+        offset += k * k
+    return error
+
+
+def _flexibility(patch: Patch, basis: SweepBasis, lam: np.ndarray) -> np.ndarray:
+    """Response (b, r, m) of the nominal real modes: static in the band, else at |lam|."""
+    w2 = (1.0 / basis.flexibility)[:, None]
+    dynamic = w2 - np.abs(lam[:, None, :]) ** 2
+    limit = w2 / MOST_AMPLIFIED
+    dynamic = np.where(np.abs(dynamic) < limit, np.copysign(limit, dynamic), dynamic)
+    outside = (w2 > patch.reach[1] ** 2) | (w2 < patch.reach[0] ** 2)
+    response: np.ndarray = 1.0 / np.where(outside, dynamic, w2)
+    return response
+
+
+def _backward(
+    C: np.ndarray, K: np.ndarray, lam: np.ndarray, X: np.ndarray, rx: np.ndarray
+) -> np.ndarray:
+    size, c, k = np.abs(lam), np.linalg.norm(C, axis=(1, 2)), np.linalg.norm(K, axis=(1, 2))
+    norm = size**2 + size * c[:, None] + k[:, None]
+    error: np.ndarray = np.linalg.norm(rx, axis=1) / (norm * np.linalg.norm(X, axis=1))
+    return error

@@ -1,0 +1,274 @@
+"""One basis for a whole box of design points, from right and left complex modes, by greedy choice.
+
+Modes at adaptively chosen points are truncated by SVD in the energy norm; the next point is the one
+of a sample whose estimated error against the full problem is largest (THEORY.md eq. (37), (39)).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
+from squealstudy.modes.reanalysis.collocated import CollocatedSystem, collocate
+from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band, light
+from squealstudy.system.parametric import Weights
+
+REACH = 1.15  # modes of the band widened by this join the basis
+SEEN = 1.03  # and their errors are looked at within this
+CANDIDATES = 24  # design points looked at for the next one, half of them on faces of the box
+TRUNCATION = 0.5  # smallest singular value kept, in square roots of the tolerance
+FINER = 0.7  # factor on it where another point does not help
+STALLED = 0.5  # it does not help where the error stays above this share of the last
+WEIGHT_TOLERANCE = 0.01  # of the weights' expansion, in tolerances
+LEAST_WEIGHT_TOLERANCE = 1e-9
+LEAST_CUT = 1e-9
+LACKING = 10.0  # tolerances between an exact root and the next one found: a mode is lacking
+SAMPLES_A_DIMENSION = 60
+MOST_SAMPLES = 240
+BATCH = 64
+
+Report = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class SweepBasis:
+    """A projection that serves a box of design points.
+
+    Attributes
+    ----------
+    V : ndarray (n, r)
+        Real; V^T M0 V = I and V^T K0 V is diagonal.
+    flexibility : ndarray (r,)
+        Inverse of that diagonal.
+    small : CollocatedSystem
+    error : float
+        Largest estimated relative error of light modes at the last points looked at.
+    trained : ndarray (q, d)
+        Design points whose modes it was made from.
+    seconds : float
+    interpolated : float
+        Largest error of roots, relative to their moduli, by what the problem interpolates over the
+        box: no estimate in a design point sees it.
+    """
+
+    V: np.ndarray
+    flexibility: np.ndarray
+    small: CollocatedSystem
+    error: float
+    trained: np.ndarray
+    seconds: float = field(compare=False, default=0.0)
+    interpolated: float = 0.0
+
+    def pairs(self, weights: Weights) -> Eigenpairs:
+        """All pairs of the projected problem in reduced coordinates."""
+        C, K = self.small.matrices([weights])
+        return all_pairs(C[0], K[0])
+
+    def expand(self, weights: Weights, pairs: Eigenpairs) -> Eigenpairs:
+        """Reduced pairs in the coordinates of the full problem."""
+        left = pairs.Y
+        if not self.small.unit_mass:
+            left = np.linalg.solve(self.small.mass(weights).T, left)
+        return Eigenpairs(pairs.lam, self.V @ pairs.X, self.V @ left)
+
+
+def sample_box(dimension: int, count: int, seed: int) -> np.ndarray:
+    """Points (count, d) that fill [-1, 1]^d."""
+    if not dimension:
+        return np.zeros((1, 0))
+    from scipy.stats import qmc  # slow to import, and few studies need it
+
+    sobol = qmc.Sobol(dimension, scramble=True, seed=np.random.default_rng(seed))
+    unit = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count]
+    points: np.ndarray = 2.0 * unit - 1.0
+    return points
+
+
+def corners(dimension: int) -> np.ndarray:
+    """The corners of [-1, 1]^d, at most the first 16."""
+    if not dimension:
+        return np.zeros((1, 0))
+    grid = np.array(np.meshgrid(*[[-1.0, 1.0]] * dimension)).reshape(dimension, -1).T
+    return grid[:16]
+
+
+def build_sweep_basis(
+    problem: SweptProblem,
+    tolerance: float,
+    most: int = 16,
+    seed: int = 0,
+    report: Report = lambda done, total: None,
+) -> SweepBasis:
+    """Make the basis of a box to a tolerance (relative error of light roots).
+
+    Parameters
+    ----------
+    problem : SweptProblem
+    tolerance : float
+    most : int
+        Design points whose modes may enter.
+    seed : int
+        Of the points that are looked at.
+    report : callable
+        Told (points used, most).
+
+    Raises
+    ------
+    ConvergenceError
+        Where hardly any point of the box has a working point.
+    """
+    started = time.perf_counter()
+    samples = _sampled_weights(problem, seed)
+    limit = max(WEIGHT_TOLERANCE * tolerance, LEAST_WEIGHT_TOLERANCE)
+    cut, last = TRUNCATION * np.sqrt(tolerance), np.inf
+    blocks: list[np.ndarray] = []
+    trained: list[np.ndarray] = []
+    pending = _first_points(problem.dimension)
+    while True:
+        for theta in pending:
+            block = _snapshots(problem, theta)
+            if block is not None:
+                blocks.append(block)
+                trained.append(theta)
+        report(len(trained), most)
+        if not blocks:
+            raise ConvergenceError("working_point", "no working point at the ends of the sweeps")
+        if not sum(block.shape[1] for block in blocks):
+            raise ConvergenceError("no_modes", "no mode lies in the band at the ends of the sweeps")
+        V, flexibility = _truncated(problem, np.hstack(blocks), cut)
+        small = collocate(problem.system, samples, V, V, limit)
+        basis = SweepBasis(
+            V=V, flexibility=flexibility, small=small, error=np.inf, trained=np.array(trained)
+        )
+        points, errors = _estimates(problem, basis, len(trained), seed)
+        worst, error = points[errors.argmax()], float(errors.max())
+        basis = replace(basis, error=error, seconds=time.perf_counter() - started)
+        good = error <= tolerance
+        if len(trained) >= most or (good and _all_seen(problem, basis, worst, tolerance)):
+            return basis
+        stalled = not good and error > STALLED * last and len(trained) > 3
+        if stalled or not problem.dimension:
+            if cut < LEAST_CUT:
+                return basis
+            cut *= FINER
+        last = error
+        pending = _next_points(points, errors, tolerance)[: most - len(trained)]
+
+
+def _first_points(dimension: int) -> np.ndarray:
+    """Two opposite corners and the middle: a mode may be in the band at the latter alone."""
+    if not dimension:
+        return np.zeros((1, 0))
+    return np.vstack([corners(dimension)[[0, -1]], np.zeros((1, dimension))])
+
+
+def _all_seen(
+    problem: SweptProblem, basis: SweepBasis, theta: np.ndarray, tolerance: float
+) -> bool:
+    """Whether the basis has every light mode of the full problem at a point.
+
+    Residuals of the modes that a basis has do not tell of one that it lacks altogether.
+    """
+    weights, exact = problem.pairs(theta, 1.0)
+    found = basis.pairs(weights).lam
+    if not len(exact.lam):
+        return True
+    distance = np.abs(exact.lam[:, None] - found).min(axis=1)
+    missed = light(exact.lam) & (distance > LACKING * tolerance * np.abs(exact.lam))
+    return not missed.any()
+
+
+def _sampled_weights(problem: SweptProblem, seed: int) -> list[Weights]:
+    count = min(SAMPLES_A_DIMENSION * max(problem.dimension, 1), MOST_SAMPLES)
+    points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, seed)])
+    points = points if problem.dimension else points[:1]
+    found = [
+        sample.weights
+        for start in range(0, len(points), BATCH)
+        for sample in problem.samples(points[start : start + BATCH])
+        if isinstance(sample, Linearisation)
+    ]
+    if len(found) < len(points) / 2:
+        raise ConvergenceError("working_point", "most of the box has no working point")
+    return found
+
+
+def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
+    """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates."""
+    try:
+        _, pairs = problem.pairs(theta, REACH)
+    except ConvergenceError:
+        return None
+    parts = []
+    for Z in (pairs.X, pairs.Y):
+        E = problem.energy_root(np.hstack([Z.real, Z.imag]))
+        m = Z.shape[1]
+        size = np.sqrt((E[:, :m] ** 2).sum(axis=0) + (E[:, m:] ** 2).sum(axis=0))
+        parts.append(E / np.tile(np.maximum(size, 1e-300), 2))
+    return np.hstack(parts)
+
+
+def _truncated(
+    problem: SweptProblem, snapshots: np.ndarray, cut: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Basis (n, r), orthonormal in the mass and diagonal in K0, and the flexibilities (r,)."""
+    U, s, _ = la.svd(snapshots, full_matrices=False)
+    U = U[:, s > cut * s[0]]
+    V = problem.from_energy(U)
+    w2, y = la.eigh(U.T @ U, V.T @ problem.mass_product(V))
+    return V @ y, 1.0 / w2
+
+
+def _estimates(
+    problem: SweptProblem, basis: SweepBasis, step: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A fresh sample of design points (n, d) and the estimated errors there (n,)."""
+    points = _on_faces(sample_box(problem.dimension, CANDIDATES, seed + 1000 + step))
+    if step <= 3 and problem.dimension:
+        points = np.vstack([corners(problem.dimension), points])
+    return points, np.array([estimated_error(problem, basis, theta) for theta in points])
+
+
+def _next_points(points: np.ndarray, errors: np.ndarray, tolerance: float) -> np.ndarray:
+    """Points to be trained at: that of the largest error, and another one away from it.
+
+    The latter where it needs it too: estimates at a sample cost more than two points to train at.
+    """
+    if not points.shape[1]:
+        return points[:0]
+    worst = int(errors.argmax())
+    away = np.linalg.norm(points - points[worst], axis=1)
+    other = int((errors * away).argmax())
+    chosen = [worst, other] if errors[other] > tolerance and other != worst else [worst]
+    return points[chosen]
+
+
+def _on_faces(points: np.ndarray) -> np.ndarray:
+    """Every other point (n, d) moved to the nearest face, where errors are mostly largest."""
+    moved = points.copy()
+    if points.shape[1]:
+        rows = np.arange(0, len(points), 2)
+        axis = np.abs(points[rows]).argmax(axis=1)
+        moved[rows, axis] = np.sign(points[rows, axis])
+    return moved
+
+
+def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray) -> float:
+    """Largest estimated relative error of light modes at a point; 0 where it has none."""
+    try:
+        weights = problem.weights(theta)
+    except ConvergenceError:
+        return 0.0
+    pairs = basis.pairs(weights)
+    pairs = pairs.take(in_band(pairs.lam, problem.band, SEEN) & light(pairs.lam))
+    if not len(pairs.lam):
+        return 0.0
+    error = bounded(two_sided_error(problem, weights, basis.expand(weights, pairs)), pairs.lam)
+    return float((error / np.abs(pairs.lam)).max())

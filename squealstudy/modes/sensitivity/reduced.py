@@ -1,0 +1,175 @@
+"""Closed-form sensitivities of complex modes, each beside a finite reanalysis.
+
+With right and left vectors x and y of (lambda^2 M + lambda C + K) x = 0,
+
+    d lambda/d theta = -y^H (lambda^2 dM + lambda dC + dK) x / (y^H (2 lambda M + C) x).
+
+The matrices depend on the working point, which moves: derivatives are total.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.sensitivity.finite_change import (
+    FiniteChange,
+    followed_root,
+    reduced_pencil,
+)
+from squealstudy.modes.sensitivity.mode_choice import ModeChoice, chosen_roots
+from squealstudy.modes.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
+from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
+from squealstudy.modes.sensitivity.mode_sensitivities import (
+    ModeSensitivities,
+    Sensitivity,
+    Step,
+    slope_and_validity,
+)
+from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives
+from squealstudy.modes.sensitivity.state_parameter import DAMPING, StateParameter
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.energy import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, component_frequencies, linearise
+
+
+@dataclass(frozen=True)
+class ChosenModes:
+    """Chosen complex modes of a reduced design point: what all sensitivities start from."""
+
+    prepared: PreparedModel
+    state: DesignState
+    point: WorkingPoint
+    system: LinearisedModel
+    pencil: QuadraticPencil
+    families: tuple[ModeFamily, ...]
+
+
+def solve_families(
+    prepared: PreparedModel,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    choice: ModeChoice,
+    gap: np.ndarray | None = None,
+) -> ChosenModes:
+    """Working point, chosen complex modes, their left vectors and neighbours.
+
+    Parameters
+    ----------
+    gap : ndarray (nc,) or None
+        Known gaps of the working point.
+
+    Raises
+    ------
+    ConvergenceError
+        No working point, or ARPACK stops.
+    """
+    point = state_working_point(prepared, state, gap)
+    system = linearise(prepared.model, point, state)
+    low, high = (2 * np.pi * f for f in band_hz)
+    lam, _ = dense_roots(system.C, system.K, (low, high))
+    pencil = QuadraticPencil(sp.identity(prepared.model.n, format="csr"), system.C, system.K)
+    families = tuple(mode_family(pencil, root) for root in chosen_roots(lam, choice))
+    return ChosenModes(prepared, state, point, system, pencil, families)
+
+
+def point_sensitivities(
+    design: ChosenModes, parameters: Sequence[StateParameter], change: float, top_hz: float
+) -> tuple[ModeSensitivities, ...]:
+    """Sensitivities of the chosen modes of a design point to parameters of its state.
+
+    Parameters
+    ----------
+    change : float
+        Finite change, relative to each parameter's reference.
+    top_hz : float
+        Top of the band, for stiffness damping of zero.
+    """
+    omega = component_frequencies(design.prepared.model)
+    steps = [
+        replace(
+            parameter_step(p, design.state, change, top_hz),
+            component_hz=p.component_hz(design.state, omega),
+        )
+        for p in parameters
+    ]
+    found: list[list[Sensitivity]] = [[] for _ in design.families]
+    derivatives = StateDerivatives(design.prepared, design.state, design.point)
+    gradients = _gradients(design, derivatives, parameters)
+    for parameter, step in zip(parameters, steps, strict=True):
+        moved = parameter.moved(design.state, step.value + step.size)
+        finite, reason = _reanalysis(design, moved)
+        by = derivatives.by(parameter)
+        for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
+            products = gradient.products(*by)
+            found[number].append(
+                Sensitivity(
+                    step,
+                    *slope_and_validity(family, products, step.size),
+                    finite[number],
+                    reason,
+                )
+            )
+    return tuple(
+        ModeSensitivities(family, *facts, tuple(own))
+        for family, facts, own in zip(design.families, _facts(design), found, strict=True)
+    )
+
+
+def parameter_step(
+    parameter: StateParameter, state: DesignState, change: float, top_hz: float
+) -> Step:
+    """The finite change of a parameter: upwards, or downwards where that leaves its range."""
+    value = parameter.value(state)
+    reference = parameter.reference(value, top_hz)
+    size = change * reference
+    return Step(
+        parameter.name, value, reference, size if value + size <= parameter.maximum else -size
+    )
+
+
+def _gradients(
+    design: ChosenModes, derivatives: StateDerivatives, parameters: Sequence[StateParameter]
+) -> list[ModeGradient]:
+    asked = any(p.name == DAMPING or (p.modes and not p.component) for p in parameters)
+    zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
+    if design.families and (asked or zeta.any()):
+        w2, phi = la.eigh(design.system.K_sym)
+        real = RealModes(np.sqrt(np.maximum(w2, 0.0)), phi, momenta=phi, zeta=zeta)
+    return [ModeGradient(family, derivatives.structure, real) for family in design.families]
+
+
+def _reanalysis(design: ChosenModes, moved: DesignState) -> tuple[list[FiniteChange | None], str]:
+    """The chosen modes in a changed design, or why it has none."""
+    if not design.families:
+        return [], ""
+    try:
+        changed = reduced_pencil(design.prepared, moved, design.point.gap)
+        return [followed_root(design.pencil, f, changed) for f in design.families], ""
+    except SquealstudyError as error:
+        return [None] * len(design.families), str(error)
+
+
+def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
+    """Biorthogonality and energy shares of each chosen mode."""
+    found = []
+    for family in design.families:
+        others = [
+            biorthogonality(design.pencil, family, other)
+            for other in design.families
+            if other is not family
+        ]
+        model, weights = design.prepared.model, design.system.weights
+        energies = reduced_energy_shares(model, weights, family.X[:, :1])
+        found.append((max(others, default=0.0), energies[:, 0]))
+    return found

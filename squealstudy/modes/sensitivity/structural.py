@@ -1,0 +1,208 @@
+"""Sensitivities to materials, springs and loads: full-order vectors, the working point moving.
+
+A structural parameter changes the assembled matrices, so its derivative is projected on right and
+left vectors of the unreduced assembly; each chosen mode is found there beside its reduced root.
+The finite change is that of the assembly built anew, with its own working point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.sparse_qep import LowRankSum, WoodburyFactor
+from squealstudy.models.assembly import Assembly
+from squealstudy.modes.full_order.modes import FullOrderSystem, full_order_system
+from squealstudy.modes.sensitivity.assembly_change import (
+    AssemblyChange,
+    Build,
+    assembly_change,
+    changed_modes,
+    check_same_mesh,
+)
+from squealstudy.modes.sensitivity.finite_change import FiniteChange, followed_root
+from squealstudy.modes.sensitivity.mode_family import ModeFamily, mode_family
+from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
+from squealstudy.modes.sensitivity.mode_sensitivities import (
+    Sensitivity,
+    Step,
+    slope_and_validity,
+)
+from squealstudy.modes.sensitivity.reduced import ChosenModes
+from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+from squealstudy.system.contact_weights import ContactChange, ContactWeights
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import structure_weights, unreduced_structure
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How the assembly of a design point is built, and what its bases keep.
+
+    Attributes
+    ----------
+    build : callable
+        (values of all the model's parameters) -> Assembly.
+    values : mapping of name -> float
+        At the design point.
+    component_cutoff_hz, damped_to_hz : float
+        Component modes that the design may change; assembly modes that carry modal damping.
+    """
+
+    build: Build
+    values: Mapping[str, float]
+    component_cutoff_hz: float
+    damped_to_hz: float
+
+    def assembly(self, changed: Mapping[str, float] | None = None) -> Assembly:
+        """The assembly, with some parameters at other values."""
+        return self.build({**self.values, **(changed or {})})
+
+    def system(
+        self, assembly: Assembly, state: DesignState, point: WorkingPoint
+    ) -> FullOrderSystem:
+        """An assembly linearised about a working point; errors of `full_order_system`."""
+        modes = changed_modes(assembly, state, self.component_cutoff_hz)
+        return full_order_system(assembly, modes, point, state, self.damped_to_hz)
+
+    def working_point(
+        self, assembly: Assembly, state: DesignState, k_c: float, start: np.ndarray
+    ) -> WorkingPoint:
+        """The working point of an assembly from gaps `start` (nc,); ConvergenceError without.
+
+        `k_c` is the contact stiffness per area of the contact space, Pa/m.
+        """
+        modes = changed_modes(assembly, state, self.component_cutoff_hz)
+        own = unreduced_structure(assembly, modes, state)
+        _, dk = own.by_mode(state.stiffness_changes(own.frequencies))
+        space = contact_space(assembly, k_c, np.asarray(own.shapes).T)
+        space = space.changed(dict(enumerate(np.ravel(dk))) if np.ndim(dk) else {})
+        return working_point(space, state.operating, start)
+
+
+def check_structural(structure: Structure, names: Sequence[str]) -> None:
+    """Raise ParameterError for the first parameter that moves the mesh."""
+    base = structure.assembly()
+    for name in names:
+        value = structure.values[name]
+        check_same_mesh(name, base, structure.assembly({name: value + 1e-4 * (abs(value) or 1.0)}))
+
+
+def structural_sensitivities(
+    design: ChosenModes, structure: Structure, names: Sequence[str], change: float
+) -> list[list[Sensitivity]]:
+    """Sensitivities of every chosen mode of a design point, one list a mode.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Structural parameters that leave the mesh as it is.
+    change : float
+        Finite change, relative to the value (absolute where that is zero).
+
+    Raises
+    ------
+    ParameterError
+        A parameter that moves the mesh.
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    found: list[list[Sensitivity]] = [[] for _ in design.families]
+    if not design.families or not names:
+        return found
+    full = structure.system(structure.assembly(), design.state, design.point)
+    families = [mode_family(full.pencil, complex(f.lam[0])) for f in design.families]
+    real = None
+    if len(full.omega):
+        zeta = design.state.assembly_damping_ratios(len(full.omega))
+        real = RealModes(full.omega, full.phi, full.assembly.M @ full.phi, zeta)
+    gradients = [ModeGradient(family, full.structure, real) for family in families]
+    response = StaticResponse(full, design)
+    for name in names:
+        step = structural_step(name, structure.values[name], change)
+        by = assembly_change(
+            structure.build, structure.values, name, design.state, structure.component_cutoff_hz
+        )
+        contact = response.change(by)
+        finite, reason = _reanalysis(design, structure, full, families, step)
+        for number, (family, gradient) in enumerate(zip(families, gradients, strict=True)):
+            products = structural_products(gradient, full, by, contact)
+            slope = slope_and_validity(family, products, step.size)
+            found[number].append(Sensitivity(step, *slope, finite[number], reason))
+    return found
+
+
+def structural_step(name: str, value: float, change: float) -> Step:
+    """The finite change of a structural parameter."""
+    reference = abs(value) or 1.0
+    return Step(name, value, reference, change * reference)
+
+
+class StaticResponse:
+    """How the contact of a full-order design point follows a change of its assembly."""
+
+    def __init__(self, full: FullOrderSystem, design: ChosenModes) -> None:
+        c, operating, w = full.assembly.contact, full.state.operating, full.point
+        k_c = design.prepared.space.k_c
+        self._full = full
+        self._derivatives = StateDerivatives(design.prepared, design.state, design.point)
+        K0 = full.assembly.K_el + full.assembly.K_springs(static=True)
+        K0 = K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)
+        shapes = np.asarray(full.structure.shapes)
+        dk = np.broadcast_to(full.weights.shapes, len(shapes))
+        self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
+        self._mu = operating.friction_at(w.pressure).mu * c.frictional
+        load = operating.pressure * full.assembly.load + full.assembly.constant_load
+        normal = c.area * (w.pressure + k_c * (w.gap - c.gap0))
+        sliding = c.area * self._mu * w.pressure
+        self._displacement = self._factor.solve(load + c.N.T @ normal - c.T.T @ sliding)
+
+    def change(self, by: AssemblyChange) -> ContactWeights:
+        """Total derivative of the contact weights: the working point moves."""
+        c, w = self._full.assembly.contact, self._full.point
+        force = by.area * w.pressure
+        unbalanced = by.static_stiffness @ self._displacement
+        unbalanced -= self._full.state.operating.pressure * by.load + by.constant_load
+        unbalanced -= c.N.T @ force - c.T.T @ (self._mu * force)
+        gap = self._derivatives.motion.solve(c.N @ self._factor.solve(unbalanced))
+        return self._derivatives.contact(gap, ContactChange(area=by.area))
+
+
+def structural_products(
+    gradient: ModeGradient, full: FullOrderSystem, by: AssemblyChange, contact: ContactWeights
+) -> np.ndarray:
+    """y_i^H Q_theta(lambda_j) x_j (k, k) of full-order modes; modal damping as in ModeGradient."""
+    family, beta, phi = gradient.family, full.state.stiffness_damping, full.phi
+    lam, X = family.lam, family.X
+    changed = (1.0 + beta * lam) * (by.stiffness @ X)
+    changed = changed + lam**2 * (by.mass @ X) + lam * (by.dampers @ X)
+    weights = structure_weights((0.0, 0.0, 0.0), contact, beta=beta, mass=0.0)
+    products = family.Y.conj().T @ changed + gradient.products(weights)
+    if gradient.damping is not None:
+        products[0, 0] += gradient.damping.by_stiffness(phi.T @ (by.stiffness @ phi))
+        products[0, 0] += gradient.damping.by_mass(phi.T @ (by.mass @ phi))
+    return products
+
+
+def _reanalysis(
+    design: ChosenModes,
+    structure: Structure,
+    full: FullOrderSystem,
+    families: Sequence[ModeFamily],
+    step: Step,
+) -> tuple[list[FiniteChange | None], str]:
+    """The same modes in the assembly built with the changed value, or why there are none."""
+    state, k_c = design.state, design.prepared.space.k_c
+    try:
+        assembly = structure.assembly({step.name: step.value + step.size})
+        point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))
+        changed = structure.system(assembly, state, point)
+        return [followed_root(full.pencil, f, changed.pencil) for f in families], ""
+    except SquealstudyError as error:
+        return [None] * len(families), str(error)

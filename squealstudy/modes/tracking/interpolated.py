@@ -1,0 +1,94 @@
+"""Modes between two structures, from their matrices interpolated in common coordinates.
+
+A structure in between would cost a reduction of its own. Its matrices in the real modes of the
+first one are near those of both ends, brought there by the rotation of their mode shapes and taken
+linearly between (Amsallem and Farhat, SIAM J. Sci. Comput. 33, 2011): accurate enough to tell which
+mode goes on as which, where they veer or cross.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.modes.tracking.pairing import LOW_MAC, squares
+from squealstudy.modes.tracking.refinement import Modes
+
+REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
+
+
+class ModalMatrices(NamedTuple):
+    """A design point in k real modes of its structure, ascending in frequency, of unit mass.
+
+    Attributes
+    ----------
+    C, K : ndarray (k, k)
+        Damping [rad/s] and stiffness [(rad/s)^2].
+    seen : ndarray (s, k)
+        The modes at places that correspond between structures (PreparedModel.sensor_shapes).
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    seen: np.ndarray
+
+
+class InterpolatedModes:
+    """Modes on the straight way from a design point a to b of another structure.
+
+    Parameters
+    ----------
+    a, b : ModalMatrices
+    x_a, x_b : ndarray (p,)
+        Coordinates of both points.
+    band : (low, high)
+        Of the modes, rad/s.
+    """
+
+    def __init__(
+        self,
+        a: ModalMatrices,
+        b: ModalMatrices,
+        x_a: np.ndarray,
+        x_b: np.ndarray,
+        band: tuple[float, float],
+    ) -> None:
+        k = max(min(_count(a, REACH * band[1]), _count(b, REACH * band[1])), 1)
+        self._seen = np.asarray(a.seen[:, :k]), np.asarray(b.seen[:, :k])
+        u, _, vh = la.svd(self._seen[0].T @ self._seen[1])
+        self._turn = u @ vh
+        self._a = a.C[:k, :k], a.K[:k, :k]
+        self._b = tuple(self._turn @ A[:k, :k] @ self._turn.T for A in (b.C, b.K))
+        self._x_a, self._way, self._band = x_a, x_b - x_a, band
+
+    def solve(self, x: np.ndarray) -> Modes:
+        """Oscillating modes at coordinates (p,) on the way, in the coordinates of a."""
+        t = float((x - self._x_a) @ self._way / (self._way @ self._way))
+        C, K = ((1 - t) * A + t * B for A, B in zip(self._a, self._b, strict=True))
+        lam, psi = dense_roots(C, K, self._band)
+        kept = lam.imag > 0
+        return Modes(lam[kept], psi.T[kept])
+
+    def at_a(self, modes: Modes) -> Modes:
+        """Modes of a, their shapes (m, k) in its own real modes, in these coordinates."""
+        return Modes(modes.lam, modes.shapes[:, : len(self._turn)])
+
+    def at_b(self, modes: Modes) -> Modes:
+        """Modes of b, in the coordinates of a."""
+        return Modes(modes.lam, modes.shapes[:, : len(self._turn)] @ self._turn.T)
+
+    def foreign(self, modes: Modes) -> np.ndarray:
+        """Modes of b that are for the most part no motion of the real modes of a (m,)."""
+        a, b = self._seen
+        seen = b @ modes.shapes[:, : len(self._turn)].T
+        held = la.qr(a, mode="economic")[0].T @ seen
+        foreign: np.ndarray = squares(held.T) < LOW_MAC * squares(seen.T)
+        return foreign
+
+
+def _count(point: ModalMatrices, limit: float) -> int:
+    """How many real modes lie below a frequency, rad/s."""
+    return int((np.diagonal(point.K) <= limit**2).sum())

@@ -1,0 +1,190 @@
+"""Onset of instability by root finding on a mode that is followed between two design points."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.modes.tracking.pairing import pair_modes
+from squealstudy.modes.tracking.refinement import Modes
+
+MOST_ITERATIONS = 40
+JUMP = 0.1  # change of zeta across the root, as a share of its size over the bracket
+NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
+ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
+
+
+class Onset(NamedTuple):
+    """A refined onset.
+
+    Attributes
+    ----------
+    value : float
+        Of the parameter.
+    frequency_hz : float
+        |lambda|/2 pi of the mode there.
+    evaluations : int
+        Design points solved for it.
+    """
+
+    value: float
+    frequency_hz: float
+    evaluations: int
+
+
+class Samples:
+    """Modes at the values of a parameter between two design points, each solved once.
+
+    Parameters
+    ----------
+    low, high : float
+        Values at both ends.
+    at_low, at_high : Modes
+    solve : callable
+        Modes at a value; ConvergenceError where there are none.
+    """
+
+    def __init__(
+        self,
+        low: float,
+        at_low: Modes,
+        high: float,
+        at_high: Modes,
+        solve: Callable[[float], Modes],
+    ) -> None:
+        self.low, self.high = low, high
+        self._solve = solve
+        self._found = {low: at_low, high: at_high}
+
+    @property
+    def values(self) -> list[float]:
+        """Where modes are known, ascending."""
+        return sorted(self._found)
+
+    def at(self, x: float) -> Modes:
+        """Modes at a value."""
+        if x not in self._found:
+            self._found[x] = self._solve(x)
+        return self._found[x]
+
+
+class FollowedMode:
+    """One mode between two design points, at whose ends it is known.
+
+    A value in between is paired with its nearest known neighbours on both sides; where they
+    disagree, the pairing of more trust counts: near a lock-in one of them is ambiguous.
+
+    Parameters
+    ----------
+    samples : Samples
+    at_low, at_high : int or None
+        Place of the mode at both ends; None to follow it from the other end alone.
+    """
+
+    def __init__(self, samples: Samples, at_low: int | None, at_high: int | None) -> None:
+        self._samples = samples
+        ends = {samples.low: at_low, samples.high: at_high}
+        self._place = {x: place for x, place in ends.items() if place is not None}
+        self._known = sorted(self._place)
+
+    def root(self, x: float) -> complex:
+        """Root of the mode, rad/s. Raises ConvergenceError where it cannot be followed."""
+        if x not in self._place:
+            self._place[x] = self._found(x)
+            insort(self._known, x)
+        return complex(self._samples.at(x).lam[self._place[x]])
+
+    def outwards(self, values: list[float]) -> list[float]:
+        """Values in the order in which the mode is best followed: from where it is known."""
+        return sorted(values, key=lambda x: min(abs(x - known) for known in self._known))
+
+    def damping_ratio(self, x: float) -> float:
+        """-Re lambda/|lambda|."""
+        lam = self.root(x)
+        return -lam.real / max(abs(lam), 1e-300)
+
+    def _found(self, x: float) -> int:
+        here = self._samples.at(x)
+        number = bisect_left(self._known, x)
+        choices = []
+        for neighbour in self._known[max(number - 1, 0) : number + 1]:
+            there, place = self._samples.at(neighbour), self._place[neighbour]
+            pairs = pair_modes(there.lam, there.shapes, here.lam, here.shapes)
+            if pairs.partner[place] >= 0:
+                choices.append((float(pairs.trust[place]), int(pairs.partner[place])))
+        if not choices:
+            raise ConvergenceError("lost", f"the mode cannot be followed at {x:g}")
+        return max(choices, key=lambda choice: choice[0])[1]
+
+
+def refine_onset(
+    samples: Samples, at_low: int, at_high: int, tolerance: float, precision: float
+) -> Onset:
+    """Value at which the damping ratio of a mode passes -tolerance, by Brent's method.
+
+    Where the two ends are not of one mode (a wrong label), the damping ratio jumps between them;
+    then the unstable mode alone is followed.
+
+    Parameters
+    ----------
+    samples : Samples
+        What other modes have asked for narrows the bracket.
+    at_low, at_high : int
+        Place of the mode among those at both ends, of which one is unstable.
+    tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+    precision : float
+        Absolute, of the value.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the mode cannot be followed, or a point has no modes; of status NO_CROSSING where the
+        unstable mode does not turn stable between the points.
+    """
+    before = len(samples.values)
+    low, high = (samples.at(x).lam[i] for x, i in ((samples.low, at_low), (samples.high, at_high)))
+    growing_high = -high.real / abs(high) < -low.real / abs(low)
+    from_unstable = (None, at_high) if growing_high else (at_low, None)
+    for ends in ((at_low, at_high), from_unstable):
+        mode = FollowedMode(samples, *ends)
+        value, jumps = _root(mode, samples.values, tolerance, precision)
+        if not jumps:
+            nearest = min(samples.values, key=lambda x: abs(x - value))
+            frequency = abs(mode.root(nearest)) / (2 * np.pi)
+            return Onset(value, frequency, len(samples.values) - before)
+    raise ConvergenceError("lost", f"the damping ratio jumps at {value:g}")
+
+
+def _root(
+    mode: FollowedMode, known: list[float], tolerance: float, precision: float
+) -> tuple[float, bool]:
+    """First zero of zeta + tolerance, and whether it is a jump instead."""
+    from scipy.optimize import brentq
+
+    excess = {x: mode.damping_ratio(x) + tolerance for x in mode.outwards(known)}
+
+    def function(x: float) -> float:
+        if x not in excess:
+            excess[x] = mode.damping_ratio(x) + tolerance
+        return excess[x]
+
+    signs = np.sign([excess[x] for x in known])
+    changes = np.flatnonzero(signs[:-1] * signs[1:] <= 0)
+    if not len(changes):
+        raise ConvergenceError(
+            NO_CROSSING, "the damping ratio does not cross zero between the points"
+        )
+    a, b = known[changes[0]], known[changes[0] + 1]
+    value = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
+    around = np.array([excess[x] for x in sorted(excess) if a <= x <= b])
+    change = int(np.flatnonzero(np.sign(around[:-1]) * np.sign(around[1:]) <= 0)[0])
+    left, right = around[change], around[change + 1]
+    step = abs(right - left)
+    scale = max(abs(zeta) for zeta in excess.values())
+    jumps = min(abs(left), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
+    return value, bool(jumps)

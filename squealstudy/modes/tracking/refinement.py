@@ -1,0 +1,146 @@
+"""Doubtful pairings resolved by design points in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.modes.tracking.labels import EXTRAPOLATED
+from squealstudy.modes.tracking.pairing import PASSING, Pairing, pair_macs, pair_modes
+
+DEPTH = 4  # halvings of a step
+DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
+
+
+class Modes(NamedTuple):
+    """Oscillating modes of a design point: roots (m,) [rad/s] and shapes (m, k)."""
+
+    lam: np.ndarray
+    shapes: np.ndarray
+
+
+Solve = Callable[[np.ndarray], Modes]  # modes at coordinates (p,); SquealstudyError where none
+
+
+@dataclass
+class Refinement:
+    """Bisects the step between two design points as far as its pairings are in doubt.
+
+    Parameters
+    ----------
+    solve : callable
+        Modes at the coordinates (p,) of an intermediate design point.
+    depth : int
+        Times that a step is halved at most.
+
+    Attributes
+    ----------
+    points : int
+        Intermediate points solved so far.
+    """
+
+    solve: Solve
+    depth: int = DEPTH
+    points: int = 0
+
+    def pair(
+        self,
+        a: Modes,
+        b: Modes,
+        x_a: np.ndarray,
+        x_b: np.ndarray,
+        expected: np.ndarray | None = None,
+    ) -> Pairing:
+        """Pairing of the modes of two design points at coordinates x_a, x_b (p,).
+
+        Modes whose pairing is in doubt take the partner to which the smaller steps lead, and are
+        ambiguous only where one of these still is: at a coalescence, or where two modes pass each
+        other in the smallest step without keeping their shapes. Nothing is forced.
+
+        Parameters
+        ----------
+        expected : ndarray (ma,) complex or None
+            As of `pair_modes`.
+        """
+        wanted = np.ones(len(a.lam), dtype=bool)
+        return self._pair(a, b, x_a, x_b, wanted, expected, self.depth)
+
+    def _pair(
+        self,
+        a: Modes,
+        b: Modes,
+        x_a: np.ndarray,
+        x_b: np.ndarray,
+        wanted: np.ndarray,
+        expected: np.ndarray | None,
+        depth: int,
+    ) -> Pairing:
+        direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected)
+        doubtful = wanted & (direct.trust <= DOUBTFUL)
+        if not depth:
+            return unresolved(direct, wanted)
+        if not doubtful.any():
+            return direct
+        middle = (x_a + x_b) / 2
+        try:
+            mid = self.solve(middle)
+        except SquealstudyError:
+            return unresolved(direct, wanted)
+        finally:
+            self.points += 1
+        halfway = None if expected is None else (a.lam + expected) / 2
+        first = self._pair(a, mid, x_a, middle, doubtful, halfway, depth - 1)
+        carried = np.zeros(len(mid.lam), dtype=bool)
+        carried[first.partner[doubtful & (first.partner >= 0)]] = True
+        onward = _onward(a.lam, mid.lam, first.partner)
+        second = self._pair(mid, b, middle, x_b, carried, onward, depth - 1)
+        return _composed(a, b, direct, first, second, doubtful)
+
+
+def unresolved(pairing: Pairing, wanted: np.ndarray | None = None) -> Pairing:
+    """A pairing that is not refined any more: pairs that should have been are ambiguous.
+
+    Frequencies that pass each other in one step may as well have veered.
+
+    Parameters
+    ----------
+    wanted : ndarray (ma,) of bool or None
+        Modes that matter; None: all.
+    """
+    doubtful = (pairing.trust <= PASSING) & (pairing.partner >= 0)
+    doubtful &= True if wanted is None else wanted
+    return pairing._replace(ambiguous=pairing.ambiguous | doubtful)
+
+
+def _onward(lam_a: np.ndarray, lam_m: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """Where the roots at the middle are expected at the end of the second half."""
+    expected = lam_m.astype(complex)
+    i = np.flatnonzero(partner >= 0)
+    expected[partner[i]] += EXTRAPOLATED * (lam_m[partner[i]] - lam_a[i])
+    return expected
+
+
+def _composed(
+    a: Modes, b: Modes, direct: Pairing, first: Pairing, second: Pairing, doubtful: np.ndarray
+) -> Pairing:
+    """Pairing through the middle point where it is complete; else the direct one, if still free."""
+    via, trust = np.full(len(a.lam), -1), np.full(len(a.lam), np.inf)
+    i = np.flatnonzero(first.partner >= 0)
+    via[i] = second.partner[first.partner[i]]
+    trust[i] = np.minimum(first.trust[i], second.trust[first.partner[i]])
+    ambiguous = first.ambiguous.copy()
+    ambiguous[i] |= second.ambiguous[first.partner[i]]
+    sure = ~doubtful & (via == direct.partner)
+    ambiguous[sure], trust[sure] = False, np.maximum(trust[sure], direct.trust[sure])
+    partner = via.copy()
+    taken = set(via[via >= 0].tolist())
+    for j in np.flatnonzero(via < 0):
+        if direct.partner[j] >= 0 and direct.partner[j] not in taken:
+            partner[j] = direct.partner[j]
+            trust[j], ambiguous[j] = direct.trust[j], direct.ambiguous[j]
+    ambiguous &= partner >= 0
+    return Pairing(partner, pair_macs(a.shapes, b.shapes, partner), ambiguous, trust)

@@ -1,0 +1,241 @@
+"""The kernels' arrays of a modal system and its design points: aligned, padded, in tiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.laws import law_row
+from squealstudy.kernels.newmark_correct import NOT_FACTORED
+from squealstudy.kernels.tile import LANES, POINTS, ROWS
+from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
+PANEL_BYTES = 2**19  # of the tiles that wait in the second cache for their second use
+
+
+def padded(n: int) -> int:
+    """Modes rounded up to whole vector registers."""
+    return -(-n // LANES) * LANES
+
+
+def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndarray:
+    """Zeros whose rows begin at cache lines where the last dimension fills whole ones."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + ALIGNMENT, dtype=np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    aligned: np.ndarray = raw[start : start + size].view(dtype).reshape(shape)
+    return aligned
+
+
+def observation(system: ModalSystem, single_storage: bool = False) -> np.ndarray:
+    """B (nt, padded n, ROWS), tile by tile of contact points, mode by mode; made once a system."""
+    dtype = np.float32 if single_storage else np.float64
+    if dtype not in system.tiles:
+        system.tiles[dtype] = _tiles(system, dtype)
+    return system.tiles[dtype]
+
+
+def _tiles(system: ModalSystem, dtype: type[np.floating]) -> np.ndarray:
+    nc, P = len(system.area), POINTS
+    tiles = aligned_zeros(-(-nc // P), padded(system.n), ROWS, dtype=dtype)
+    for k, part in enumerate((system.N, system.T1, system.T2)):
+        for t in range(len(tiles)):
+            block = part[t * P : (t + 1) * P]
+            tiles[t, : system.n, k * P : k * P + len(block)] = block.T
+    return tiles
+
+
+def modal_arrays(
+    system: ModalSystem,
+    designs: Sequence[MotionPoint],
+    settings: MotionSettings,
+    integrator: KernelIntegrator,
+) -> tuple[layout.Modal, bool]:
+    """The kernels' arrays, and whether the fixed Jacobian is dense."""
+    n, m, h = padded(system.n), len(system.shapes), settings.step
+    c = _stack([x.c for x in designs], system.n, "c")
+    w2 = np.tile(system.omega2.astype(float), (len(designs), 1))
+    w2, c = integrator.modes(w2, c, h)
+    modes = aligned_zeros(len(designs), 3, n)
+    modes[:, layout.W2, : system.n] = w2
+    modes[:, layout.C, : system.n] = c
+    modes[:, layout.LOAD, : system.n] = _stack([x.load for x in designs], system.n, "load")
+    tuned = [_stack([x.d for x in designs], m, "d"), _stack([x.s for x in designs], m, "s")]
+    nc = len(system.area)
+    points = np.zeros((len(designs), 8, -(-nc // POINTS) * POINTS))
+    points[:, :, :nc] = [x.points(system) for x in designs]
+    fixed = _fixed(system, designs, integrator)
+    steps = step_tables(modes, integrator, h)
+    stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
+    tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
+    modal = layout.Modal(
+        points=points,
+        laws=np.array([law_row(x.contact, x.friction, x.speed) for x in designs]),
+        modes=modes,
+        steps=steps,
+        shapes=_padded_rows(system.shapes, n),
+        tuned=np.stack(tuned, axis=1),
+        fixed=fixed,
+        sensors=_sensors(system, designs, n),
+        tangential=tangential,
+        compliance=compliance,
+        own=own,
+    )
+    return modal, bool(fixed.any())
+
+
+def step_tables(modes: np.ndarray, integrator: KernelIntegrator, h: float) -> np.ndarray:
+    """Modal.steps for modes (nb, 3, n); designs of the same damping share the work."""
+    nb, _, n = modes.shape
+    steps = aligned_zeros(nb, integrator.max_halvings + 1, layout.N_STEP, n)
+    made: dict[bytes, np.ndarray] = {}
+    for k, (w2, c, _) in enumerate(modes):
+        key = w2.tobytes() + c.tobytes()
+        if key not in made:
+            made[key] = integrator.steps(w2, c, h)
+        steps[k] = made[key]
+    return steps
+
+
+def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
+    """`rows` (m, ..) with zeros up to n columns."""
+    full = aligned_zeros(len(rows), n)
+    full[:, : rows.shape[1]] = rows
+    return full
+
+
+def sensor_rows(system: ModalSystem, design: MotionPoint) -> np.ndarray:
+    """Rows (ns + 8 m, n) whose products with q and q' are kept: sensed modes, then growing ones.
+
+    Raises
+    ------
+    ModelError
+        Sensors of growing modes of another size, or not finite.
+    """
+    own = design.growing.sensors
+    if len(own) and (own.shape[1] != system.n or not np.isfinite(own).all()):
+        raise ModelError(f"design point: 'sensors' needs rows of {system.n} finite values")
+    return np.vstack([np.eye(system.n)[system.sensed - 1], own.reshape(-1, system.n)])
+
+
+def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:
+    """`sensor_rows` of each design (nb, ns, n)."""
+    rows = [sensor_rows(system, design) for design in designs]
+    full = aligned_zeros(len(rows), max(len(r) for r in rows), n)
+    for k, own in enumerate(rows):
+        full[k, : len(own), : system.n] = own
+    return full
+
+
+def _fixed(
+    system: ModalSystem, designs: Sequence[MotionPoint], integrator: KernelIntegrator
+) -> np.ndarray:
+    """Modal.fixed (nb, 2, nc): nothing where Jacobians are made afresh."""
+    fixed = np.zeros((len(designs), 2, len(system.area)))
+    if not isinstance(integrator, FixedJacobian):
+        return fixed
+    uniform = integrator.contact_stiffness
+    k_c = uniform * system.area if uniform else system.k_ref
+    fixed[:, 0] = integrator.contact_factor * k_c - system.k_ref
+    if integrator.mockup == "always":
+        slopes = np.array([x.friction.k_t for x in designs])
+        fixed[:, 1] = 0.5 * slopes[:, None] * system.area * (system.frictional > 0)
+    return fixed
+
+
+def _tangential(
+    system: ModalSystem, answer: np.ndarray, wanted: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Modal.tangential, compliance and own of the points; empty if unused.
+
+    The compliance is that of the first design, whose velocities answer to the pull with `answer`
+    (n,): dampings of the others hardly change it, and it only has to make the iteration contract.
+    """
+    nc, n = (len(system.area) if wanted else 0), len(answer)
+    rows = aligned_zeros(2 * nc, n)
+    rows[::2, : system.n] = system.T1[:nc]
+    rows[1::2, : system.n] = system.T2[:nc]
+    compliance = np.ascontiguousarray((rows * answer) @ rows.T)
+    return rows, compliance, compliance.diagonal().reshape(nc, 2).max(axis=1)
+
+
+def _stack(rows: Sequence[np.ndarray | None], n: int, name: str) -> np.ndarray:
+    full = [np.zeros(n) if x is None else np.asarray(x, dtype=float) for x in rows]
+    if any(x.shape != (n,) or not np.isfinite(x).all() for x in full):
+        raise ModelError(f"design point: '{name}' needs {n} finite values")
+    return np.array(full).reshape(len(full), n)
+
+
+def kernel_settings(
+    settings: MotionSettings, integrator: KernelIntegrator, dense: bool
+) -> layout.Settings:
+    """The kernels' settings; Newton converges quadratically and takes squares of tolerances."""
+    fixed = isinstance(integrator, FixedJacobian)
+    power = 1 if fixed else 2
+    return layout.Settings(
+        h=settings.step,
+        n_steps=settings.n_steps,
+        save_every=settings.save_every,
+        tolerance=settings.tolerance**power,
+        tolerance_t=settings.friction_tolerance**power,
+        max_iterations=settings.max_iterations,
+        max_halvings=integrator.max_halvings,
+        newton=not fixed,
+        aitken=isinstance(integrator, FixedJacobian) and integrator.aitken,
+        dense=dense,
+        extrapolate=integrator.extrapolate,
+        changes=integrator.work_of_changes,
+    )
+
+
+def work_arrays(
+    modal: layout.Modal, options: layout.Settings, B: np.ndarray, starts: np.ndarray
+) -> layout.Work:
+    """Working arrays; pages of matrices that are never factored are never touched.
+
+    `starts` (nb, 2, n) are initial deviations and velocities, also the first trial states.
+    """
+    nb, _, n = modal.modes.shape
+    n_matrices = 1 + (nb * (options.max_halvings + 1) if options.dense else 0)
+    panel = max(1, PANEL_BYTES // (8 * n * ROWS))
+    x = aligned_zeros(nb, layout.N_ROWS, n)
+    x[:, [layout.Q, layout.V], : starts.shape[2]] = starts
+    x[:, [layout.Q_TRIAL, layout.V_TRIAL], : starts.shape[2]] = starts
+    real = np.zeros((nb, layout.N_REAL))
+    real[:, layout.STORED_END] = np.nan
+    counts = np.zeros((nb, layout.N_COUNT), dtype=np.int64)
+    counts[:, layout.PAUSE] = options.n_steps
+    return layout.Work(
+        x=x,
+        point=np.zeros((nb, layout.N_POINT, modal.points.shape[2])),
+        lu=np.empty((n_matrices, n, n)),
+        pivots=np.full((n_matrices, n), NOT_FACTORED, dtype=np.int64),
+        counts=counts,
+        real=real,
+        tiles=aligned_zeros(panel, LANES, ROWS),
+        lanes=aligned_zeros(3, n, LANES),
+        wide=aligned_zeros(panel if B.dtype == np.float32 else 0, n, ROWS),
+        row=aligned_zeros(3, n),
+        listed=np.zeros(modal.points.shape[2], dtype=np.int64),
+        stiff=np.zeros((modal.own.size, 4)),
+        free=np.zeros(2 * modal.own.size),
+        small=np.zeros(4 * modal.own.size**2),
+    )
+
+
+def saved_arrays(modal: layout.Modal, n: int, settings: MotionSettings) -> layout.Saved:
+    """Room for the histories of n modes."""
+    nb = len(modal.modes)
+    rows = settings.n_steps // settings.save_every + 1 if settings.save_every else 0
+    return layout.Saved(
+        history=np.empty((nb, rows, len(layout.HISTORY))),
+        sensed=np.empty((nb, rows, 2, modal.sensors.shape[1])),
+        q=np.empty((nb, rows if settings.save_q else 0, n)),
+    )

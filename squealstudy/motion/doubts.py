@@ -1,0 +1,131 @@
+"""What may be wrong with levels of a run that came to its end, and by how much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.motion.integrator import KernelIntegrator
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
+
+BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
+EXPLODED = 0.5  # of the energy of the vibration, from nowhere in the last row: no impact does so
+ROUND_OFF = 1e-9  # of the work of friction and of the energy that is stored
+# stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
+# 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
+RINGS = 30.0
+STUCK = 0.5  # share of the contact area that sticks at a time
+STORAGE_LIMIT = 1e-3  # relative change of contact forces: what a step's imbalance may be
+
+
+def doubts(
+    motion: Motion, system: ModalSystem, settings: MotionSettings, sticks: float
+) -> dict[str, str]:
+    """Rules that a run breaks, and what that may do to its levels.
+
+    Parameters
+    ----------
+    motion : Motion
+    system : ModalSystem
+    settings : MotionSettings
+        By which it was integrated.
+    sticks : float
+        Largest share of the contact area that sticks at a time; NaN where it is not known.
+    """
+    limit, step = settings.integrator.drift_limit, settings.step
+    said = {
+        "the step resolves stuck friction": _ringing(
+            stick_number(system, motion.point, step), sticks, step
+        ),
+        "a step keeps the energy balance": _drifting(energy_drift(motion), step, limit),
+        "the storage resolves contact pressures": _rounded(motion, system, settings),
+    }
+    return {rule: text for rule, text in said.items() if text}
+
+
+def _ringing(number: float, sticks: float, step: float) -> str:
+    """The trapezoidal rule does not damp the friction of stuck points at a long step."""
+    if number <= RINGS or not sticks >= STUCK:
+        return ""
+    return (
+        f"{100 * sticks:.0f} % of the contact sticks while h k_t |T|^2 / 2 is {number:.3g}: "
+        "friction rings and levels may err by more than 1 %, which a step of "
+        f"{step * RINGS / number:.2g} s avoids"
+    )
+
+
+def _drifting(drift: float, step: float, limit: float) -> str:
+    """Energy from nowhere, as methods of a fixed step make it in impacts at a long step."""
+    if not drift > limit:
+        return ""
+    return (
+        f"the energy balance is off by {100 * drift:.2g} % of the energy of the vibration: levels "
+        f"may be wrong, which a step of {step / 2:.2g} s would show"
+    )
+
+
+def _rounded(motion: Motion, system: ModalSystem, settings: MotionSettings) -> str:
+    """Contact forces that single-precision storage may have changed."""
+    method, energy = settings.integrator, motion.modal_energy
+    stored = isinstance(method, KernelIntegrator) and method.single_storage
+    if not stored or not len(energy):
+        return ""
+    number = storage_number(system, motion.point, float(energy.max()))
+    if number <= STORAGE_LIMIT:
+        return ""
+    return (
+        f"storage in single precision may change contact pressures by {100 * number:.2g} %, which "
+        'storage = "double" does not'
+    )
+
+
+def energy_drift(motion: Motion) -> float:
+    """Largest imbalance of energy over a run, relative to the energy of its vibration.
+
+    The balance at the end is one against the work of friction, which steady sliding does as well:
+    energies from nowhere cancel by chance, and as much as the whole vibration may be a thousandth
+    of that work. Here the imbalance is followed over the run: the medians of ten parts of the
+    history are compared with the start, and the last row where it is most of the energy, a run
+    that explodes at its end. The vibration's energy is its largest modal energy and what damping
+    took from it. NaN for a history shorter than ten rows.
+    """
+    h = motion.history
+    if len(h["time"]) < BLOCKS:
+        return float("nan")
+    work = h["work_load"] + h["work_belt"] - h["dissipated_friction"] - h["dissipated_damping"]
+    imbalance = work - (h["stored"] - h["stored"][0])
+    medians = [float(np.median(part)) for part in np.array_split(imbalance, BLOCKS)]
+    size = h["modal_energy"].max() + h["dissipated_damping"][-1]
+    size += ROUND_OFF * (abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max()))
+    if not size > 0.0:
+        return 0.0
+    last = abs(float(imbalance[-1])) / float(size)
+    drift = max(abs(m) for m in medians) / float(size)
+    return max(drift, last) if last > EXPLODED else drift
+
+
+def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> float:
+    """Largest relative change of a contact pressure by storage in single precision; a bound.
+
+    The entries of N change by dN, known exactly, and a motion of energy E has no larger change of
+    gap than |dN / omega| sqrt(2 E) (Cauchy and Schwarz). Modes without stiffness are left out:
+    their displacement has no bound.
+
+    Parameters
+    ----------
+    system : ModalSystem
+    design : MotionPoint
+    energy : float
+        Largest modal energy of the motion, J.
+    """
+    elastic = system.omega2 > 0
+    rounded = system.N.astype(np.float32).astype(float) - system.N
+    share = rounded[:, elastic] / np.sqrt(system.omega2[elastic])
+    change = np.linalg.norm(share, axis=1) * np.sqrt(2 * max(energy, 0.0))
+    gap, _ = design.base(system)
+    pressure, _ = design.contact.evaluate(gap)
+    scale = np.array([design.contact.gap_scale(max(float(p), 0.0)) for p in pressure])
+    closed = pressure > 0
+    with np.errstate(over="ignore"):
+        return float(np.expm1((change / scale)[closed]).max(initial=0.0))

@@ -1,0 +1,230 @@
+"""Time integration of the hybrid model: the reference of the modal representation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.kernels import hybrid_layout as layout
+from squealstudy.kernels.hybrid_balance import balance
+from squealstudy.kernels.hybrid_commit import commit, start
+from squealstudy.kernels.hybrid_predict import predict
+from squealstudy.kernels.newmark_layout import LAW_MU, POINT_NORMAL
+from squealstudy.motion.hybrid.arrays import hybrid_arrays, initial_state
+from squealstudy.motion.hybrid.history import Recorder
+from squealstudy.motion.hybrid.solver import StepSolver
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.motion import EnergyBalance, Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import MotionPoint
+from squealstudy.reduction.hybrid import HybridModel
+
+SINGULAR = 4
+OUTCOMES = {
+    layout.ACCEPTED: ("ok", ""),
+    layout.NOT_CONVERGED: ("not_converged", "the contact iteration did not converge"),
+    layout.NOT_FINITE: ("not_finite", "the forces are not finite"),
+    SINGULAR: ("singular_jacobian", "the Jacobian is singular"),
+}
+# options that have no meaning here
+UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridMotion(Motion):
+    """A motion and what the sparse factor had to do.
+
+    Attributes
+    ----------
+    solves : float
+        Forward/back solves of the factor a step.
+    columns : float
+        Columns of J^-1 B^T added a step instead of a second solve, for few points; fill / n of
+        them cost as much as a solve.
+    fill : int
+        Entries of the factors.
+    """
+
+    solves: float
+    columns: float
+    fill: int
+
+
+def simulate_hybrid(
+    model: HybridModel,
+    design: MotionPoint,
+    settings: MotionSettings,
+    sensed: np.ndarray | None = None,
+) -> HybridMotion:
+    """Integrate one design point from its start.
+
+    Parameters
+    ----------
+    model : HybridModel
+    design : MotionPoint
+        Its vectors in coordinates of the model, `c` of its real modes.
+    settings : MotionSettings
+        Of integrator ``newmark`` without the options of the modal kernel's Jacobian. The contact
+        iteration is a Gauss-Seidel iteration in the contact directions, so that `aitken` and
+        `mockup` have nothing to do.
+    sensed : ndarray (ns,) of int or None
+        Modes of the model, from 1, whose amplitudes are kept; None for all.
+
+    Raises
+    ------
+    ModelError
+        Arrays that do not fit the model.
+    ParameterError
+        An integrator that the hybrid representation does not have, or an option.
+    """
+    method = settings.integrator
+    if not isinstance(method, Newmark):
+        raise ParameterError("integrator", f"'{method.name}' is of the modal representation")
+    for name in UNUSED:
+        if getattr(method, name) != Newmark.model_fields[name].default:
+            raise ParameterError(name, "belongs to the modal representation")
+    if sensed is None:
+        sensed = np.arange(len(model.omega)) + 1
+    return _Run(model, design, settings, method.max_halvings, sensed).motion()
+
+
+class _Run:
+    """State of one integration; time advances in units of the shortest sub-step."""
+
+    def __init__(
+        self,
+        model: HybridModel,
+        design: MotionPoint,
+        settings: MotionSettings,
+        max_halvings: int,
+        sensed: np.ndarray,
+    ) -> None:
+        self._model, self._design, self._settings = model, design, settings
+        self._max_halvings, self._sensed = max_halvings, sensed
+        self._hybrid = hybrid_arrays(model, design)
+        self._state = initial_state(model, self._hybrid, *design.start(model.n))
+        watching = design.growing.sensors
+        self._recorder = Recorder(model, self._hybrid, self._state, settings, sensed, watching)
+        self._solvers: dict[int, StepSolver] = {}
+        self._equal = 0  # steps of one size behind the present
+        self._position, self._level, self._step = 0, 0, 0
+        self._evaluations, self._step_evaluations, self._most = 0, 0, 0
+        self._halvings, self._contraction, self._columns = 0, 0.0, 0
+        self._outcome = layout.ACCEPTED if start(self._hybrid, self._state) else layout.NOT_FINITE
+        self._stored_start = self._recorder.stored()[1]
+        if self._outcome == layout.ACCEPTED:
+            self._recorder.save(0)
+            self._integrate()
+
+    def _integrate(self) -> None:
+        """Step to the end, or to a sub-step that fails at the shortest size."""
+        settings = self._settings
+        whole = 1 << self._max_halvings
+        while self._step < settings.n_steps:
+            outcome = self._advance()
+            if outcome != layout.ACCEPTED:
+                self._equal = 0
+                if self._level == self._max_halvings or outcome == SINGULAR:
+                    self._outcome = outcome
+                    return
+                self._level += 1
+                self._halvings += 1
+                continue
+            self._position += whole >> self._level
+            if self._position == whole:
+                self._equal = 0 if self._level else self._equal
+                self._position, self._level = 0, 0
+                self._step += 1
+                self._most = max(self._most, self._step_evaluations)
+                self._step_evaluations = 0
+                self._recorder.save(self._step)
+
+    def _advance(self) -> int:
+        """Try one sub-step; its outcome."""
+        settings, hybrid, state = self._settings, self._hybrid, self._state
+        try:
+            solver = self._solver()
+        except ConvergenceError:
+            return SINGULAR
+        predict(hybrid, solver.level, state, self._equal + 1)
+        dv = solver.solve(state.vectors[layout.RHS])
+        outcome, evaluations, contraction, heavy, solve = balance(
+            hybrid,
+            solver.level,
+            state,
+            dv,
+            settings.tolerance,
+            settings.friction_tolerance,
+            settings.max_iterations,
+        )
+        self._evaluations += evaluations
+        self._step_evaluations += evaluations
+        if outcome != layout.ACCEPTED:
+            return int(outcome)
+        self._contraction = max(self._contraction, contraction)
+        if solve:
+            state.vectors[layout.DV] += solver.solve(state.vectors[layout.RHS])
+        else:
+            self._columns += 3 * heavy
+        commit(hybrid, solver.level, state)
+        self._equal += 1
+        return layout.ACCEPTED
+
+    def _solver(self) -> StepSolver:
+        """The factor of the present size of step, made when it is first needed."""
+        if self._level not in self._solvers:
+            normal = self._hybrid.points[:, POINT_NORMAL]
+            drag = self._hybrid.law[LAW_MU] * normal
+            forces = np.column_stack([normal, drag, drag]).ravel()
+            h = self._settings.step / (1 << self._level)
+            self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)
+        return self._solvers[self._level]
+
+    def motion(self) -> HybridMotion:
+        """What the run did."""
+        settings, recorder = self._settings, self._recorder
+        steps = max(self._step, 1)
+        time = (self._step + self._position / (1 << self._max_halvings)) * settings.step
+        outcome, reason = OUTCOMES[self._outcome]
+        failed = self._outcome != layout.ACCEPTED
+        q, v = recorder.motion()
+        sensed = recorder.sensed()
+        solvers = self._solvers.values()
+        return HybridMotion(
+            point=self._design,
+            sensed=self._sensed,
+            omega=self._model.omega[self._sensed - 1],
+            outcome=outcome,
+            message=f"t = {time:.9g} s: {reason}" if failed else "",
+            time=float(time),
+            q=q,
+            v=v,
+            history=recorder.history(),
+            displacement=sensed[:, 0].copy(),
+            velocity=sensed[:, 1].copy(),
+            q_history=recorder.coordinates(),
+            mean_iterations=self._evaluations / steps,
+            max_iterations=max(self._most, self._step_evaluations),
+            halvings=self._halvings,
+            newton_steps=0,
+            contraction=self._contraction,
+            energy=self._energy(failed),
+            steps=self._step,
+            solves=sum(s.solves for s in solvers) / steps,
+            columns=self._columns / steps,
+            fill=max((s.fill for s in solvers), default=0),
+        )
+
+    def _energy(self, failed: bool) -> EnergyBalance:
+        load, belt, friction, damping = (float(w) for w in self._state.work)
+        end = np.nan if failed else self._recorder.stored()[1]
+        return EnergyBalance(
+            work_load=load,
+            work_belt=belt,
+            friction=friction,
+            damping=damping,
+            stored_start=self._stored_start,
+            stored_end=end,
+        )

@@ -1,0 +1,136 @@
+"""What one design point did in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.motion.growing_modes import coordinates, projection
+from squealstudy.motion.system import MotionPoint
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies of a run, J: work in = dissipation + change of stored energy, to the residual."""
+
+    work_load: float
+    work_belt: float
+    friction: float
+    damping: float
+    stored_start: float
+    stored_end: float
+
+    @property
+    def residual(self) -> float:
+        """Energy from nowhere (negative) or lost (positive), J."""
+        dissipated = self.friction + self.damping
+        return self.work_load + self.work_belt - dissipated - self.stored_end + self.stored_start
+
+    @property
+    def relative(self) -> float:
+        """Residual over the absolute work of friction, or over the largest term without any."""
+        scale = abs(self.friction)
+        if scale == 0.0:
+            terms = (self.work_load, self.damping, self.stored_start, self.stored_end)
+            scale = max(abs(x) for x in terms)
+        return self.residual / scale if scale > 0.0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A run of one design point: where it got, its histories, and how the integration went.
+
+    Attributes
+    ----------
+    point : MotionPoint
+    sensed : ndarray (ns,) of int
+        Assembly modes whose amplitudes are kept, from 1.
+    omega : ndarray (ns,)
+        Their frequencies, rad/s.
+    outcome : str
+        ``ok``, ``not_converged``, ``not_finite``, ``singular_jacobian`` or ``blown_up`` (far more
+        energy than was put in); of adaptive solvers also ``solver_failed``.
+    message : str
+        Time and reason of a failure; empty otherwise.
+    time : float
+        Reached, s.
+    q, v : ndarray (n,)
+        Last accepted state.
+    history : dict of str -> ndarray (rows,)
+        Columns kernels.newmark_layout.HISTORY.
+    displacement, velocity : ndarray (rows, ns + 8 m)
+        Of the sensed modes, then products of the point's `GrowingModes.sensors`.
+    q_history : ndarray (rows, n) or (0, n)
+    mean_iterations, max_iterations : float, int
+        Evaluations of the contact forces a step.
+    halvings, newton_steps : int
+    contraction : float
+        Largest ratio of residuals over a plain first correction.
+    energy : EnergyBalance
+        Of the whole run; its end is NaN after a failure.
+    steps : int
+        Whole steps taken.
+    stopped : str
+        Why a watch ended the run before its time; empty otherwise.
+    """
+
+    point: MotionPoint
+    sensed: np.ndarray
+    omega: np.ndarray
+    outcome: str
+    message: str
+    time: float
+    q: np.ndarray
+    v: np.ndarray
+    history: dict[str, np.ndarray]
+    displacement: np.ndarray
+    velocity: np.ndarray
+    q_history: np.ndarray
+    mean_iterations: float
+    max_iterations: int
+    halvings: int
+    newton_steps: int
+    contraction: float
+    energy: EnergyBalance
+    steps: int
+    stopped: str = ""
+
+    @property
+    def stop_reason(self) -> str:
+        """``end``, ``failed`` or what the watch said."""
+        return self.stopped or ("end" if self.outcome == "ok" else "failed")
+
+    @property
+    def times(self) -> np.ndarray:
+        """Of the saved rows (rows,), s."""
+        return self.history["time"]
+
+    @property
+    def modal_energy(self) -> np.ndarray:
+        """Mechanical energy of all modes (rows,), J."""
+        return self.history["modal_energy"]
+
+    @property
+    def sensed_q(self) -> np.ndarray:
+        """Displacements of the sensed modes (rows, ns)."""
+        return self.displacement[:, : len(self.sensed)]
+
+    @property
+    def sensed_v(self) -> np.ndarray:
+        """Velocities of the sensed modes (rows, ns)."""
+        return self.velocity[:, : len(self.sensed)]
+
+    def xi(self, k: int) -> np.ndarray:
+        """Complex amplitude (rows,) of the followed mode `k` through its left vector."""
+        return projection(*self._watched(k))
+
+    def plane(self, k: int) -> np.ndarray:
+        """Coordinates (rows, 2) on the plane of the followed mode `k`, sqrt(J)."""
+        return coordinates(*self._watched(len(self.point.growing.lam) + k))
+
+    def _watched(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (rows, 4) of group `k` of the sensors of growing modes."""
+        first = len(self.sensed) + 4 * k
+        columns = slice(first, first + 4)
+        return self.displacement[:, columns], self.velocity[:, columns]

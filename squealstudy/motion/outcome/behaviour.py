@@ -1,0 +1,371 @@
+"""What a run came to, from its motion alone: at rest, a limit cycle, growing, irregular, or open.
+
+A decay to rest becomes linear: its pace, that of the logarithm of the level, tends to a constant.
+Towards a limit cycle the pace tends to zero. A run that is too short to tell is undecided.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.motion.outcome.envelope import (
+    WINDOWS,
+    Course,
+    Windows,
+    last_part,
+    logarithm,
+    trend,
+    windows,
+)
+from squealstudy.motion.outcome.levels import LAST
+from squealstudy.wording import (
+    GROWING,
+    IRREGULAR,
+    LIMIT_CYCLE,
+    STABLE,
+    UNDECIDED,
+)
+
+TREND = 0.05  # rise of the RMS over the judged part; less is none
+DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
+CHANCE = 3.0  # standard errors that a trend must exceed
+SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
+REST = 1e-2  # of the largest RMS: what is smaller and falls is at rest
+GONE = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
+STEADY = 0.25  # of the pace over the whole record, at which a fall must end
+SHORT = 0.2  # of the record: the latest plateau
+FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
+LOWEST = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
+QUICKENS = 0.5  # relative change of pace per e-fold of level, of a fall that is still steady
+RISEN = float(np.log(2.0))  # of the logarithm, over the start: a level that was reached by growth
+GREW = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
+FALLEN = float(np.log(1.5))  # under what was put in: it lost energy faster than it does now
+OUTGROWN = 0.5  # of the logarithm: predicted growth that a level which stays has stopped
+SATURATED = 0.02  # of the logarithm: drift of such a level, at most
+SEEN = 2e-3  # of the logarithm: the least transient that shows how a level was reached
+CLEAR = 5.0  # times the drift that is left
+LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
+CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
+STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
+SLOWED = 0.5  # of its pace before, for what is left of the way from growth to a cycle
+VANISHED = 1e-3  # of the transient before: the same
+NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
+LATE = 6  # windows of a plateau in the last fifth
+BURSTS = 6  # windows of ten periods in which irregular motion must show
+DYING = 0.7  # times: less scatter in the second half of a level than in the first dies away
+LONGER = 1.25  # times: the least duration that is asked for
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Class of a run.
+
+    Attributes
+    ----------
+    name : str
+        ``stable``, ``limit_cycle``, ``growing``, ``irregular`` or ``undecided``.
+    until : float
+        Of an undecided run, the duration that would decide, s, an estimate; infinite where no
+        longer run from this start would. NaN for all other classes.
+    """
+
+    name: str
+    until: float = np.nan
+
+
+def classify(
+    time: np.ndarray,
+    energy: np.ndarray,
+    initial: float = 0.0,
+    noise: float = 0.0,
+    *,
+    growth: float = 0.0,
+) -> Verdict:
+    """Class of a finished run, from its motion.
+
+    ``stable``: the level is gone (1e-5 of the largest, or `noise`), below 1 % of the largest and
+    still falls, or falls so steadily that a limit cycle under it would lie below a tenth of the
+    largest level, by the laws by which cycles are approached. ``limit_cycle``: the level was
+    reached by a transient and drifts less than the lightest decay would (a plateau after growth:
+    less than 15 %), or all but stops. ``growing``: it rises at a constant pace, or grew and rises
+    still. ``irregular``: levels of ten periods each scatter by more than 10 %, without a trend, and
+    by no less in the end than before. ``undecided``: none of these can be told yet.
+
+    Parameters
+    ----------
+    time, energy
+        As of `envelope.windows`.
+    initial : float
+        Energy that the perturbation put in, J, or zero for the continuation of a motion.
+    noise : float
+        Energy of round-off, J.
+    growth : float
+        Rate at which the level would rise at the end by the predicted growth of what moves there,
+        1/s; negative where all that moves is predicted to decay, zero where that is not known.
+        Where something is to grow, a level twice what was put in was reached by that growth,
+        otherwise only one twenty times as high; and a level that stays while growth would have
+        raised it by half, or decay lowered it by much more than it drifts, is a cycle wherever it
+        began.
+    """
+    span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
+    if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
+        return too_short(span, len(time))
+    found = Envelope.of(windows(time, energy), initial, growth * LAST * span)
+    course = found.windows.course(LAST)
+    if found.gone(noise) and not _rises(course):
+        return Verdict(STABLE)
+    if _levels_off(found, course):
+        return Verdict(LIMIT_CYCLE)
+    if _irregular(found, course):
+        return Verdict(IRREGULAR)
+    if _grows(found, course):
+        return Verdict(GROWING)
+    if _falls(found, course):
+        return Verdict(STABLE)
+    return Verdict(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
+
+
+def too_short(duration: float, rows: int) -> Verdict:
+    """Of a run whose record has too few rows to be judged: until it has enough."""
+    return Verdict(UNDECIDED, LONGER * duration * WINDOWS[0] / max(rows - 1, 1))
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Levels of a run and what its beginning tells.
+
+    Attributes
+    ----------
+    windows : Windows
+    ratio : float
+        Last level over the largest.
+    continued : bool
+        Nothing was put in: an earlier motion goes on.
+    reached : bool
+        The level was reached by growth or by a loss that has ended, or continues a motion.
+    growth : float
+        Of the logarithm, over that of the start or of an earlier time.
+    transient : float
+        By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
+        is less than those differ among themselves.
+    predicted : float
+        By how much, of the logarithm, predicted growth would have raised the judged levels;
+        negative for predicted decay.
+    """
+
+    windows: Windows
+    ratio: float
+    continued: bool
+    reached: bool
+    growth: float
+    transient: float
+    predicted: float
+
+    @property
+    def grew(self) -> bool:
+        """Whether an instability made the level, not a beat of stable modes."""
+        return self.growth >= (RISEN if self.predicted > 0 else GREW)
+
+    @staticmethod
+    def of(found: Windows, initial: float, predicted: float) -> Envelope:
+        """From the levels, the energy that was put in [J] and the growth that is predicted."""
+        fine, level = logarithm(found.fine), logarithm(found.level)
+        now = float(level[found.judged :].mean())
+        put = 0.5 * float(np.log(initial)) if initial > 0 else now
+        early = fine[: len(fine) - len(last_part(fine, LAST))]
+        growth = now - min(put, float(early.min()))
+        transient = max(_beyond(level), _beyond(fine))
+        ratio = float(np.exp(level[-1] - level.max()))
+        reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
+        return Envelope(
+            windows=found,
+            ratio=ratio,
+            continued=initial <= 0,
+            reached=reached,
+            growth=growth,
+            transient=transient,
+            predicted=predicted,
+        )
+
+    def gone(self, noise: float) -> bool:
+        """Whether the last level is round-off, of the largest or of the system."""
+        level = self.windows.level
+        return bool(level[-1] <= max(GONE * level.max(), np.sqrt(noise)))
+
+    def scatter(self) -> tuple[float, float, int]:
+        """Scatter of windows of ten periods in the judged part, its error, and their number."""
+        judged = last_part(self.windows.burst, LAST)
+        scatter = trend(judged)[2]
+        return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
+
+    def lasting_scatter(self) -> bool:
+        """Whether that of the level, once it is reached, has no trend and does not die away."""
+        burst = self.windows.burst
+        judged = last_part(burst, LAST)
+        rise, error, _ = trend(judged)
+        reached = int(np.argmax(burst >= 0.5 * judged.mean()))
+        level = burst[min(reached, len(burst) - len(judged)) :]
+        first, second = (trend(half)[2] for half in np.array_split(level, 2))
+        return abs(rise) <= max(DRIFT, CHANCE * error) and second >= DYING * first
+
+    def lightest_fall(self, share: float) -> float:
+        """Fall of the logarithm over a share of the record at `LEAST_DAMPING`; NaN if unknown."""
+        return 2 * np.pi * LEAST_DAMPING * share * self.windows.periods
+
+
+def _beyond(y: np.ndarray) -> float:
+    judged = last_part(y, LAST)
+    before = y[: len(y) - len(judged)]
+    far = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
+    return far if far >= float(np.ptp(judged)) else 0.0
+
+
+def _rises(course: Course) -> bool:
+    return course.rise > course.error and course.thirds[2] > 0
+
+
+def _levels_off(found: Envelope, course: Course) -> bool:
+    """Whether the level of the last 40 %, or of the last fifth after growth, will stay."""
+    scatter, error, _ = found.scatter()
+    if max(course.scatter, scatter + error) <= SCATTER:
+        drift = abs(course.rise) + course.error
+        if _flat(found, course, LAST) and _shown(found, drift):
+            return True
+        if found.predicted >= OUTGROWN and max(drift, abs(course.begin), abs(course.end)) <= (
+            SATURATED
+        ):
+            return True
+        if _vanishes(course) and _shown(found, abs(course.thirds[2])):
+            return True
+    late = logarithm(last_part(found.windows.fine, SHORT))
+    if not found.grew or len(late) < LATE:
+        return False
+    course = Course.of(late)
+    even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
+    return even and _quiet(course) and course.error <= TREND
+
+
+def _shown(found: Envelope, drift: float) -> bool:
+    """Whether the start shows how the level was reached, or it stays where decay is predicted."""
+    least = max(SEEN, CLEAR * drift)
+    return found.reached or found.transient >= least or -found.predicted >= least
+
+
+def _quiet(course: Course) -> bool:
+    """Whether the course shows no drift beyond chance."""
+    return abs(course.rise) <= course.error and abs(course.end) <= course.end_error
+
+
+def _flat(found: Envelope, course: Course, share: float) -> bool:
+    """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
+    drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
+    if np.isnan(light):
+        light = STILL
+    if found.continued:
+        light = max(light, CONTINUED)
+    if found.grew and _quiet(course) and abs(course.rise) <= DRIFT:
+        return True
+    if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
+        return True
+    if drift <= min(STILL, VANISHED * found.transient):
+        return True
+    slows = abs(course.end) <= SLOWED * abs(course.begin)
+    return found.grew and found.predicted > 0 and slows and drift <= TREND
+
+
+def _vanishes(course: Course) -> bool:
+    """Whether the pace goes to zero exponentially, with little left of the way.
+
+    Beyond a fold, where no cycle is left, it slows down as 1/t^2 at first, and at the top of a beat
+    linearly: from third to third these shrink more and more slowly, or faster and faster.
+    """
+    first, second, third = course.thirds
+    if not (first * second > 0 and second * third > 0):
+        return False
+    one, two = second / first, third / second
+    if not (0 < two < 1 and one < 1):
+        return False
+    left = abs(third) * two / (1 - two)
+    quick = max(one, two) < 0.6 and two <= one + 0.05 and third / first <= 0.35
+    if quick and left <= NEARLY and (one - two <= 0.12 or abs(third) <= 3e-3):
+        return True
+    return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * NEARLY
+
+
+def _grows(found: Envelope, course: Course) -> bool:
+    """Whether the level rises at a constant pace, or has grown and rises still."""
+    if not _rises(course):
+        return False
+    slows = course.begin - course.end + course.bend_error
+    if course.rise >= FALL and slows <= 0.25 * course.rise:
+        return True
+    return found.grew and course.rise >= TREND and course.thirds[2] >= 0.1 * course.rise
+
+
+def _falls(found: Envelope, course: Course) -> bool:
+    """Whether the level falls to rest."""
+    if course.rise >= 0:
+        return False
+    for share in (LAST, 0.7, 1.0):
+        stretch = found.windows.course(share)
+        if stretch.rise <= -FALL and _steady(stretch, found.ratio):
+            return True
+    level = logarithm(found.windows.level)
+    whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - found.windows.judged)
+    falls = course.rise < -course.error and course.end < STEADY * whole
+    return found.ratio <= REST and falls
+
+
+def slowing(course: Course) -> float:
+    """Relative loss of pace per e-fold of level, of a fall, at most."""
+    loss = abs(course.begin) - abs(course.end) + course.bend_error
+    return max(loss, 0.0) / course.rise**2
+
+
+def _steady(course: Course, ratio: float) -> bool:
+    """Whether a cycle that the fall approaches would lie below `LOWEST` of the largest level.
+
+    The pace of an approach from above to a level c is s (1 - (c / a)^m) at the level a: its loss of
+    pace per e-fold h gives (c / a)^m = h / (m + h). The larger of m = 1 and 2 is taken. A fall by
+    dry friction gains pace, and may end suddenly: it must be deep.
+    """
+    h = slowing(course)
+    below = max(h / (1 + h), float(np.sqrt(h / (2 + h))))
+    gain = abs(course.end) - abs(course.begin) + course.bend_error
+    middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # where that loss is
+    return below * middle <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
+
+
+def _irregular(found: Envelope, course: Course) -> bool:
+    scatter, error, count = found.scatter()
+    if count < BURSTS or scatter - 1.645 * error <= SCATTER or not found.lasting_scatter():
+        return False
+    if found.growth >= GREW:
+        return abs(course.rise) <= max(course.error, DRIFT)
+    return abs(course.rise) + course.error <= found.lightest_fall(LAST)
+
+
+def _times_longer(found: Envelope, course: Course) -> float:
+    """The duration that would decide over that of the record, 0 where no better is known."""
+    light = found.lightest_fall(LAST)
+    if course.rise < -course.error:
+        return _fall_longer(found, course)
+    if course.rise > course.error:
+        return max(FALL / course.rise, 2.0)
+    if not _shown(found, abs(course.rise) + course.error) and course.error <= light:
+        return np.inf
+    scatter, _, count = found.scatter()
+    if scatter > SCATTER and count < BURSTS:
+        return BURSTS / count
+    return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
+
+
+def _fall_longer(found: Envelope, course: Course) -> float:
+    """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
+    pace = abs(min(course.rise, course.end)) / LAST
+    deep = 1 + float(np.log(max(found.ratio / LOWEST, 1.0))) / pace
+    h = 2 * LOWEST**2  # of m = 2, where nothing has fallen yet
+    known = max(FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
+    return LONGER * min(deep, known)

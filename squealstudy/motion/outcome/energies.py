@@ -1,0 +1,280 @@
+"""Where the energy of a run is: in which modes, of the assembly and complex, and in which at last.
+
+Mechanical energies are those of modes of unit mass (THEORY.md eq. (86)). Complex modes are not
+orthogonal: their shares are those of projections on their planes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.motion.growing_modes import DEGENERATE
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.levels import LAST, mean_interval
+
+NOISE = 3e-21  # of the work of friction: energy of round-off
+FIRST = 0.1  # of a record: its first window
+RANK = 1e-10  # eigenvalues of the overlap below this are axes that others span
+WINDOWS = 50  # of a record in which leaders are told
+GROWN = 0.01  # of the final energy: what lies below, at the beginning, is the growth phase
+LEADS = 0.8  # of the largest energy: a mode that has as much still leads
+HOLDS = 0.7  # of the energy: one complex mode with as much at first and at the end leads throughout
+
+
+@dataclass(frozen=True)
+class ModalShares:
+    """Shares of the mechanical energy over a window.
+
+    Attributes
+    ----------
+    share, low, high : ndarray (ns,)
+        Of the energy of all modes, with 95 % bounds within 0 and 1; zeros where nothing moves.
+    mean : ndarray (ns,)
+        Mean energy of each mode, J.
+    outside : float
+        Share outside the sensed modes.
+    """
+
+    share: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    mean: np.ndarray
+    outside: float
+
+
+def mode_energies(q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Mechanical energies (v^2 + omega^2 q^2) / 2 of modes of unit mass (THEORY.md eq. (86)).
+
+    Parameters
+    ----------
+    q, v : ndarray (rows, ns)
+        Modal amplitudes [m sqrt(kg)] and velocities.
+    omega : ndarray (ns,)
+        rad/s.
+
+    Returns
+    -------
+    ndarray (rows, ns)
+        J.
+    """
+    energies: np.ndarray = 0.5 * (v**2 + (omega * q) ** 2)
+    return energies
+
+
+def vibration_energy(v: np.ndarray) -> np.ndarray:
+    """Twice the kinetic energy (rows,) of modal velocities (rows, ns), J.
+
+    Over a period its mean is the mechanical energy of the vibration; a static shift of the mean
+    position, which is in `mode_energies`, is not in it.
+    """
+    energy: np.ndarray = np.einsum("ij,ij->i", v, v)
+    return energy
+
+
+def static_energy(q: np.ndarray, omega: np.ndarray) -> float:
+    """Energy of the mean position of modes over a window, J: a static shift, no vibration.
+
+    Parameters
+    ----------
+    q : ndarray (rows, ns)
+        Modal amplitudes over the window.
+    omega : ndarray (ns,)
+        rad/s.
+    """
+    return float(0.5 * ((omega * q.mean(axis=0)) ** 2).sum())
+
+
+def energy_outside(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Energy (rows,) outside the sensed modes, J.
+
+    Parameters
+    ----------
+    energies : ndarray (rows, ns)
+    total : ndarray (rows,)
+        Of all modes (history column `modal_energy`).
+    """
+    outside: np.ndarray = np.maximum(total - energies.sum(axis=1), 0.0)
+    return outside
+
+
+def first_window(rows: int) -> slice:
+    """The first tenth of a record, one row at least."""
+    return slice(0, max(1, round(FIRST * rows)))
+
+
+def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
+    """Ratio of mean energies over a window, with bounds from its sub-windows.
+
+    The bounds are those of the linearised ratio: of the mean of energy - share * total.
+
+    Parameters
+    ----------
+    energies : ndarray (rows, ns)
+        The window only, J.
+    total : ndarray (rows,)
+        Of all modes, J.
+    """
+    mean, whole = energies.mean(axis=0), float(total.mean())
+    if not whole > 0:
+        zero = np.zeros(energies.shape[1])
+        return ModalShares(share=zero, low=zero, high=zero, mean=mean, outside=0.0)
+    share = mean / whole
+    _, low, high = mean_interval((energies - share * total[:, None]) / whole)
+    return ModalShares(
+        share=share,
+        low=np.clip(share + low, 0.0, share),
+        high=np.clip(share + high, share, np.maximum(share, 1.0)),
+        mean=mean,
+        outside=float(max(0.0, 1.0 - share.sum())),
+    )
+
+
+def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np.ndarray:
+    """Shares of the vibration's energy over a window, each from 0 to 1, their sum at most 1.
+
+    The energy of a motion's projection on a mode's plane (`growing_modes.mode_planes`) is that of
+    the motion where it is along this mode alone. Planes of several modes overlap, so that energies
+    of projections may add up to more than there is. Each mode is therefore given what its plane
+    adds to the planes of those before it, that of the largest projection first: together they have
+    the energy of the projection on all of them.
+
+    Parameters
+    ----------
+    states : ndarray (rows, 2 m)
+        Coordinates on the planes of m modes, side by side, sqrt(J); their means over the window,
+        which are a static shift, are taken off.
+    overlap : ndarray (2 m, 2 m)
+        Scalar products of the axes.
+    energy : float
+        Mean energy of the vibration, without that of a static shift, J.
+
+    Returns
+    -------
+    ndarray (m,)
+        NaN where nothing vibrates.
+    """
+    m = len(overlap) // 2
+    rest = states - states.mean(axis=0)
+    product = rest.T @ rest / len(rest)
+    order = np.argsort([-_projected(product, overlap, [k]) for k in range(m)], kind="stable")
+    share, held = np.zeros(m), 0.0
+    for place, k in enumerate(order):
+        found = _projected(product, overlap, list(order[: place + 1]))
+        share[k], held = max(found - held, 0.0), max(found, held)
+    whole = max(energy, held)
+    return share / whole if whole > 0 else np.full(m, np.nan)
+
+
+def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> float:
+    """Mean energy of the projection on the planes of some modes together, J."""
+    axes = [2 * k + i for k in modes for i in (0, 1)]
+    part = np.ix_(axes, axes)
+    inverse = np.linalg.pinv(overlap[part], rcond=RANK, hermitian=True)
+    return 0.5 * float(np.sum(inverse * product[part]))
+
+
+def level_shares(run: Motion, window: slice) -> np.ndarray:
+    """Share (m,) of each followed complex mode in the energy of the vibration over a window."""
+    states = [run.plane(k)[window] for k in range(len(run.point.growing.lam))]
+    energy = float(run.modal_energy[window].mean()) - static_energy(run.sensed_q[window], run.omega)
+    return complex_shares(np.hstack(states), run.point.growing.overlap, energy)
+
+
+def moving_energy(run: Motion) -> np.ndarray:
+    """Energy of the vibration (rows,), J: twice the kinetic energy of the sensed modes.
+
+    That is blind to static shifts; where the sensors miss most of the energy, all of it is taken.
+    """
+    last = slice(round(0.6 * len(run.times)), None)
+    sensed = mode_energies(run.sensed_q, run.sensed_v, run.omega)[last].sum()
+    if sensed < 0.5 * run.modal_energy[last].sum():
+        return run.modal_energy
+    return vibration_energy(run.sensed_v)
+
+
+def round_off(run: Motion) -> float:
+    """Energy below which nothing moves, J: of the work of friction, which scales as it does."""
+    return NOISE * abs(run.energy.friction)
+
+
+def transfer(
+    time: np.ndarray,
+    energies: np.ndarray,
+    modes: np.ndarray,
+    held: np.ndarray | None = None,
+) -> tuple[int, int, float]:
+    """The mode that led at first, the one that leads at the end, and when it took over for good.
+
+    Energies are averaged over 50 windows. The first leader has the largest mean share of the
+    sensed energy in the growth phase (leading windows below 1 % of the final energy; the first
+    window where there is none); the last one the largest energy over the last 40 %. The time is
+    the start of the window from which the latter has 80 % of the largest energy or more, to the
+    end or, where the lead still changes, in the last time that it took it.
+
+    A complex mode that has parts of several real ones lends the lead to one and another of them:
+    where the motion stays in the subspace of one, at first and at the end, nothing took over.
+
+    Parameters
+    ----------
+    time : ndarray (rows,)
+        s.
+    energies : ndarray (rows, ns)
+        J.
+    modes : ndarray (ns,)
+        Mode numbers.
+    held : ndarray (rows, m) or None
+        Part of their sum that lies in the subspace of each of m complex modes, J.
+
+    Returns
+    -------
+    first, last : int
+        Mode numbers; 0 where one mode leads throughout or nothing moves.
+    time : float
+        s; NaN likewise.
+    """
+    if not energies.size or not energies.any():
+        return 0, 0, np.nan
+    count = min(WINDOWS, len(time))
+    edges = np.arange(count) * len(time) // count
+    rows = np.diff(np.append(edges, len(time)))
+    level = np.add.reduceat(energies, edges, axis=0) / rows[:, None]
+    total = level.sum(axis=1)
+    end = slice(-max(1, round(LAST * count)), None)
+    final = level[end].mean(axis=0)
+    grown = np.flatnonzero(total >= GROWN * final.sum())
+    early = max(1, int(grown[0])) if len(grown) else count
+    whole = np.where(total > 0, total, 1.0)[:, None]
+    first, last = int(np.argmax((level / whole)[:early].mean(axis=0))), int(np.argmax(final))
+    if first == last:
+        return 0, 0, np.nan
+    if held is not None:
+        within = np.add.reduceat(held, edges, axis=0) / rows[:, None]
+        at_first = (within / whole)[:early].mean(axis=0)
+        at_last = within[end].mean(axis=0) / (final.sum() or 1.0)
+        if (np.minimum(at_first, at_last) >= HOLDS).any():
+            return 0, 0, np.nan
+    leads = level[:, last] >= LEADS * level.max(axis=1)
+    holds = np.flatnonzero(leads)
+    not_yet = np.flatnonzero(~leads[: holds[-1]])
+    taken = int(not_yet[-1]) + 1 if len(not_yet) else 0
+    return int(modes[first]), int(modes[last]), float(time[edges[taken]])
+
+
+def held_energies(run: Motion) -> np.ndarray:
+    """Part (rows, m) of the sensed energy v^2 whose shape is in each followed complex mode, J.
+
+    Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
+    of which the sensors see less than half holds nothing.
+    """
+    whole = run.point.growing.right
+    seen = whole[run.sensed - 1]
+    held = np.zeros((len(run.times), whole.shape[1]))
+    for k, x in enumerate(seen.T):
+        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
+            continue
+        axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
+        axes = axes[:, size > DEGENERATE * size[0]]
+        held[:, k] = ((run.sensed_v @ axes) ** 2).sum(axis=1)
+    return held

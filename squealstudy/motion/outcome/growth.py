@@ -1,0 +1,226 @@
+"""Growth rate of the exponential phase of a run, its window found in the signal itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.motion.outcome.straight_line import (
+    best_from,
+    best_of_all,
+    block_means,
+    slope_interval,
+    straightness,
+)
+
+ONSET = 0.1  # of the final amplitude
+LEAST_ROWS = 24  # of a fit
+LEAST_PERIODS = 5.0  # of a fit to a complex amplitude
+LAST = 0.2  # of the record: where the final level is read
+SHARE = 0.05  # of the final amplitude: the phase ends there
+SHARE_SHORT = 0.075  # where the former leaves less than one e-folding
+SEARCH_BLOCKS = 64  # resolution of the window's ends
+NOISY = 0.5  # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
+LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
+
+
+@dataclass(frozen=True)
+class GrowthFit:
+    """Rate of one exponential phase.
+
+    Attributes
+    ----------
+    growth_rate, low, high : float
+        1/s with its 95 % confidence bounds; negative for decay, NaN where nothing was fitted.
+    start, stop : float
+        The window of the fit, s.
+    onset_time : float
+        When the fitted exponential reaches a tenth of the final amplitude (median over the last
+        fifth of the whole record), s, or the first row where it begins above that; NaN unless the
+        rate is above zero with 95 % confidence.
+    n_rows : int
+        Rows in the window.
+    frequency_hz : float
+        From the slope of the phase, positive either way; NaN for a real amplitude.
+    status : str
+        ``ok``, ``no_signal`` (zero or not finite), ``too_short`` (fewer than 24 rows or 5 periods
+        between start-up and bend, a stationary signal included) or ``not_exponential`` (no such
+        stretch of the logarithm is straight).
+    """
+
+    growth_rate: float = np.nan
+    low: float = np.nan
+    high: float = np.nan
+    start: float = np.nan
+    stop: float = np.nan
+    onset_time: float = np.nan
+    n_rows: int = 0
+    frequency_hz: float = np.nan
+    status: str = "no_signal"
+
+
+def fit_growth(
+    time: np.ndarray,
+    amplitude: np.ndarray,
+    ceiling: float | None = None,
+    until: float = np.inf,
+) -> GrowthFit:
+    """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
+
+    The window ends before the logarithm first comes within `SHARE` of its final level: a
+    Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the final amplitude, is
+    then read with a relative bias below r^2 = 0.25 % (`SHARE_SHORT`: 0.6 %). Decay is the mirror
+    image, with the floor as the final level. Within that, a complex amplitude is fitted from its
+    start (a projection on a left vector has no start-up; rows that are mostly noise are skipped)
+    until its logarithm bends or scatters; a real one over the straight stretch whose slope has the
+    least relative error. The bounds use block means, merged while they are correlated, with a
+    heteroscedasticity-consistent variance (HC3) and Student's t.
+
+    Parameters
+    ----------
+    time : ndarray (rows,)
+        Equally spaced, s; at least three rows a period of a complex amplitude.
+    amplitude : ndarray (rows,)
+        Complex (`growing_modes.projection`), or real: an envelope such as sqrt(energy), which may
+        ripple.
+    ceiling : float or None
+        Amplitude at saturation; None takes it from the data.
+    until : float
+        Rows after this time are not looked at: where another, faster motion saturates, s.
+    """
+    size = np.abs(amplitude)
+    if not np.isfinite(size).all() or not size.any():
+        return GrowthFit()
+    log = np.log(np.maximum(size, 1e-12 * np.median(size[size > 0])))
+    end_level = final_level(log)
+    rows = int(np.searchsorted(time, until, side="right"))
+    if rows < LEAST_ROWS:
+        return GrowthFit(status="too_short")
+    time, amplitude, log = time[:rows], amplitude[:rows], log[:rows]
+    real = not np.iscomplexobj(amplitude)
+    found = growth_window(Rising.of(log, real), ceiling, least_rows(amplitude))
+    if isinstance(found, str):
+        return GrowthFit(status=found)
+    first, last = found
+    fit = _fit(time[first:last], log[first:last], amplitude[first:last], end_level)
+    return replace(fit, onset_time=float(np.maximum(fit.onset_time, time[0])))
+
+
+def _fit(time: np.ndarray, log: np.ndarray, amplitude: np.ndarray, final: float) -> GrowthFit:
+    """Rate, bounds, frequency and onset over the rows of the window."""
+    real = not np.iscomplexobj(amplitude)
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    rate, half, middle, level = slope_interval(log, step, real)
+    begin, end = float(time[0]), float(time[-1])
+    reach = (float(np.log(ONSET)) + final - level) / rate if rate > half else np.nan
+    frequency = np.nan if real else abs(_phase_slope(time, amplitude)) / (2 * np.pi)
+    return GrowthFit(
+        growth_rate=rate,
+        low=rate - half,
+        high=rate + half,
+        start=begin,
+        stop=end,
+        onset_time=begin + middle + reach,
+        n_rows=len(time),
+        frequency_hz=frequency,
+        status="ok",
+    )
+
+
+def _phase_slope(time: np.ndarray, amplitude: np.ndarray) -> float:
+    """Mean angular velocity, rad/s."""
+    phase, t = np.unwrap(np.angle(amplitude)), time - time.mean()
+    return float(t @ (phase - phase.mean()) / (t @ t))
+
+
+def final_level(log: np.ndarray) -> float:
+    """Median over the last fifth of a record."""
+    return float(np.median(log[-max(1, int(LAST * len(log))) :]))
+
+
+@dataclass(frozen=True)
+class Rising:
+    """A logarithm (rows,) and the sign that makes it rise."""
+
+    log: np.ndarray
+    sign: float
+    real: bool
+
+    @staticmethod
+    def of(log: np.ndarray, real: bool) -> Rising:
+        """With the sign of its change from the first fiftieth to the final level."""
+        early = block_means(log, max(1, len(log) // 50), real)[0]
+        return Rising(log, 1.0 if final_level(log) >= early else -1.0, real)
+
+    def blocks(self, width: int, end: int | None = None) -> np.ndarray:
+        """Means over blocks of `width` rows before row `end`."""
+        means: np.ndarray = self.sign * block_means(self.log[:end], max(1, width), self.real)
+        return means
+
+    def first_above(self, level: float) -> int:
+        """Row at which it first exceeds a level; all rows where it never does."""
+        width = max(1, len(self.log) // 500)
+        above = self.blocks(width) > level
+        return int(np.argmax(above)) * width if above.any() else len(self.log)
+
+
+def growth_window(rising: Rising, ceiling: float | None, least: int) -> tuple[int, int] | str:
+    """First row and the row after the last of a straight stretch, or why there is none."""
+    end = len(rising.log)
+    given = ceiling is not None and rising.sign > 0
+    if given or not _rises_throughout(rising, least):
+        level = float(np.log(ceiling)) if ceiling is not None and given else _ceiling(rising)
+        end = rising.first_above(level + float(np.log(SHARE)))
+        if end < least or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
+            end = rising.first_above(level + float(np.log(SHARE_SHORT)))
+    width = max(3, -(-end // SEARCH_BLOCKS))
+    blocks = rising.blocks(width, end)
+    skipped = 0 if rising.real else _noisy_blocks(rising.log[:end], width)
+    count = max(8, -(-least // width))
+    if len(blocks) - skipped < count:
+        return "too_short"
+    stretch = best_of_all(blocks, count) if rising.real else best_from(blocks, skipped, count)
+    if stretch is None:
+        return "not_exponential"
+    return stretch[0] * width, stretch[1] * width
+
+
+def _rises_throughout(rising: Rising, least: int) -> bool:
+    """Whether the logarithm of the whole record is one rising line."""
+    rows = len(rising.log)
+    blocks = rising.blocks(max(3, rows // SEARCH_BLOCKS))
+    if rows < least or len(blocks) < 8:
+        return False
+    whole = straightness(blocks, np.array([0]), np.array([len(blocks)]))
+    rise = float(whole.slope[0]) * len(blocks)
+    return bool(whole.accepted()[0]) and rise > max(LEAST_RISE, 5 * float(whole.error[0]))
+
+
+def _ceiling(rising: Rising) -> float:
+    """Logarithm of the saturated amplitude; above the record's end where growth still bends.
+
+    From slope / largest slope = 1 - r^2 over the last fifth (Stuart-Landau).
+    """
+    final = rising.sign * final_level(rising.log)
+    blocks = rising.blocks(len(rising.log) // 100)
+    slopes = np.diff(blocks[:: max(1, len(blocks) // 10)])
+    last = 0.5 * float(slopes[-2:].sum())
+    saturated = 1.0 - last / float(slopes.max()) if slopes.max() > 0 else 1.0
+    return final if saturated > 0.75 else final - 0.5 * float(np.log(max(saturated, 1e-12)))
+
+
+def least_rows(amplitude: np.ndarray) -> int:
+    """Rows in the shortest fit; periods from the mean turn of the phase between rows."""
+    if not np.iscomplexobj(amplitude):
+        return LEAST_ROWS
+    turn = np.angle(np.vdot(amplitude[:-1], amplitude[1:]))
+    periods = LEAST_PERIODS * 2 * np.pi / max(abs(float(turn)), 1e-12)
+    return max(LEAST_ROWS, int(np.ceil(periods)))
+
+
+def _noisy_blocks(log: np.ndarray, width: int) -> int:
+    """Leading blocks up to the last one that is mostly noise."""
+    cut = log[: len(log) // width * width].reshape(-1, width)
+    noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISY)
+    return int(noisy[-1]) + 1 if len(noisy) else 0

@@ -1,0 +1,204 @@
+"""Whether a run has reached its levels, from when on it has them, and whether it may end there.
+
+The outcome of a run is known before its end where it has settled into a limit cycle or decayed. A
+limit cycle is known where its class, its level and the quiet of all other predicted instabilities
+are: a second one may rise for long behind the first, and change the level in the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.behaviour import CHANCE, REST, SCATTER, TREND
+from squealstudy.motion.outcome.energies import moving_energy, round_off
+from squealstudy.motion.outcome.envelope import WINDOWS, Windows, window_means, windows
+from squealstudy.motion.outcome.growth import fit_growth
+from squealstudy.motion.outcome.levels import (
+    FLAT,
+    LAST,
+    LEAST_PERIODS,
+    last_window,
+    torque_levels,
+)
+from squealstudy.motion.outcome.verdict import expected_rise, hann, run_verdict
+from squealstudy.wording import LEVELLED, STABLE
+
+BAND = 0.05  # least half-width of the band within which levels agree
+SETTLED, DECAYED = "settled", "decayed"
+LEAST_ROWS = 200  # of a record that is judged
+PARTS = 3  # windows in the last one whose levels must agree
+GONE = 1e-6  # of the first energy
+FALLEN = 0.25  # of the first energy, for a decay that agrees with the prediction
+AGREES = 0.05  # of the predicted rate
+
+
+def settled(
+    time: np.ndarray, energy: np.ndarray, torque: np.ndarray, name: str
+) -> tuple[bool, float]:
+    """Whether the levels of the last 40 % agree, and the earliest time from which all do.
+
+    Those of a limit cycle or an irregular motion agree where the RMS of the vibration and that of
+    the torque neither trend (5 %, beyond three standard errors) nor scatter (10 % about the trend);
+    those of a stable run where both are at rest: below 1 % of the largest. Other runs have not
+    settled, nor has one of so few periods that the torque's levels are those of a longer part of
+    the record (`levels.last_window`) which was not settled from its start.
+
+    Parameters
+    ----------
+    time, energy
+        As of `envelope.windows`.
+    torque : ndarray (rows,)
+        N m.
+    name : str
+        Class of the run.
+
+    Returns
+    -------
+    settled : bool
+    time : float
+        Start of the first window, s, from which energy, mean and RMS of the torque in each stay
+        near those judged and no peak exceeds theirs; NaN where the run has not settled.
+    """
+    if len(time) < WINDOWS[0] or name not in (*LEVELLED, STABLE):
+        return False, np.nan
+    mean = float(torque[-round(LAST * len(torque)) :].mean())
+    swing = torque - mean
+    least = FLAT * float(np.abs(torque).max())
+    motion, force = windows(time, energy), windows(time, swing**2)
+    moves = _start(motion, _away(motion, name, 0.0))
+    quiet = float(force.level[force.judged :].max()) <= least
+    away = _away(force, STABLE if quiet else name, least)
+    if away is not None:
+        away = away | _shifted(torque, force, mean, least) | _exceeds(swing, force, least)
+    since = max(moves, _start(force, away))  # infinite where either has not settled
+    if not since <= time[last_window(time, torque)][0]:
+        return False, np.nan
+    return True, since
+
+
+def _start(found: Windows, away: np.ndarray | None) -> float:
+    """Start of the first window after the last that is away, s; infinite where none will do."""
+    if away is None:
+        return np.inf
+    first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
+    return float(found.start[first]) if first <= found.judged else np.inf
+
+
+def _away(found: Windows, name: str, least: float) -> np.ndarray | None:
+    """Which levels differ from those judged; None where these do not agree among themselves.
+
+    What is below `least` is at rest.
+    """
+    level, judged = found.level, found.level[found.judged :]
+    if name == STABLE:
+        rest = max(REST * float(level.max()), least)
+        return level > rest if judged.max() <= rest else None
+    rise, error, scatter = found.trend()
+    if scatter > SCATTER or abs(rise) > max(TREND, CHANCE * error):
+        return None
+    return _outside(level, found.judged, float(judged.mean()), 0.0)
+
+
+def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.ndarray:
+    """Which values are off the mean by more than `BAND`, `least`, or any of those judged is."""
+    off = np.abs(values - mean)
+    found: np.ndarray = off > max(BAND * abs(mean), least, 1.01 * float(off[judged:].max()))
+    return found
+
+
+def _shifted(torque: np.ndarray, found: Windows, mean: float, least: float) -> np.ndarray:
+    """Windows whose mean torque is not the one judged."""
+    return _outside(window_means(torque, len(found.level)), found.judged, mean, least)
+
+
+def _exceeds(swing: np.ndarray, found: Windows, least: float) -> np.ndarray:
+    """Windows in which the torque swings wider than in those judged."""
+    count = len(found.level)
+    cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
+    peak = cut.max(axis=1)
+    top = float(peak[found.judged :].max())
+    wider: np.ndarray = peak > max((1 + BAND) * top, REST * float(peak.max()), least)
+    return wider
+
+
+def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
+    """``settled``, ``decayed``, or empty where the run must go on, an undecided one included.
+
+    Settled: a limit cycle or an irregular motion by the tests of the whole record (`behaviour`),
+    the torque's RMS over the last window known within `tolerance`, equal within `tolerance` over
+    its thirds (the mean torque too), and no followed complex mode whose energy would rise
+    noticeably until `duration`.
+
+    Decayed: stable, no predicted instability, and the energy of the vibration is gone (1e-6 of the
+    first) or a quarter of the first while the fitted decay agrees with the predicted one.
+
+    A run with unstable modes that are not followed (above the band, or too many) goes on.
+
+    Parameters
+    ----------
+    run : Motion
+        As far as it has come.
+    duration : float
+        Its end otherwise, s.
+    tolerance : float
+        Relative, for levels.
+    """
+    modes = run.point.growing
+    if modes.n_above or modes.n_unstable > len(modes.lam) or len(run.times) < LEAST_ROWS:
+        return ""
+    if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
+        return ""
+    energy = moving_energy(run)
+    name = run_verdict(run, energy).name
+    if name == STABLE:
+        return DECAYED if modes.n_unstable == 0 and _has_decayed(run, energy) else ""
+    settles = name in LEVELLED and _has_settled(run, energy, name, duration, tolerance)
+    return SETTLED if settles else ""
+
+
+def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
+    """Whether the vibration of a stable run is gone, or goes as predicted."""
+    part = max(1, len(energy) // 25)
+    first, last = float(energy[:part].mean()), float(energy[-part:].mean())
+    if last <= max(GONE * first, round_off(run)):
+        return True
+    lam = run.point.growing.lam[0] if len(run.point.growing.lam) else complex(np.nan, np.nan)
+    short = run.times[-1] * abs(lam) / (2 * np.pi) < LEAST_PERIODS
+    if short or last > FALLEN * first:
+        return False
+    fit = fit_growth(run.times, run.xi(0))
+    error = max(abs(fit.growth_rate - lam.real), 0.5 * (fit.high - fit.low))
+    return fit.status == "ok" and error <= AGREES * abs(lam.real)
+
+
+def _has_settled(
+    run: Motion, energy: np.ndarray, name: str, duration: float, tolerance: float
+) -> bool:
+    """The cheap tests first."""
+    torque = run.history["torque"]
+    window = last_window(run.times, torque)
+    levels = torque_levels(run.times[window], torque[window])
+    length = float(run.times[-1] - run.times[window][0])
+    if not (levels.rms > 0 and length * levels.frequency_hz >= LEAST_PERIODS):
+        return False
+    if 0.5 * (levels.rms_high - levels.rms_low) > tolerance * levels.rms:
+        return False
+    if level_drift(torque[window]) > tolerance:
+        return False
+    if not settled(run.times, energy, torque, name)[0]:
+        return False
+    return expected_rise(run, window, duration) <= 2 * tolerance  # energy is a level squared
+
+
+def level_drift(torque: np.ndarray) -> float:
+    """Largest difference of RMS and of mean between thirds of a window (rows,), relative.
+
+    Hann-weighted, or thirds of a few periods each would differ by what they cut off.
+    """
+    rows = len(torque) // PARTS
+    cut, weight = torque[len(torque) - PARTS * rows :].reshape(PARTS, rows), hann(rows)
+    mean = cut @ weight / weight.sum()
+    rms = np.sqrt((cut - mean[:, None]) ** 2 @ weight / weight.sum())
+    spread = [float(np.ptp(x) / max(abs(float(x.mean())), 1e-300)) for x in (mean, rms)]
+    return max(spread)

@@ -1,0 +1,287 @@
+"""The summary of a run: growth, level, energies and class of one design point in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.behaviour import Verdict, too_short
+from squealstudy.motion.outcome.energies import (
+    ModalShares,
+    energy_outside,
+    first_window,
+    held_energies,
+    level_shares,
+    modal_shares,
+    mode_energies,
+    moving_energy,
+    round_off,
+    transfer,
+)
+from squealstudy.motion.outcome.growth import GrowthFit, fit_growth
+from squealstudy.motion.outcome.levels import last_window, torque_levels
+from squealstudy.motion.outcome.settling import settled
+from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
+from squealstudy.wording import FAILED, LEVELLED, STABLE
+
+HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
+LEAST_ROWS = 10  # of a history that says anything
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Columns of the points table, and rows of the modes and growth tables."""
+
+    point: Mapping[str, Any]
+    modes: list[dict[str, Any]]
+    growth: list[dict[str, Any]]
+
+
+def summarise(run: Motion) -> Summary:
+    """What a run did, in numbers.
+
+    A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
+    than ten rows nothing is said but how the integration went and what is predicted.
+    """
+    energy = moving_energy(run)
+    verdict = _class(run, energy)
+    if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
+        return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
+    levels, window = run_levels(run)
+    behaviour = _behaviour(run, energy, verdict)
+    growth = growth_rows(run, behaviour["class"], window)
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
+    shares = modal_shares(energies[window], run.modal_energy[window])
+    point = {
+        **_course(run),
+        **_forecast(run),
+        **_growth(run, growth),
+        **levels,
+        **behaviour,
+        **_contact(run, window),
+        **_leader(run, shares),
+    }
+    return Summary(point, _mode_rows(run, energies, shares), growth)
+
+
+def _course(run: Motion) -> dict[str, Any]:
+    """How the integration went."""
+    return {
+        "iterations_mean": run.mean_iterations,
+        "iterations_max": run.max_iterations,
+        "halvings": run.halvings,
+        "newton_steps": run.newton_steps,
+        "contraction": run.contraction,
+        "energy_balance": run.energy.relative,
+        "time_reached": run.time,
+        "stop_reason": run.stop_reason,
+    }
+
+
+def _forecast(run: Motion) -> dict[str, Any]:
+    """What the complex modes of the same system say."""
+    modes = run.point.growing
+    lam = modes.lam[0] if len(modes.lam) else complex(np.nan, np.nan)
+    return {
+        "n_unstable": modes.n_unstable,
+        "n_unstable_above": modes.n_above,
+        "predicted_frequency_hz": float(abs(lam)) / (2 * np.pi),
+        "predicted_growth_rate": float(lam.real),
+        "torque_static": run.point.static_torque,
+    }
+
+
+def growth_rows(run: Motion, kind: str, window: slice) -> list[dict[str, Any]]:
+    """Fitted beside predicted growth of each followed complex mode, and its part in the end.
+
+    Parameters
+    ----------
+    run : Motion
+    kind : str
+        Its class.
+    window : slice
+        The rows whose levels are judged.
+    """
+    rows: list[dict[str, Any]] = []
+    moving = bool(run.modal_energy.max() > round_off(run))
+    sustained = kind in LEVELLED and moving
+    shares = level_shares(run, window) if sustained else np.full(len(run.point.growing.lam), np.nan)
+    until = np.inf
+    for k, lam in enumerate(run.point.growing.lam):
+        fit = fit_growth(run.times, run.xi(k), until=until) if moving else GrowthFit()
+        if k == 0 and fit.status == "ok":
+            until = fit.stop
+        unstable = k < run.point.growing.n_unstable
+        rows.append(
+            {
+                "mode": k + 1,
+                "frequency_hz": float(abs(lam)) / (2 * np.pi),
+                "growth_rate": float(lam.real),
+                "damping_ratio": float(-lam.real / abs(lam)),
+                "unstable": unstable,
+                "fitted_growth_rate": fit.growth_rate,
+                "fitted_low": fit.low,
+                "fitted_high": fit.high,
+                "fit_start": fit.start,
+                "fit_stop": fit.stop,
+                "level_share": float(shares[k]),
+                "expressed": _expressed(float(shares[k]), kind, moving) if unstable else None,
+            }
+        )
+    return rows
+
+
+def _expressed(share: float, kind: str, moving: bool) -> bool | None:
+    """Whether a predicted instability is in the vibration that is left; None: it cannot be told.
+
+    It is where that is sustained and the mode has a twentieth of its energy, and is not where the
+    motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
+    """
+    if not moving or kind not in (*LEVELLED, STABLE):
+        return None
+    return kind in LEVELLED and share >= EXPRESSED
+
+
+def _growth(run: Motion, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Growth of the fastest complex mode, or of the energy where it cannot be read."""
+    if run.modal_energy.max() <= round_off(run):
+        return {}
+    if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
+        fit = fit_growth(run.times, run.xi(0))
+        return {
+            "growth_rate": fit.growth_rate,
+            "growth_rate_low": fit.low,
+            "growth_rate_high": fit.high,
+            "growth_method": "left_vector",
+            "onset_time": fit.onset_time,
+        }
+    fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
+    return {
+        "growth_rate": fit.growth_rate,
+        "growth_rate_low": fit.low,
+        "growth_rate_high": fit.high,
+        "growth_method": "energy" if fit.status == "ok" else "",
+        "onset_time": fit.onset_time,
+    }
+
+
+def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
+    """Torque columns of the last window, and that window."""
+    torque = run.history["torque"]
+    window = last_window(run.times, torque)
+    found = torque_levels(run.times[window], torque[window])
+    return {
+        "torque_mean": found.mean,
+        "torque_mean_low": found.mean_low,
+        "torque_mean_high": found.mean_high,
+        "torque_rms": found.rms,
+        "torque_rms_low": found.rms_low,
+        "torque_rms_high": found.rms_high,
+        "torque_peak_to_peak": found.peak_to_peak,
+        "dominant_frequency_hz": found.frequency_hz,
+        "dominant_level": found.line,
+        "harmonic_2_level": found.harmonic_2,
+        "harmonic_3_level": found.harmonic_3,
+    }, window
+
+
+def _class(run: Motion, energy: np.ndarray) -> Verdict:
+    """Class of a run, failed ones included."""
+    if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
+        return Verdict(FAILED)
+    if len(run.times) < LEAST_ROWS:
+        return too_short(run.time, len(run.times))
+    return run_verdict(run, energy)
+
+
+def _class_columns(verdict: Verdict) -> dict[str, Any]:
+    return {"class": verdict.name, "undecided_until": verdict.until}
+
+
+def _behaviour(run: Motion, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
+    """Class, settled or not, and which mode took over."""
+    torque = run.history["torque"]
+    calm, since = settled(run.times, energy, torque, verdict.name)
+    first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
+    return {
+        **_class_columns(verdict),
+        "settled": calm,
+        "settled_time": since,
+        "transfer_from": first,
+        "transfer_to": last,
+        "transfer_time": when,
+    }
+
+
+def _contact(run: Motion, window: slice) -> dict[str, Any]:
+    """Shares of the contact area that stick or are open, and how fast what sticks creeps.
+
+    `stick_creep` is the largest sliding speed of a point that sticks, at any kept row of the last
+    window, over the imposed sliding speed: the slope of friction lets it move. A point sticks
+    while its friction is below the bound, which is where it slides slower than bound / k_t: the
+    regularisation speed, or more where its pressure exceeds the highest of steady sliding. NaN
+    where nothing sticks.
+    """
+    stick, opened, creep = (run.history[name][window] for name in ("stick", "open", "creep"))
+    sticks = stick > 0
+    speed = abs(run.point.speed)
+    return {
+        "stick_creep": float(creep[sticks].max() / speed) if sticks.any() and speed else np.nan,
+        "stick_share": float(stick.mean()),
+        "stick_share_max": float(stick.max()),
+        "open_share": float(opened.mean()),
+        "open_share_max": float(opened.max()),
+    }
+
+
+def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
+    """The mode with most energy over the last window."""
+    if not shares.share.any() or run.modal_energy.max() <= round_off(run):
+        return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
+    k = int(np.argmax(shares.share))
+    return {
+        "dominant_mode": int(run.sensed[k]),
+        "dominant_share": float(shares.share[k]),
+        "energy_outside_share": shares.outside,
+    }
+
+
+def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
+    begin = first_window(len(run.times))
+    first = modal_shares(energies[begin], run.modal_energy[begin]).share
+    return [
+        {
+            "mode": int(mode),
+            "frequency_hz": float(run.omega[k]) / (2 * np.pi),
+            "energy_share": float(shares.share[k]),
+            "energy_share_low": float(shares.low[k]),
+            "energy_share_high": float(shares.high[k]),
+            "energy_mean": float(shares.mean[k]),
+            "first_share": float(first[k]),
+        }
+        for k, mode in enumerate(run.sensed)
+    ]
+
+
+def history_frame(run: Motion) -> pd.DataFrame:
+    """History of a run: torque, contact shares, energies and amplitudes of the modes heard."""
+    history = run.history
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
+    columns = {
+        name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
+    }
+    columns |= {
+        "energy": run.modal_energy,
+        "energy_outside": energy_outside(energies, run.modal_energy),
+    }
+    heard = (energies >= HEARD * run.modal_energy[:, None]).any(axis=0) & (energies > 0).any(axis=0)
+    for k in np.flatnonzero(heard):
+        mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
+        columns[f"energy_mode_{mode}"] = energies[:, k]
+        columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
+    return pd.DataFrame(columns)

@@ -1,0 +1,207 @@
+"""Class of a run: that of its motion, unless a predicted instability may still change it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.behaviour import Verdict, classify
+from squealstudy.motion.outcome.energies import level_shares, round_off
+from squealstudy.motion.outcome.levels import LAST
+from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
+
+NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
+JUDGED_ROWS = 40  # of a history whose modes are watched
+EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
+SILENT = 1e-10  # of the energy: what is smaller may be round-off of contact forces
+RISE_LINES = 8  # the same, where a rise behind another motion is looked for
+RISE_PERIODS = 4.0  # of the mode in each of them, at least
+CHANCE = 5.0  # standard errors that such a rise must exceed: many modes are looked at
+RISE = 0.1  # of its logarithm over the window, at least
+LASTS = 0.6  # of the rise in the first half, that in the second must be
+SMALLEST = 1e-300
+HORIZON = 1e3  # times a duration: what is later is not foreseen
+LINES = 4  # stretches of a window in which the line of a mode is measured
+WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
+
+
+def run_verdict(run: Motion, energy: np.ndarray) -> Verdict:
+    """Class of what a run has done, from its `moving_energy`.
+
+    A run that seems to decay is undecided while the motion does not show that all modes of which
+    growth is predicted decay too: those that are followed may still be seen to, those that are not
+    (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
+    undecided while a mode that is not part of it is seen to rise.
+    """
+    initial = 0.0 if run.point.continued else float(run.modal_energy[0])
+    found = classify(run.times, energy, initial, round_off(run), growth=_predicted_pace(run))
+    modes = run.point.growing
+    if found.name == LIMIT_CYCLE:
+        until = rises_until(run)
+        return Verdict(UNDECIDED, until) if np.isfinite(until) else found
+    if found.name != STABLE:
+        return found
+    unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
+    if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
+        return Verdict(UNDECIDED, np.inf)
+    until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
+    return Verdict(UNDECIDED, until) if until > 0 else found
+
+
+def _predicted_pace(run: Motion) -> float:
+    """Rate at which the level of the final motion would go by the complex modes alone, 1/s.
+
+    Of instabilities, that of each followed one times its share of the energy, of those that are in
+    it. Where there are none, the decay of the lightest mode if that has nearly all of the energy.
+    """
+    rows, modes = len(run.times), run.point.growing
+    if rows < JUDGED_ROWS or not len(modes.lam):
+        return 0.0
+    shares = level_shares(run, slice(round(0.6 * rows), None))
+    rates = np.asarray(modes.lam).real
+    if modes.n_unstable or modes.n_above:
+        unstable = np.arange(len(rates)) < modes.n_followed
+        return float((shares * rates)[unstable & (shares >= EXPRESSED)].sum())
+    return min(float(rates[0]), 0.0) if shares[0] >= NEARLY_ALL else 0.0
+
+
+def hann(rows: int) -> np.ndarray:
+    """Weights (rows,)."""
+    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
+    return weight
+
+
+def grows_until(run: Motion, k: int) -> float:
+    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
+    rows = len(run.times)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    share, rate, error = mode_course(run, k, slice(round(0.6 * rows), None))
+    if share > 0 and rate < -error:
+        return 0.0
+    pace = rate if rate > error else float(run.point.growing.lam[k].real)
+    if not (share > 0 and pace > 0):
+        return np.inf
+    return _foreseen(run, share, pace)
+
+
+def rises_until(run: Motion) -> float:
+    """The duration after which what rises behind the motion that leads would have its level, s.
+
+    It may be a followed unstable mode, or a sensed one of which no growth is predicted: a limit
+    cycle may shed into modes whose frequencies add up to its own. The part that is judged begins
+    where that would have all the energy. Infinite where nothing is seen to rise, or too slowly to
+    be foreseen.
+    """
+    rows = len(run.times)
+    if rows < JUDGED_ROWS:
+        return np.inf
+    window = slice(round(0.6 * rows), None)
+    energy = max(float(run.modal_energy[window].mean()), SMALLEST)
+    modes = run.point.growing
+    until = np.inf
+    for k in range(modes.n_followed):
+        scale = float(run.point.growing.energy[k]) / energy
+        until = min(until, _rises(run, window, run.xi(k), float(abs(modes.lam[k])), scale))
+    for v, omega in zip(run.sensed_v.T, run.omega, strict=True):
+        until = min(until, _rises(run, window, v, float(omega), 1 / energy))
+    return until / (1 - LAST)
+
+
+def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scale: float) -> float:
+    """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
+
+    What has a twentieth of the energy is part of the motion, whose level tells how it goes on.
+    """
+    time, frequency = run.times[window], omega / (2 * np.pi)
+    length = float(time[-1] - time[0])
+    if frequency * length < RISE_LINES * RISE_PERIODS:  # a drift, a line cannot be told from it
+        return np.inf
+    size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
+    share = scale * float(size[-1]) ** 2
+    if not SILENT < share < EXPRESSED:
+        return np.inf
+    rate, error = _growth(length / RISE_LINES, size)
+    if rate <= CHANCE * error or rate * length < RISE:
+        return np.inf
+    y = np.log(np.maximum(size, SMALLEST))
+    half = RISE_LINES // 2
+    if y[-1] - y[half] < LASTS * (y[half - 1] - y[0]):  # a forced line on its way to a level
+        return np.inf
+    return _foreseen(run, share, rate)
+
+
+def _foreseen(run: Motion, share: float, rate: float) -> float:
+    """When a share of the energy would be all of it, s; infinite beyond the horizon."""
+    end = float(run.times[-1])
+    until = end + max(0.0, -0.5 * float(np.log(share)) / rate)
+    return until if until <= HORIZON * end else np.inf
+
+
+def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float]:
+    """How the followed mode `k` goes on through the rows of a window, 16 or more.
+
+    It is seen through its left vector, around its own frequency: there the lines of a limit cycle
+    of another mode are not.
+
+    Returns
+    -------
+    share : float
+        Of all energy over the window, that of the mode in the last of four stretches.
+    rate, error : float
+        Of its amplitude, 1/s, and the standard error.
+    """
+    time, lam = run.times[window], run.point.growing.lam[k]
+    size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
+    rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
+    energy = float(run.point.growing.energy[k] * size[-1] ** 2)
+    return energy / max(float(run.modal_energy[window].mean()), SMALLEST), rate, error
+
+
+def expected_rise(run: Motion, window: slice, duration: float) -> float:
+    """Largest energy that a followed complex mode would gain until `duration`, over all energy.
+
+    Its growth over the window, where that is beyond its standard error, is taken to go on.
+
+    Parameters
+    ----------
+    run : Motion
+    window : slice
+        Rows that are judged, 16 or more.
+    duration : float
+        s.
+    """
+    worst = 0.0
+    for k in range(len(run.point.growing.lam)):
+        share, rate, error = mode_course(run, k, window)
+        if rate > error:
+            ahead = np.exp(min(2 * rate * max(duration - run.times[-1], 0.0), 700.0)) - 1
+            worst = max(worst, share * float(ahead))
+    return worst
+
+
+def line_sizes(
+    time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = LINES
+) -> np.ndarray:
+    """RMS of an amplitude (rows,) near a frequency, in successive stretches (lines,).
+
+    Hann-windowed, within `WIDTH` of the frequency on either side of zero.
+    """
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    rows = len(time) // lines
+    cut = amplitude[len(amplitude) - lines * rows :].reshape(lines, rows)
+    weight = hann(rows)
+    power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
+    distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
+    near = distance <= max(WIDTH * frequency_hz, 2.0 / (rows * step))
+    sizes: np.ndarray = np.sqrt(power[:, near].sum(axis=1))
+    return sizes
+
+
+def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
+    """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
+    y = np.log(np.maximum(size, SMALLEST))
+    x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
+    rate = float(x @ y / (x @ x))
+    rest = y - y.mean() - rate * x
+    return rate, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))

@@ -1,0 +1,237 @@
+"""One design point of a transient study on shared reference modes: base state, laws, forecast."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.laws import FrictionLaw
+from squealstudy.motion.growing_modes import growing_modes
+from squealstudy.motion.reference_modes import ReferenceModes
+from squealstudy.motion.system import ModalSystem, MotionPoint
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.contact_weights import contact_weights
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import ContactStructure, structure_weights
+
+LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
+
+
+def friction_law(
+    state: DesignState, point: WorkingPoint, slope: float, saturation: float, kind: str
+) -> FrictionLaw:
+    """Friction of a design point, regularised at zero sliding.
+
+    Parameters
+    ----------
+    state : DesignState
+    point : WorkingPoint
+        Of `state`.
+    slope : float
+        k_t, N s/m3; 0 for `automatic_slope`.
+    saturation : float
+        Sliding speed that the automatic slope is of, m/s; not used with a slope.
+    kind : str
+        ``regularised`` or ``smooth``.
+
+    Raises
+    ------
+    ParameterError
+        Friction so soft that steady sliding is not steady.
+    """
+    operating = state.operating
+    k_t = slope if slope > 0 else automatic_slope(state, point, saturation)
+    friction = FrictionLaw(operating.friction, k_t, operating.curve, kind)
+    _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
+    return friction
+
+
+def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
+    """Slope k_t of friction at zero sliding [N s/m3] that saturates at a sliding speed [m/s].
+
+    It does so at the static friction coefficient, where the working point presses hardest.
+    """
+    operating = state.operating
+    hardest = max(float(point.pressure.max()), 1e-300)
+    mu = max(operating.curve.at_rest(operating.friction, hardest), LEAST_FRICTION)
+    return mu * hardest / speed
+
+
+def _check_slope(
+    friction: FrictionLaw, state: DesignState, point: WorkingPoint, saturation: float
+) -> None:
+    """Friction must have reached its bound at the sliding speed, at every contact point.
+
+    `saturation` [m/s] is what its slope follows from; 0 where the slope itself is given.
+    """
+    operating = state.operating
+    least = float(operating.traction(point.pressure).max()) / operating.sliding_speed
+    least *= friction.saturation
+    if friction.k_t >= least:
+        return
+    if saturation > 0:
+        raise ParameterError(
+            "contact.regularisation_speed",
+            f"friction must saturate at the sliding speed of {operating.sliding_speed:g} m/s: at "
+            f"most {saturation * friction.k_t / least:.3g} m/s is allowed, got {saturation:.3g}",
+        )
+    raise ParameterError(
+        "contact.kt",
+        f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
+        f"got {friction.k_t:.3g}",
+    )
+
+
+def motion_point(
+    reference: ReferenceModes,
+    point: WorkingPoint,
+    state: DesignState,
+    friction: FrictionLaw,
+    band_hz: tuple[float, float],
+    tolerance: float,
+) -> MotionPoint:
+    """Bring a design to the reference's modes: nothing of the observation changes.
+
+    Its base state, q = 0, is its own steady sliding; it starts there.
+
+    Parameters
+    ----------
+    reference : ReferenceModes
+        Made with all component modes that the state changes.
+    point : WorkingPoint
+        Of `state`.
+    state : DesignState
+    friction : FrictionLaw
+    band_hz : (low, high)
+        Where unstable modes are followed.
+    tolerance : float
+        Damping ratio below minus which a mode counts as unstable.
+
+    Raises
+    ------
+    ParameterError
+        Damping of an assembly mode that the reference does not have.
+    """
+    system, operating = reference.system, state.operating
+    d, s = shape_terms(reference, state)
+    normal = system.area * point.pressure
+    drag = -system.area * system.frictional * operating.traction(point.pressure)
+    made = MotionPoint(
+        contact=operating.law,
+        friction=friction,
+        speed=operating.sliding_speed,
+        c=modal_damping_rates(reference, state),
+        d=d,
+        s=s,
+        gap=point.gap,
+        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        static_torque=float(-(system.radius @ drag)),
+    )
+    C, K = tangent(system, made, point, state)
+    return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
+
+
+def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:
+    """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s.
+
+    THEORY.md eq. (18). Modes and stiffness are those of the reference, for all design points.
+    """
+    zeta = np.full(reference.system.n, state.damping_ratio)
+    for mode, value in state.assembly_damping.items():
+        if mode > reference.n_exact:
+            raise ParameterError(
+                f"modes[{mode}].damping_ratio",
+                f"this basis has assembly modes 1 to {reference.n_exact}",
+            )
+        zeta[mode - 1] = value
+    rates: np.ndarray = zeta * reference.rates + state.stiffness_damping * reference.system.omega2
+    return np.maximum(rates, 0.0)
+
+
+def shape_terms(reference: ReferenceModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
+    """Damping [rad/s] and stiffness change [(rad/s)^2] of the system's shapes (m,)."""
+    omega, keys = reference.component_frequencies, reference.component_modes
+    dampers, changes = state.modal_dampers(omega), state.stiffness_changes(omega)
+    s = np.array([changes.get(key, 0.0) for key in keys])
+    d = np.array([dampers.get(key, 0.0) for key in keys]) + state.stiffness_damping * s
+    basis = state.damping_ratio * reference.coupling
+    return np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
+
+
+def tangent(
+    system: ModalSystem, design: MotionPoint, point: WorkingPoint, state: DesignState
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping and stiffness of the system linearised at the design's steady sliding (n, n)."""
+    contact = contact_weights(system, point, state.operating)
+    shapes = (0.0, 0.0) if design.d is None or design.s is None else (design.s, design.d)
+    weights = structure_weights(
+        (system.omega2, 0.0, shapes[0]),
+        contact._replace(normal=contact.normal - system.k_ref),  # which omega2 holds
+        (design.c, shapes[1]),
+    )
+    structure = ContactStructure(
+        mass=None,
+        elastic=None,
+        stiffness=system.omega2,
+        springs=None,
+        N=system.N,
+        T=system.T1,
+        T_perp=system.T2,
+        area=system.area,
+        frictional=system.frictional,
+        frequencies={},
+        places={},
+        shapes=system.shapes,
+    )
+    _, C, K = structure.system.matrices(weights)
+    return C, K
+
+
+def perturbed(
+    system: ModalSystem,
+    point: MotionPoint,
+    velocity: float,
+    modes: Sequence[int] = (),
+) -> MotionPoint:
+    """The point with a start whose largest velocity at a contact point is `velocity` [m/s].
+
+    Spread evenly over the followed complex modes, or over the real modes `modes` (from 1), which
+    start with a velocity and no displacement. The signs with which they meet are those of
+    `contact_sign`, not what an eigenvalue solver happens to give.
+    """
+    q0, v0 = np.zeros(system.n), np.zeros(system.n)
+    if velocity == 0.0:
+        return replace(point, q0=q0, v0=v0)
+    if modes:
+        for mode in modes:
+            one = np.eye(1, system.n, mode - 1)[0]
+            v0[mode - 1] = contact_sign(system, one) / contact_speed(system, one)
+    else:
+        for lam, right in zip(point.growing.lam, point.growing.right.T, strict=True):
+            # the phase at which the velocity is largest: the displacement is then small
+            x = right * np.exp(-0.5j * np.angle(np.sum((lam * right) ** 2)))
+            size = contact_sign(system, (lam * x).real) * contact_speed(system, lam * x)
+            q0 += x.real / size
+            v0 += (lam * x).real / size
+    factor = velocity / contact_speed(system, v0)
+    return replace(point, q0=factor * q0, v0=factor * v0)
+
+
+def contact_speed(system: ModalSystem, v: np.ndarray) -> float:
+    """Largest relative velocity at a contact point [m/s] of modal velocities v (n,)."""
+    parts = [np.abs(rows @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
+    return float(np.sqrt(np.max(sum(parts), initial=0.0))) or 1.0
+
+
+def contact_sign(system: ModalSystem, v: np.ndarray) -> float:
+    """Sign of the first relative velocity at a contact point above half of the largest, 1 or -1.
+
+    Gaps first, then sliding along and across: the same in any basis of the same modes.
+    """
+    y = np.concatenate([rows @ v for rows in (system.N, system.T1, system.T2)])
+    size = np.abs(y)
+    first = int(np.argmax(size >= 0.5 * size.max(initial=0.0))) if len(size) else 0
+    return -1.0 if len(y) and y[first] < 0 else 1.0

@@ -1,0 +1,260 @@
+"""Time integration of modal systems with contact and friction: run the kernels, name outcomes."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.integrator_state import BLOW_UP
+from squealstudy.kernels.newmark_batch import newmark_batch
+from squealstudy.kernels.newmark_layout import POINT_GAP
+from squealstudy.motion.arrays import (
+    kernel_settings,
+    modal_arrays,
+    observation,
+    saved_arrays,
+    work_arrays,
+)
+from squealstudy.motion.integrator import Integrator, KernelIntegrator
+from squealstudy.motion.motion import EnergyBalance, Motion
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+OUTCOMES = {
+    layout.RUNNING: "ok",  # so far
+    layout.DONE: "ok",
+    layout.NOT_CONVERGED: "not_converged",
+    layout.NOT_FINITE: "not_finite",
+    layout.SINGULAR: "singular_jacobian",
+    layout.BLOWN_UP: "blown_up",
+}
+REASONS = {
+    layout.DONE: "",
+    layout.NOT_CONVERGED: "the contact iteration did not converge",
+    layout.NOT_FINITE: "the forces are not finite",
+    layout.SINGULAR: "the Jacobian is singular",
+    layout.BLOWN_UP: "far more energy than was ever put in",
+}
+STORED = layout.HISTORY.index("stored")
+
+
+@dataclass(frozen=True)
+class Watch:
+    """When runs are looked at, and who says that they may stop.
+
+    Attributes
+    ----------
+    steps : sequence of int
+        Each design is looked at after so many steps, again and again; rounded up to saved rows.
+    judge : callable
+        Told the design's number and what it has done so far, its histories not copied; says why
+        the run may stop, or an empty string.
+    """
+
+    steps: Sequence[int]
+    judge: Callable[[int, Motion], str]
+
+
+class OneByOne(Integrator):
+    """An integrator that takes one design point after the other, to its end."""
+
+    @abstractmethod
+    def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
+        """Integrate a design point; a failure is an outcome."""
+
+
+def simulate(
+    system: ModalSystem,
+    designs: Sequence[MotionPoint],
+    settings: MotionSettings,
+    watch: Watch | None = None,
+) -> list[Motion]:
+    """Integrate design points; a failed one has an outcome and does not stop the others.
+
+    Parameters
+    ----------
+    system : ModalSystem
+    designs : sequence of MotionPoint
+        With their starts. Those of an integrator of the kernel advance together; each comes to
+        the same result alone.
+    settings : MotionSettings
+    watch : Watch or None
+        None lets all run to the end. Being looked at changes nothing, to the last bit; in a batch
+        a design rounds otherwise once fewer go on beside it.
+
+    Raises
+    ------
+    ParameterError
+        A watch over runs that save no rows, or steps that are not positive, or of an integrator
+        that cannot be looked at.
+    ModelError
+        A design whose arrays do not fit the system, or an initial state that is not finite.
+    """
+    integrator = settings.integrator
+    if isinstance(integrator, OneByOne):
+        if watch is not None:
+            raise ParameterError("integrator", f"runs of '{integrator.name}' go to their end")
+        return [integrator.run(system, design, settings) for design in designs]
+    if not designs:
+        return []
+    run = KernelRun.of(system, designs, settings)
+    counts = run.work.counts
+    blocks = _block_steps(watch, len(designs), settings)
+    stopped = [""] * len(designs)
+    counts[:, layout.PAUSE] = blocks
+    newmark_batch(*run.arguments)
+    while watch is not None and (at_pause := _paused(counts)):
+        for k in at_pause:
+            stopped[k] = watch.judge(k, run.motion(k, np.asarray))
+            if stopped[k]:
+                run.stop(k)
+            counts[k, layout.PAUSE] += blocks[k]
+        newmark_batch(*run.arguments)
+    return [_judged(system, replace(run.motion(k), stopped=why)) for k, why in enumerate(stopped)]
+
+
+@dataclass(frozen=True)
+class KernelRun:
+    """What a kernel gets for some design points, and what came of it.
+
+    Attributes
+    ----------
+    B : ndarray (nt, n, ROWS)
+        Tiles of the observation matrix.
+    modal, options, work, saved : newmark_layout tuples
+    system : ModalSystem
+    designs : sequence of MotionPoint
+    settings : MotionSettings
+        Those that they were made for.
+    """
+
+    B: np.ndarray
+    modal: layout.Modal
+    options: layout.Settings
+    work: layout.Work
+    saved: layout.Saved
+    system: ModalSystem
+    designs: Sequence[MotionPoint]
+    settings: MotionSettings
+
+    @staticmethod
+    def of(
+        system: ModalSystem, designs: Sequence[MotionPoint], settings: MotionSettings
+    ) -> KernelRun:
+        """The arrays at the start of a run, by an integrator of the kernel.
+
+        Raises
+        ------
+        ModelError
+            A design that does not fit the system.
+        """
+        integrator = settings.integrator
+        assert isinstance(integrator, KernelIntegrator)
+        starts = np.array([design.start(system.n) for design in designs])
+        modal, dense = modal_arrays(system, designs, settings, integrator)
+        options = kernel_settings(settings, integrator, dense)
+        B = observation(system, integrator.single_storage)
+        return KernelRun(
+            B=B,
+            modal=modal,
+            options=options,
+            work=work_arrays(modal, options, B, starts),
+            saved=saved_arrays(modal, system.n, settings),
+            system=system,
+            designs=designs,
+            settings=settings,
+        )
+
+    @property
+    def arguments(
+        self,
+    ) -> tuple[np.ndarray, layout.Modal, layout.Settings, layout.Work, layout.Saved]:
+        """The first arguments of kernels."""
+        return self.B, self.modal, self.options, self.work, self.saved
+
+    def stop(self, k: int) -> None:
+        """End design k where it is, its last step a saved row."""
+        rows = self.work.counts[k, layout.SAVED]
+        self.work.counts[k, layout.STATUS] = layout.DONE
+        self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, STORED]
+
+    def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = np.copy) -> Motion:
+        """What design k has done so far; `take` copies arrays or leaves them where they are."""
+        system, settings, saved = self.system, self.settings, self.saved
+        n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
+        count, real = self.work.counts[k], self.work.real[k]
+        status = int(count[layout.STATUS])
+        done = status in (layout.DONE, layout.RUNNING)
+        steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.max_halvings
+        time = float(steps * settings.step)
+        rows = int(count[layout.SAVED])
+        return Motion(
+            point=self.designs[k],
+            sensed=system.sensed,
+            omega=system.frequencies[system.sensed - 1],
+            outcome=OUTCOMES[status],
+            message="" if done else f"t = {time:.9g} s: {REASONS[status]}",
+            time=time,
+            q=take(self.work.x[k, layout.Q, :n]),
+            v=take(self.work.x[k, layout.V, :n]),
+            history={
+                name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)
+            },
+            displacement=take(saved.sensed[k, :rows, 0, :ns]),
+            velocity=take(saved.sensed[k, :rows, 1, :ns]),
+            q_history=take(saved.q[k, :rows]),
+            mean_iterations=float(count[layout.PASSES] / max(count[layout.STEP], 1)),
+            max_iterations=int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),
+            halvings=int(count[layout.HALVINGS]),
+            newton_steps=int(count[layout.NEWTON_STEPS]),
+            contraction=float(real[layout.CONTRACTION]),
+            energy=EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL])),
+            steps=int(count[layout.STEP]),
+        )
+
+
+def _block_steps(watch: Watch | None, count: int, settings: MotionSettings) -> np.ndarray:
+    """Steps between pauses of each design (count,): whole saved rows, or the whole run."""
+    if watch is None:
+        return np.full(count, settings.n_steps)
+    if settings.save_every == 0:
+        raise ParameterError("save_every", "a watch looks at saved rows, got 0")
+    steps = np.asarray(watch.steps, dtype=np.int64)
+    if steps.shape != (count,) or steps.min() < 1:
+        raise ParameterError("steps", "a watch needs a positive number of steps for each design")
+    return -(-steps // settings.save_every) * settings.save_every
+
+
+def _paused(counts: np.ndarray) -> list[int]:
+    """Designs that run and are at their pause."""
+    here = counts[:, layout.STEP] == counts[:, layout.PAUSE]
+    return [int(k) for k in np.flatnonzero(here & (counts[:, layout.STATUS] == layout.RUNNING))]
+
+
+def _judged(system: ModalSystem, motion: Motion) -> Motion:
+    """The motion, with its outcome and message where it blew up."""
+    if not blown_up(motion, system):
+        return motion
+    message = f"t = {motion.time:.9g} s: {REASONS[layout.BLOWN_UP]}"
+    return replace(motion, outcome=OUTCOMES[layout.BLOWN_UP], message=message, stopped="")
+
+
+def blown_up(motion: Motion, system: ModalSystem) -> bool:
+    """Whether energy came from nowhere: a step that impacts do not forgive.
+
+    Put in are the work of loads and belt, the initial motion and what the contact had stored; what
+    was dissipated came out as well, as the kernels balance their energies.
+    """
+    design, energy = motion.point, motion.energy
+    q0, v0 = design.start(system.n)
+    p, kappa = design.contact.evaluate(design.points(system)[POINT_GAP] + system.N @ q0)
+    soft = np.divide(p, kappa, out=np.zeros_like(p), where=kappa > 0)
+    put_in = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
+    put_in += 0.5 * float(v0 @ v0 + system.omega2 @ (q0 * q0)) + float(system.area @ (p * soft))
+    came_out = energy.stored_end + energy.friction + energy.damping
+    return bool(motion.outcome == "ok" and came_out > BLOW_UP * put_in)

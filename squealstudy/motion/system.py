@@ -1,0 +1,214 @@
+"""Modal systems with contact and friction, and the design points on them.
+
+In coordinates that diagonalise the system at a reference working point, M = I
+(THEORY.md eq. (62))::
+
+    q'' + C q' + K q = load + N^T (A p(g) - rn_ref) + T1^T (t1 - t1_ref) + T2^T (t2 - t2_ref)
+    g = gap + N q,    w = (speed + T1 q', T2 q')
+    K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + U^T diag(d) U
+
+with q the deviation from a base state (gap, rn_ref, t_ref): the system's, or a design point's own,
+which makes q = 0 its steady sliding. Load, law, friction, speed, damping and base belong to a
+design point; they may all change against one reference. `k_ref` stays the system's: it is the
+tangent taken into `omega2`, wherever the base is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.laws import ContactLaw, FrictionLaw
+from squealstudy.motion.growing_modes import GrowingModes, none_growing
+
+if TYPE_CHECKING:
+    from squealstudy.reduction.hybrid import HybridModel
+
+STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
+CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
+
+
+@dataclass(frozen=True)
+class ModalSystem:
+    """What the design points share; arrays are checked once.
+
+    Parameters
+    ----------
+    omega2 : ndarray (n,)
+        Diagonal stiffness at the reference, contact tangent included, (rad/s)^2.
+    N, T1, T2 : ndarray (nc, n)
+        Gap, displacement along and across the sliding direction.
+    area, frictional, radius : ndarray (nc,)
+        m2; factor on friction (1 or 0); arm of the torque, m.
+    gap : ndarray (nc,)
+        At the reference, m.
+    k_ref : ndarray (nc,)
+        Contact tangent inside `omega2`, N/m.
+    force : ndarray (nc, 3)
+        Normal and friction forces of the reference state, N; zero where the loads of the design
+        points are meant to balance them.
+    shapes : ndarray (m, n)
+        Rows U that design points damp (d) or stiffen (s).
+    sensed : ndarray (ns,) of int
+        Modes (from 1) whose displacements and velocities are kept in the histories.
+
+    Raises
+    ------
+    ModelError
+        Shapes that contradict each other, or values that are not finite.
+    """
+
+    omega2: np.ndarray
+    N: np.ndarray
+    T1: np.ndarray
+    T2: np.ndarray
+    area: np.ndarray
+    frictional: np.ndarray
+    radius: np.ndarray
+    gap: np.ndarray
+    k_ref: np.ndarray
+    force: np.ndarray
+    shapes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    sensed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+    def __post_init__(self) -> None:
+        nc, n = np.shape(self.N)
+        if not self.shapes.size:
+            object.__setattr__(self, "shapes", np.zeros((0, n)))
+        wanted = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
+        wanted |= dict.fromkeys(("area", "frictional", "radius", "gap", "k_ref"), (nc,))
+        wanted |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
+        for name, shape in {"N": (nc, n), **wanted}.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise ModelError(f"modal system: '{name}' has shape {value.shape}, not {shape}")
+            if not np.isfinite(value).all():
+                raise ModelError(f"modal system: '{name}' has values that are not finite")
+        if len(self.sensed) and not 1 <= self.sensed.min() <= self.sensed.max() <= n:
+            raise ModelError(f"modal system: 'sensed' needs modes from 1 to {n}")
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return int(self.N.shape[1])
+
+    @cached_property
+    def tiles(self) -> dict[type[np.floating], np.ndarray]:
+        """The observation matrix by precision; `observation` puts it here when needed."""
+        return {}
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Of the modes (n,), rad/s; 0 where the stiffness is negative."""
+        omega: np.ndarray = np.sqrt(np.maximum(self.omega2, 0.0))
+        return omega
+
+
+@dataclass(frozen=True)
+class MotionPoint:
+    """One design point on a modal or a hybrid system: laws, base state, damping, start.
+
+    Parameters
+    ----------
+    contact : ContactLaw
+    friction : FrictionLaw
+    speed : float
+        Imposed sliding velocity along T1, m/s.
+    c : ndarray (n,)
+        Modal damping 2 zeta omega, 1/s; on a hybrid system of its real modes (m,).
+    load : ndarray (n,) or None
+        Modal load beyond that of the reference state.
+    d, s : ndarray (m,) or None
+        Damping [1/s] and stiffness [1/s2] of the system's shapes.
+    gap : ndarray (nc,) or None
+        At the design's own base state, m; None for the system's.
+    force : ndarray (nc, 3) or None
+        Normal and friction forces that the base balances, N; None for the system's.
+    q0, v0 : ndarray (n,) or None
+        Initial deviation from the base state and velocity; None for none.
+    continued : bool
+        The start is the end of an earlier run; otherwise its energy is that of a perturbation.
+    beta : float
+        Of a hybrid system: stiffness-proportional damping of all that is no real mode, s.
+    static_torque : float
+        Of the base state, N m.
+    growing : GrowingModes
+        Complex modes of the system linearised at the base state, through which runs are watched.
+    """
+
+    contact: ContactLaw
+    friction: FrictionLaw
+    speed: float
+    c: np.ndarray
+    load: np.ndarray | None = None
+    d: np.ndarray | None = None
+    s: np.ndarray | None = None
+    gap: np.ndarray | None = None
+    force: np.ndarray | None = None
+    q0: np.ndarray | None = None
+    v0: np.ndarray | None = None
+    continued: bool = False
+    beta: float = 0.0
+    static_torque: float = 0.0
+    growing: GrowingModes = field(default_factory=none_growing)
+
+    def start(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Initial deviation and velocity (n,).
+
+        Raises
+        ------
+        ModelError
+            One of another size, or not finite.
+        """
+        found = [
+            np.zeros(n) if x is None else np.asarray(x, dtype=float) for x in (self.q0, self.v0)
+        ]
+        if any(x.shape != (n,) or not np.isfinite(x).all() for x in found):
+            raise ModelError(f"an initial state needs {n} finite values")
+        return found[0], found[1]
+
+    def base(self, system: ModalSystem | HybridModel) -> tuple[np.ndarray, np.ndarray]:
+        """Gap (nc,) and forces (nc, 3) of the base state.
+
+        Raises
+        ------
+        ModelError
+            Of the wrong shape, or with values that are not finite.
+        """
+        gap = system.gap if self.gap is None else np.asarray(self.gap, dtype=float)
+        force = system.force if self.force is None else np.asarray(self.force, dtype=float)
+        if gap.shape != system.gap.shape or force.shape != system.force.shape:
+            raise ModelError(f"design point: 'gap', 'force' need {len(system.gap)} points")
+        if not (np.isfinite(gap).all() and np.isfinite(force).all()):
+            raise ModelError("design point: 'gap' or 'force' has values that are not finite")
+        return gap, force
+
+    def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
+        """Contact points (8, nc) for the kernels, at the base state."""
+        gap, force = self.base(system)
+        columns = (gap, system.area, system.frictional, system.radius, system.k_ref)
+        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
+
+
+def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:
+    """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
+
+    The whole chain of `simulate` is meant for numbers up to `STICK_LIMIT`; the largest step for a
+    number x is ``step * x / stick_number(...)``.
+    """
+    weight = np.sqrt(design.friction.k_t * system.area * (system.frictional > 0))
+    T = np.concatenate([weight[:, None] * system.T1, weight[:, None] * system.T2])
+    small = T @ T.T if len(T) < system.n else T.T @ T
+    return float(0.5 * step * max(np.linalg.eigvalsh(small)[-1], 0.0)) if small.size else 0.0
+
+
+def closing_number(contact: ContactLaw, velocity: float, step: float) -> float:
+    """Closing rate times h v: closing at `velocity` [m/s], a contact stiffens by e to this a step.
+
+    Impacts beyond `CLOSING_LIMIT` are not resolved in time. 0 for laws that have no such rate.
+    """
+    return contact.closing_rate * step * velocity

@@ -1,0 +1,118 @@
+"""Compile the time-integration kernels once, into the cache on disk, before workers start."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from squealstudy.extensions import extension_files
+from squealstudy.kernels.jit import compiled_directory
+from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+if sys.platform != "win32":
+    import fcntl
+
+
+_begun: list[subprocess.Popen[bytes]] = []
+
+
+def begin_warming(single_storage: bool = False) -> None:
+    """Let a process of its own do what `warm_kernels` does, which then waits for it.
+
+    Nothing where there are compiled kernels already: a process takes longer to start than they
+    take to load.
+    """
+    if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
+        return
+    files = [str(path) for path in extension_files()]
+    read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
+    call = f"{read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
+    nothing = subprocess.DEVNULL
+    _begun.append(
+        subprocess.Popen(
+            [sys.executable, "-c", call],
+            stdin=nothing,
+            stdout=nothing,
+            stderr=nothing,
+        )
+    )
+
+
+def warm_kernels(single_storage: bool = False) -> float:
+    """Compile the kernel, or load it from the cache; seconds it took.
+
+    Parameters
+    ----------
+    single_storage : bool
+        Also that for an observation matrix in single precision.
+
+    Notes
+    -----
+    One process at a time: numba writes its files atomically, but two processes that compile for
+    different types at once may both take the same file name.
+    """
+    began = time.perf_counter()
+    while _begun:
+        _begun.pop().wait()
+    system, design = smallest()
+    with alone(), uncollected():
+        for stored in (False, True) if single_storage else (False,):
+            method = Newmark(single_storage=stored)
+            settings = MotionSettings(duration=2e-6, step=1e-6, save_every=1, integrator=method)
+            simulate(system, [design], settings)
+    return time.perf_counter() - began
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Without garbage collection: that is a seventh of compiling, which leaves little garbage."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@contextmanager
+def alone(path: Path | None = None) -> Iterator[None]:
+    """Hold a lock file, that of the compiled kernels if None; a process that dies lets it go."""
+    path = path or compiled_directory() / "warmup.lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w") as lock:
+        if sys.platform != "win32":
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def smallest() -> tuple[ModalSystem, MotionPoint]:
+    """One mode under one sliding point."""
+    one, row = np.ones(1), np.ones((1, 1))
+    system = ModalSystem(
+        omega2=one,
+        N=row,
+        T1=row,
+        T2=row,
+        area=one,
+        frictional=one,
+        radius=one,
+        gap=0 * one,
+        k_ref=one,
+        force=np.zeros((1, 3)),
+        sensed=np.array([1]),
+    )
+    law = contact_law("exponential", p0=1.0, lam=1.0)
+    return system, MotionPoint(law, FrictionLaw(0.5, 1.0), 1.0, one)

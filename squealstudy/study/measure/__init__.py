@@ -1,1 +1,0 @@
-"""What a method finds at chosen design points of a study, and what that costs."""

@@ -1,0 +1,121 @@
+"""The complete map of a boundary design: every node of its full grid, solved or not."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.errors import ResultsError
+from squealstudy.tables.mode_ranking import point_codes, unstable_groups
+from squealstudy.tables.stability import is_uncertain
+
+FILLED = "~"  # between the id of the point that stands for a node and the node's number
+
+
+def full_points(
+    points: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
+) -> tuple[pd.DataFrame, np.ndarray]:
+    """The points table on the full grid, the first parameter varying fastest.
+
+    A node that was not solved is the nearest corner of the cell it lies in, with its own parameter
+    values and that corner's `point_id`: all known nodes of such a cell agree in what is unstable.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of a study with a boundary design.
+    axes : mapping of parameter -> values
+        Of the full grid.
+    levels : int
+        How often a cell of the coarse grid may have been halved.
+
+    Returns
+    -------
+    table : DataFrame (n_nodes,)
+    solved : ndarray (n_nodes,) of bool
+        The nodes that are points of the study.
+
+    Raises
+    ------
+    ResultsError
+        Where the points are no such design.
+    """
+    rows = _node_rows(points, axes)
+    owner = _owners(rows, 2**levels)
+    table = points.iloc[owner.ravel(order="F")].reset_index(drop=True)
+    grids = np.meshgrid(*axes.values(), indexing="ij")
+    values = {n: g.ravel(order="F") for n, g in zip(axes, grids, strict=True)}
+    return table.assign(**values), rows.ravel(order="F") >= 0
+
+
+def full_tables(
+    points: pd.DataFrame, modes: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Both tables on the full grid, for a ranking: ids are unique, stable tracks are left out.
+
+    Modes that may be unstable are not.
+    """
+    table = full_points(points, axes, levels)[0]
+    group = unstable_groups(modes)
+    track = modes["track"].to_numpy()
+    kept = (group != 0) | np.isin(track, group[group > 0]) | is_uncertain(modes)
+    rows = np.flatnonzero(kept)
+    code = point_codes(points, modes)[rows]
+    rows, code = (a[np.argsort(code, kind="stable")] for a in (rows, code))
+    owner = pd.Index(points["point_id"]).get_indexer(pd.Index(table["point_id"]))
+    first, last = (np.searchsorted(code, owner, side=s) for s in ("left", "right"))
+    count = last - first
+    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    chosen = rows[np.repeat(first, count) + place]
+    repeated = table["point_id"].duplicated().to_numpy()
+    number = np.arange(len(table)).astype(str)
+    ids = table["point_id"].to_numpy(dtype=object)
+    ids = np.where(repeated, ids + FILLED + number, ids)
+    spread = modes.iloc[chosen].assign(point_id=np.repeat(ids, count))
+    return table.assign(point_id=ids), spread.reset_index(drop=True)
+
+
+def _node_rows(points: pd.DataFrame, axes: Mapping[str, Sequence[float]]) -> np.ndarray:
+    """Row in `points` of each node of the full grid, -1 where it was not solved."""
+    rows = np.full([len(values) for values in axes.values()], -1)
+    places = []
+    for name, values in axes.items():
+        place = pd.Index(values).get_indexer(pd.Index(points[name]))
+        if (place < 0).any():
+            raise ResultsError(f"the points table has values of '{name}' that are not on the map")
+        places.append(place)
+    rows[tuple(places)] = np.arange(len(points))
+    return rows
+
+
+def _owners(rows: np.ndarray, stride: int) -> np.ndarray:
+    """`rows` with every node filled, by the smallest cell that it lies in."""
+    leaves = sorted(_leaves(rows, stride), key=lambda leaf: leaf[1])
+    owner = rows.copy()
+    for corner, size in leaves:
+        box = tuple(slice(c, c + size + 1) for c in corner)
+        near = np.where(2 * np.arange(size + 1) > size, size, 0)
+        nearest = rows[np.ix_(*(c + near for c in corner))]
+        if (nearest < 0).any():
+            raise ResultsError("the points table lacks corners of cells of its map")
+        owner[box] = np.where(owner[box] < 0, nearest, owner[box])
+    return owner
+
+
+def _leaves(rows: np.ndarray, stride: int) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Lowest node and stride of each cell that was not halved: its middle was not solved."""
+    pending = [
+        (corner, stride)
+        for corner in itertools.product(*(range(0, n - 1, stride) for n in rows.shape))
+    ]
+    while pending:
+        corner, size = pending.pop()
+        half = size // 2
+        if size == 1 or rows[tuple(c + half for c in corner)] < 0:
+            yield corner, size
+            continue
+        shifts = itertools.product((0, half), repeat=len(corner))
+        pending += [(tuple(c + s for c, s in zip(corner, t, strict=True)), half) for t in shifts]

@@ -1,0 +1,218 @@
+"""Predicted instabilities of the frequency domain beside what they do in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.errors import ResultsError
+from squealstudy.root_pairs import partners
+from squealstudy.tables.mode_ranking import DIVERGENCE, unstable_groups
+from squealstudy.wording import LEVELLED
+
+FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
+SAME = 1e-6  # relative, between values of a parameter
+STABLE = "stable"
+OPEN = ("growing", "undecided")  # classes that do not tell yet what remains
+NAMED = 8  # values of a parameter that a message lists
+BOTH, FREQUENCY, TIME = "both", "frequency", "time"  # kinds of rows: who predicts an instability
+VIBRATION, UNFOLLOWED = "vibration", "unfollowed"
+COLUMNS = (
+    {"kind": "str", "track": "int64", "frequency_hz": "f8", "growth_rate": "f8"}
+    | {"predicted_frequency_hz": "f8", "predicted_growth_rate": "f8", "fitted_growth_rate": "f8"}
+    | {"low": "f8", "high": "f8", "deviation": "f8", "level_share": "f8"}
+    | {"expressed": "boolean", "class": "str", "dominant_frequency_hz": "f8", "torque_rms": "f8"}
+    | {"freq_point_id": "str", "time_point_id": "str"}
+)
+OF_THE_RUN = ("class", "dominant_frequency_hz", "torque_rms")
+
+
+def compare(
+    freq_points: pd.DataFrame,
+    freq_modes: pd.DataFrame,
+    time_points: pd.DataFrame,
+    growth: pd.DataFrame,
+    freq_parameters: Sequence[str],
+    time_parameters: Sequence[str],
+    nominal: Mapping[str, float],
+) -> pd.DataFrame:
+    """Rows of each design point that both studies have: what is predicted, and what vibrates.
+
+    Points join where all parameters in both lists are equal, and each parameter that only one
+    study has is at the value at which the other study ran.
+
+    Parameters
+    ----------
+    freq_points, freq_modes : DataFrame
+        Tables of a complex-mode study.
+    time_points, growth : DataFrame
+        Tables of a transient study.
+    freq_parameters, time_parameters : sequence of str
+        Parameter columns of the points tables.
+    nominal : mapping of parameter -> value
+        For each parameter of one study alone, its value in the other.
+
+    Returns
+    -------
+    DataFrame
+        The parameters of both studies, then COLUMNS. `kind` says who has the row:
+
+        "both": the frequency study predicts an instability, and the complex modes of the time
+        study's own model have one within FREQUENCY_TOLERANCE. "frequency", "time": one of them
+        alone. "vibration": a run that vibrates (classes limit_cycle, irregular) though no
+        predicted instability has its energy, or one that grows or is undecided where none is
+        predicted; `track` is 0 there, and only the columns of the run are known. "unfollowed": the
+        same, where the time study's model has unstable modes that the run does not follow (above
+        the band, or too many), so that they may have the energy.
+
+        `track` is that of the frequency study: DIVERGENCE and UNTRACKED of `mode_ranking` for an
+        overdamped unstable root and a mode without a track, 0 where the frequency study has none.
+        `frequency_hz` [Hz] (|lambda|/2 pi) and `growth_rate` [1/s] are the frequency study's,
+        `predicted_...` those of the time study's own complex mode, beside its fitted growth with
+        95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is the share of the
+        sustained vibration's energy (`analysis.runs.complex_shares`), `expressed` whether it is a
+        twentieth or more: missing where the run does not tell. `class`, `dominant_frequency_hz`
+        [Hz] and `torque_rms` are those of the run.
+
+        `attrs` counts what is compared: ``points``, of them ``failed_frequency`` (left out) and
+        ``failed_time``.
+
+    Raises
+    ------
+    ResultsError
+        Where no design points join, or those that do failed in the frequency study.
+    """
+    joined = _join(freq_points, time_points, freq_parameters, time_parameters, nominal)
+    group = unstable_groups(freq_modes)
+    unstable = freq_modes.assign(track=group)[group != 0]
+    solved = [(f, t) for f, t in joined if freq_points["status"].iloc[f] == "ok"]
+    if not solved:
+        raise ResultsError("every design point that both studies have failed in the frequency one")
+    names = list(dict.fromkeys([*time_parameters, *freq_parameters]))
+    rows = []
+    for f, t in solved:
+        time, frequency = time_points.iloc[t], freq_points.iloc[f]
+        design = {n: float((time if n in time_parameters else frequency)[n]) for n in names}
+        predicted = unstable[(unstable["point_id"] == frequency["point_id"]).to_numpy()]
+        own = growth[(growth["point_id"] == time["point_id"]).to_numpy()]
+        own = own[own["unstable"].to_numpy(bool)]
+        ids = {"freq_point_id": frequency["point_id"], "time_point_id": time["point_id"]}
+        found = design | ids | {name: time[name] for name in OF_THE_RUN}
+        instabilities = list(_instabilities(predicted, own))
+        rows += [found | row for row in [*instabilities, *_vibration(time, own, instabilities)]]
+    table = pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
+    table["deviation"] = table["fitted_growth_rate"] / table["growth_rate"] - 1.0
+    told = table["class"].isin([*LEVELLED, STABLE])
+    table["expressed"] = table["expressed"].where(told)
+    table.attrs = {
+        "points": len(joined),
+        "failed_frequency": len(joined) - len(solved),
+        "failed_time": sum(time_points["status"].iloc[t] != "ok" for _, t in solved),
+    }
+    return table
+
+
+def _vibration(
+    run: pd.Series, own: pd.DataFrame, instabilities: Sequence[Mapping[str, object]]
+) -> list[dict[str, object]]:
+    """A row for a run whose motion no predicted instability explains, or none."""
+    explained = any(row.get("expressed") is True for row in instabilities)
+    unexplained = run["class"] in LEVELLED and not explained
+    unforeseen = run["class"] in OPEN and not instabilities
+    if not (unexplained or unforeseen):
+        return []
+    known = int(run["n_unstable"]) + int(run.get("n_unstable_above", 0)) <= len(own)
+    return [{"kind": VIBRATION if known else UNFOLLOWED, "track": 0}]
+
+
+def _join(
+    freq_points: pd.DataFrame,
+    time_points: pd.DataFrame,
+    freq_parameters: Sequence[str],
+    time_parameters: Sequence[str],
+    nominal: Mapping[str, float],
+) -> list[tuple[int, int]]:
+    """Rows of both points tables that are one design, in the order of the time study."""
+    shared = [n for n in freq_parameters if n in time_parameters]
+    pairs = []
+    here = np.logical_and.reduce(
+        [np.ones(len(freq_points), dtype=bool)]
+        + [_equal(freq_points[n], nominal[n]) for n in freq_parameters if n not in shared]
+    )
+    there = np.logical_and.reduce(
+        [np.ones(len(time_points), dtype=bool)]
+        + [_equal(time_points[n], nominal[n]) for n in time_parameters if n not in shared]
+    )
+    for t in np.flatnonzero(there):
+        same = [_equal(freq_points[n], float(time_points[n].iloc[t])) for n in shared]
+        match = np.flatnonzero(np.logical_and.reduce([here, *same]))
+        pairs += [(int(match[0]), int(t))] if len(match) else []
+    if not pairs:
+        raise ResultsError(
+            "the two studies have no design point in common; frequency study: "
+            f"{_values(freq_points, freq_parameters)}; time study: "
+            f"{_values(time_points, time_parameters)}"
+            + _nominal_text(freq_parameters, time_parameters, nominal)
+        )
+    return pairs
+
+
+def _equal(values: pd.Series, value: float) -> np.ndarray:
+    same: np.ndarray = np.isclose(values.to_numpy(dtype=float), value, rtol=SAME, atol=0.0)
+    return same
+
+
+def _values(points: pd.DataFrame, names: Sequence[str]) -> str:
+    """The parameters with their values, in one line."""
+    texts = []
+    for name in names:
+        values = np.unique(points[name].to_numpy(dtype=float))
+        listed = ", ".join(f"{v:g}" for v in values[:NAMED])
+        texts.append(f"{name} = {listed}" + (", ..." if len(values) > NAMED else ""))
+    return "; ".join(texts) or "no parameters"
+
+
+def _nominal_text(
+    freq_parameters: Sequence[str], time_parameters: Sequence[str], nominal: Mapping[str, float]
+) -> str:
+    alone = sorted(set(freq_parameters) ^ set(time_parameters))
+    listed = ", ".join(f"{name} = {nominal[name]:g}" for name in alone)
+    return f"; what only one of them has must be {listed}" if alone else ""
+
+
+def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Rows of one design point: the frequency study's by growth, then those of time alone."""
+    predicted = predicted.sort_values("growth_rate", ascending=False, kind="stable")
+    wanted = predicted["frequency_hz"].mask(predicted["track"] == DIVERGENCE).to_numpy(dtype=float)
+    partner = _partners(wanted, own["frequency_hz"].to_numpy(dtype=float))
+    for row, match in zip(predicted.to_dict("records"), partner, strict=True):
+        columns = {n: row[n] for n in ("track", "frequency_hz", "growth_rate")}
+        if match < 0:
+            yield {"kind": FREQUENCY} | columns
+            continue
+        yield {"kind": BOTH} | columns | _in_time(own.iloc[match])
+    for k in np.setdiff1d(np.arange(len(own)), partner):
+        yield {"kind": TIME, "track": 0} | _in_time(own.iloc[k])
+
+
+def _in_time(row: pd.Series) -> dict[str, object]:
+    return {
+        "predicted_frequency_hz": row["frequency_hz"],
+        "predicted_growth_rate": row["growth_rate"],
+        "fitted_growth_rate": row["fitted_growth_rate"],
+        "low": row["fitted_low"],
+        "high": row["fitted_high"],
+        "level_share": row["level_share"],
+        "expressed": None if pd.isna(row["expressed"]) else bool(row["expressed"]),
+    }
+
+
+def _partners(wanted: np.ndarray, available: np.ndarray) -> np.ndarray:
+    """Index into `available` (m,) of the mode nearest to each of `wanted` (n,), -1 for none.
+
+    None is used twice; none for NaN, as of a mode that does not oscillate.
+    """
+    distance = np.abs(available[None, :] / wanted[:, None] - 1.0)
+    return partners(np.nan_to_num(distance, nan=np.inf), FREQUENCY_TOLERANCE)

@@ -1,0 +1,184 @@
+"""Errors of what a method found at a design point against what a reference found there.
+
+Findings are plain data: of complex modes ``roots`` (m, 2) and perhaps an ``onset`` with bounds, of
+a run in time ``values`` with bounds, ``energy_share`` by mode and ``class``. Every error has
+bounds: where both have intervals, the smallest and largest distance between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from squealstudy.root_pairs import partners
+from squealstudy.wording import LEVELLED, UNDECIDED
+
+LIGHT = 0.05  # damping ratio of the modes that are judged
+PAIRED = 0.05  # relative distance within which two roots are one mode
+CLEARLY = 1e-4  # damping ratio beyond which a mode is unstable, or stable, for certain
+QUIET = 1e-3  # of the static torque: levels below are compared on this scale
+SLOW = 1.0  # 1/s: growth rates below are compared on this scale
+EARLY = 1e-2  # of the searched range: onsets below are compared on this scale
+FAINT = 1e-3  # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
+COMPARED = (*LEVELLED, UNDECIDED)  # classes whose levels over the same time say something
+
+
+class FoundError(NamedTuple):
+    """One quantity of one mode or run: what was found, the truth, and the error with bounds.
+
+    Errors are relative, but those of damping ratios and energy shares. `chance` is what the 95 %
+    intervals of both explain, root of the sum of squares of their half-widths: values of a smaller
+    error agree within their bounds; 0 where there are none.
+    """
+
+    quantity: str
+    mode: int
+    value: float
+    truth: float
+    error: float
+    low: float
+    high: float
+    chance: float = 0.0
+
+
+class Miscount(NamedTuple):
+    """Unstable modes of the reference that were missed, and stable ones taken for unstable."""
+
+    missed: int
+    spurious: int
+
+
+def root_errors(
+    found: Mapping[str, Any], truth: Mapping[str, Any]
+) -> tuple[list[FoundError], Miscount]:
+    """Errors of the light modes of a design point; of the unstable ones under names of their own.
+
+    Modes are paired by their distance in the complex plane, one to one.
+    """
+    lam, ref = _roots(found), _roots(truth)
+    light = ref[ref.real > -LIGHT * np.abs(ref)]  # the unstable ones too, however fast they grow
+    partner = _paired(light, lam)
+    errors: list[FoundError] = []
+    missed = 0
+    for k, root in enumerate(light):
+        zeta = -root.real / abs(root)
+        own = partner[k]
+        if own < 0 or (zeta < -CLEARLY and lam[own].real <= 0):
+            missed += zeta < -CLEARLY
+        errors += _mode_errors(k + 1, lam[own], root) if own >= 0 else _lost(k + 1, root)
+    taken = set(partner.tolist())
+    clearly = lam.real > CLEARLY * np.abs(lam)
+    spurious = sum(j not in taken for j in np.flatnonzero(clearly))
+    stable = [k for k, r in enumerate(light) if r.real <= 0 and partner[k] >= 0]
+    spurious += sum(bool(clearly[partner[k]]) for k in stable)
+    return errors, Miscount(int(missed), int(spurious))
+
+
+def _roots(finding: Mapping[str, Any]) -> np.ndarray:
+    pairs = np.array(finding["roots"], dtype=float).reshape(-1, 2)
+    lam: np.ndarray = pairs[:, 0] + 1j * pairs[:, 1]
+    return lam
+
+
+def _paired(light: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """For each light root the position of its partner, -1 without one."""
+    return partners(np.abs(light[:, None] - lam[None, :]) / np.abs(light)[:, None], PAIRED)
+
+
+def _lost(mode: int, root: complex) -> Iterator[FoundError]:
+    """A mode that has no partner is wrong by what pairs may differ, at least."""
+    values = {"frequency": abs(root) / (2 * np.pi), "damping_ratio": -root.real / abs(root)}
+    for name, truth in values.items():
+        yield FoundError(name, mode, np.nan, float(truth), *[PAIRED] * 3)
+
+
+def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]:
+    f, f_ref = abs(lam) / (2 * np.pi), abs(root) / (2 * np.pi)
+    zeta, zeta_ref = -lam.real / abs(lam), -root.real / abs(root)
+    pairs = [
+        ("frequency", f, f_ref, abs(f / f_ref - 1)),
+        ("damping_ratio", zeta, zeta_ref, abs(zeta - zeta_ref)),
+    ]
+    if zeta_ref < -CLEARLY:
+        pairs += [(f"unstable_{name}", x, ref, error) for name, x, ref, error in pairs]
+        scale = max(abs(root.real), SLOW)
+        pairs += [("growth_rate", lam.real, root.real, abs(lam.real - root.real) / scale)]
+    for name, value, truth, error in pairs:
+        yield FoundError(name, mode, float(value), float(truth), *[float(error)] * 3)
+
+
+def onset_errors(
+    found: Mapping[str, Any], truth: Mapping[str, Any]
+) -> tuple[list[FoundError], Miscount]:
+    """Relative error of the onset of instability; nothing where none was sought.
+
+    An onset that only the reference has is missed, one that it does not have is spurious.
+    """
+    if "onset" not in truth:
+        return [], Miscount(0, 0)
+    own, ref = found["onset"], truth["onset"]
+    if own[0] is None or ref[0] is None:
+        return [], Miscount(int(ref[0] is not None), int(own[0] is not None))
+    error = _interval_error("onset", own, ref, EARLY * truth["onset_range"])
+    return [error] if error is not None else [], Miscount(0, 0)
+
+
+def run_errors(
+    found: Mapping[str, Any], truth: Mapping[str, Any]
+) -> tuple[list[FoundError], Miscount]:
+    """Errors of a run; a run that squeals where the reference does not, or conversely, counts.
+
+    Lines in the spectrum are compared where both vibrate, levels where the reference has one: a
+    run that still grows has none.
+    """
+    level = QUIET * abs(truth["torque_static"])
+    slow = max(SLOW, FAINT * 2 * np.pi * truth["predicted_frequency_hz"])
+    scales = {"growth_rate": slow, "torque_rms": level, "torque_mean": level}
+    loud, loud_ref = (_upper(f, "torque_rms") > level for f in (found, truth))
+    left_out: tuple[str, ...] = () if loud and loud_ref else ("dominant_frequency",)
+    left_out += () if truth["class"] in COMPARED else ("torque_rms",)
+    errors = []
+    for name, numbers in truth["values"].items():
+        if name in left_out:
+            continue
+        error = _interval_error(name, found["values"][name], numbers, scales.get(name, 0.0))
+        errors += [error] if error is not None else []
+    if loud and loud_ref and truth["class"] in COMPARED:
+        errors += _share_errors(found["energy_share"], truth["energy_share"])
+    return errors, Miscount(int(loud_ref and not loud), int(loud and not loud_ref))
+
+
+def _upper(finding: Mapping[str, Any], name: str) -> float:
+    value = finding["values"][name][0]
+    return 0.0 if value is None else abs(value)
+
+
+def _interval_error(
+    name: str, found: list[float | None], truth: list[float | None], scale: float
+) -> FoundError | None:
+    """Relative error of a value, all of it where only the truth is known; None without one."""
+    if truth[0] is None:
+        return None
+    if found[0] is None:
+        return FoundError(name, 0, np.nan, truth[0], 1.0, 1.0, 1.0)
+    value, ref = found[0], truth[0]
+    low, high = (value if x is None else x for x in found[1:])
+    ref_low, ref_high = (ref if x is None else x for x in truth[1:])
+    size = max(abs(ref), scale)
+    size = size if size > 0 else 1.0
+    nearest = max(0.0, low - ref_high, ref_low - high) / size
+    farthest = max(high - ref_low, ref_high - low) / size
+    chance = float(np.hypot(high - low, ref_high - ref_low)) / 2 / size
+    return FoundError(name, 0, value, ref, abs(value - ref) / size, nearest, farthest, chance)
+
+
+def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:
+    """Differences of energy shares of all modes that either hears."""
+    errors = []
+    for mode in sorted({*found, *truth}, key=int):
+        value, ref = found.get(mode, 0.0), truth.get(mode, 0.0)
+        error = abs(value - ref)
+        errors.append(FoundError("energy_share", int(mode), value, ref, error, error, error))
+    return errors

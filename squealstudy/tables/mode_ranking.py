@@ -1,0 +1,376 @@
+"""Which modes are unstable, over how much of the study, how strongly, from which value on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Mapping
+from keyword import iskeyword
+from tokenize import TokenError
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.errors import ResultsError
+from squealstudy.tables.crossings import (
+    BELOW_RANGE,
+    BRACKETED,
+    CROSSING,
+    INTO,
+    line_crossings,
+)
+from squealstudy.tables.stability import unstable_bounds
+from squealstudy.wording import in_digits
+
+HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
+FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
+REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
+RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
+# in place of a track number: overdamped roots together; modes without a track in groups of near
+# frequency, numbered downwards in ascending frequency
+DIVERGENCE, UNTRACKED = -1, -2
+APART = 0.05  # relative: a wider gap in frequency parts modes without a track
+ORDER = {  # by: column, ascending
+    "share": ("unstable_share", False),
+    "growth": ("max_growth_rate", False),
+    "damping": ("min_damping_ratio", True),
+    "threshold": ("threshold", True),
+    "frequency": ("frequency_hz", True),
+    "probability": ("unstable_share", False),
+    "worst": ("max_growth_rate", False),
+    "mean_growth": ("mean_growth_rate", False),
+}
+COLUMNS = (
+    {"track": "int64", "kind": "str", "frequency_hz": "f8", "frequency_min_hz": "f8"}
+    | {"frequency_max_hz": "f8", "unstable_share": "f8", "unstable_points": "int64"}
+    | {"points": "int64"}
+    | {"max_growth_rate": "f8", "mean_growth_rate": "f8", "min_damping_ratio": "f8"}
+    | {"at": "str", "threshold": "f8"}
+    | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
+    | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
+    | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
+)
+SUMMARISED = ("frequency_hz", "growth_rate", "damping_ratio", "track_ambiguous")
+UNUSABLE: tuple[type[Exception], ...] = (SyntaxError, TokenError, TypeError, ValueError)
+UNUSABLE += (LookupError, AttributeError, NotImplementedError)
+_QUOTED = re.compile(r"`[^`]*`|'[^']*'|\"[^\"]*\"")
+
+
+def rank_modes(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    along: str | None = None,
+    by: str = "share",
+    top: int | None = None,
+    where: str | None = None,
+    onsets: pd.DataFrame | None = None,
+    scattered: bool = False,
+) -> pd.DataFrame:
+    """One row for each track that is unstable anywhere.
+
+    Parameters
+    ----------
+    points, modes : DataFrame
+        Tables of a study.
+    along : str or None
+        Parameter whose threshold is wanted.
+    by : str
+        share, growth, damping, threshold, frequency or energy_<component>: worst first. Of random
+        designs share is a `probability`, growth the `worst` case, and `mean_growth` the mean.
+    top : int or None
+        Rows to keep.
+    where : str or None
+        A pandas query over both tables; names with dots or brackets may be bare or in backticks.
+        Of the conditions that `and` joins, those on columns of `points` alone say which points
+        count, the others which unstable modes do.
+    onsets : DataFrame or None
+        Table of onsets along `along`; where it has a refined one, that replaces the interpolation.
+    scattered : bool
+        The points are those of a random design, whose lines begin nowhere.
+
+    Returns
+    -------
+    DataFrame
+        COLUMNS; `kind` is "mode", a track, with its mean frequency over the unstable points and
+        mean energies. Overdamped unstable roots are together in a row of track -1, "static
+        divergence", without a frequency. Unstable modes without a track stand in rows of track -2
+        and below, "untracked": each holds all modes, maybe different ones, in a range of frequency
+        without a gap of more than APART, whose ends the row has; frequency, growth, damping and
+        energies are those of its fastest one.
+        `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
+        points that failed do not count. At `unstable_points_low` it is so whatever its error, at
+        `unstable_points_high` it may be.
+        `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
+        `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
+        on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
+        "refined" (to 1e-4), "bracketed" (the mode before has no damping: an upper bound), "below
+        range" (unstable at the first value of a line; NaN) or "first seen" (a track that begins
+        unstable; an upper bound).
+
+    Raises
+    ------
+    ResultsError
+        For an unknown `by` or `along`, or a query that cannot be used.
+    """
+    (key, ascending), code = _order(points, modes, along, by), point_codes(points, modes)
+    held, wanted = _held(points, modes, code, where)
+    counted = held & (points["status"] == "ok").to_numpy(bool)
+    group = np.where(wanted & counted[code], unstable_groups(modes), 0)
+    table = _summary(points, modes, group, code, int(counted.sum()))
+    table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
+    if along is not None and len(table):
+        track = modes["track"].to_numpy()
+        listed = np.isin(track, table.index[table.index > 0]) & counted[code]
+        group = np.where(listed & (group >= 0), track, np.minimum(group, 0))
+        rows = np.flatnonzero(group)
+        line, x = line_codes(points, along), points[along].to_numpy(float)
+        start = np.full(len(points), np.nan) if scattered else _starts(points[along], line, held)
+        refined = _refined_onsets(points, onsets)
+        found = _thresholds(
+            modes[["damping_ratio", "unstable"]].iloc[rows],
+            group[rows],
+            code[rows],
+            x,
+            start,
+            line,
+            refined,
+        )
+        table["threshold"] = found["value"]
+        table["threshold_kind"] = found["kind"].reindex(table.index).fillna("")
+    table["order"] = table[key]
+    table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
+    table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])
+    return table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
+
+
+def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
+    """Parameters of a points table; with `varied` those of more than one value.
+
+    They are the columns between HEAD and the first result: columns added at the end are none.
+    """
+    columns = [str(c) for c in points.columns]
+    end = min((columns.index(c) for c in FIRST_RESULT if c in columns), default=len(columns))
+    names = [c for c in columns[:end] if c not in HEAD]
+    return [c for c in names if not varied or (~points[c].duplicated()).sum() > 1]
+
+
+def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
+    """Number of the line of constant other parameters on which each point lies, (n_points,)."""
+    others = [c for c in parameter_columns(points, varied=True) if c != along]
+    if not others:
+        return np.zeros(len(points), dtype=int)
+    return points.groupby(others, dropna=False).ngroup().to_numpy()
+
+
+def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
+    """Row in `points` of each row of `modes`. ResultsError where one has none."""
+    code, ids = pd.factorize(modes["point_id"])
+    position = pd.Index(points["point_id"]).get_indexer(pd.Index(ids))
+    if (position < 0).any() or (code < 0).any():
+        raise ResultsError("the modes table has points that are not in the points table")
+    rows: np.ndarray = position[code]
+    return rows
+
+
+def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
+    """Track of each unstable row, DIVERGENCE, or UNTRACKED and below; 0 for stable rows."""
+    track = modes["track"].to_numpy()
+    unstable, overdamped = (modes[n].to_numpy(bool) for n in ("unstable", "overdamped"))
+    group = np.where(overdamped, DIVERGENCE, track)
+    loose = np.flatnonzero(unstable & ~overdamped & (track <= 0))
+    hz = modes["frequency_hz"].to_numpy(float)[loose]
+    order = np.argsort(hz, kind="stable")
+    apart = np.diff(hz[order]) > APART * hz[order][:-1]
+    group[loose[order]] = UNTRACKED - np.cumsum(np.append(False, apart)[: len(order)])
+    return np.where(unstable, group, 0)
+
+
+def group_kind(group: int) -> str:
+    """What a number of `unstable_groups` stands for."""
+    if group > 0:
+        return "mode"
+    return "static divergence" if group == DIVERGENCE else "untracked"
+
+
+def frequency_text(row: Mapping[Hashable, Any]) -> str:
+    """Frequency of a row of the ranking in Hz; of modes without a track their range."""
+    hz = in_digits(row["frequency_hz"]) if row["frequency_hz"] == row["frequency_hz"] else ""
+    low, high = (in_digits(row[f"frequency_{end}_hz"]) for end in ("min", "max"))
+    return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
+
+
+def settings_of(at: object) -> list[tuple[str, str]]:
+    """Names and values of a design point from its text in a ranking, ``friction=0.5, ...``."""
+    parts = [part.rpartition("=") for part in str(at).split(", ") if "=" in part]
+    return [(name, value) for name, _, value in parts]
+
+
+def energy_columns(modes: pd.DataFrame) -> list[str]:
+    """Columns of elastic energy shares."""
+    return [c for c in modes.columns if c.startswith("energy_")]
+
+
+def _order(
+    points: pd.DataFrame, modes: pd.DataFrame, along: str | None, by: str
+) -> tuple[str, bool]:
+    choices = [*ORDER, *energy_columns(modes)]
+    if by not in choices:
+        raise ResultsError(f"modes cannot be ranked by '{by}', expected {', '.join(choices)}")
+    if along is not None and along not in (names := parameter_columns(points)):
+        raise ResultsError(f"'{along}' is no parameter of the study, expected {', '.join(names)}")
+    if by == "threshold" and along is None:
+        raise ResultsError("ranking by threshold needs the parameter along which it is sought")
+    return ORDER.get(by, (by, False))
+
+
+def _summary(
+    points: pd.DataFrame, modes: pd.DataFrame, group: np.ndarray, code: np.ndarray, n_points: int
+) -> pd.DataFrame:
+    """All but thresholds, one row a group of unstable modes, indexed by `track`."""
+    rows = np.flatnonzero(group)
+    energies = energy_columns(modes)
+    needed = [*energies, *SUMMARISED]
+    unstable = modes[needed].iloc[rows].assign(track=group[rows], point=code[rows])
+    by_track = unstable.groupby("track")
+    table = by_track[[*energies, "frequency_hz"]].mean()
+    table["frequency_min_hz"] = by_track["frequency_hz"].min()
+    table["frequency_max_hz"] = by_track["frequency_hz"].max()
+    table["kind"] = [group_kind(int(track)) for track in table.index]
+    table["points"] = n_points
+    table["unstable_points"] = by_track["point"].nunique()
+    table["unstable_share"] = table["unstable_points"] / max(n_points, 1)
+    table["max_growth_rate"] = by_track["growth_rate"].max()
+    largest = unstable.groupby(["track", "point"])["growth_rate"].max()
+    table["mean_growth_rate"] = largest.groupby(level="track").sum() / max(n_points, 1)
+    table["min_damping_ratio"] = by_track["damping_ratio"].min()
+    table["ambiguous"] = by_track["track_ambiguous"].any()
+    table["threshold"], table["threshold_kind"] = np.nan, ""
+    worst = unstable.sort_values("growth_rate").drop_duplicates("track", keep="last")
+    alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
+    table.loc[alone.index, [*energies, "frequency_hz"]] = alone[[*energies, "frequency_hz"]]
+    table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
+    table.loc[table.index == DIVERGENCE, "frequency_hz"] = np.nan  # it does not oscillate
+    names = parameter_columns(points, varied=True) or parameter_columns(points)
+    designs = points[names].iloc[worst["point"]].to_dict("records")
+    at = [", ".join(f"{name}={value:g}" for name, value in row.items()) for row in designs]
+    table["at"] = pd.Series(at, index=worst["track"].to_numpy(), dtype="str")
+    return table.join(main_components(table[energies]))
+
+
+def main_components(energies: pd.DataFrame) -> pd.DataFrame:
+    """The two components of most elastic energy in each row of energy columns."""
+    table = pd.DataFrame(index=energies.index)
+    shares = energies.rename(columns=lambda c: c.removeprefix("energy_"))
+    each = shares.melt(ignore_index=False, var_name="component", value_name="share").dropna()
+    ranked = each.sort_values("share", ascending=False, kind="stable").groupby(level=0)
+    for place, name in enumerate(("main", "second")):
+        chosen = ranked.nth(place).reindex(table.index)
+        table[f"{name}_component"] = chosen["component"].fillna("")
+        table[f"{name}_share"] = chosen["share"]
+    return table
+
+
+def _thresholds(
+    modes: pd.DataFrame,
+    group: np.ndarray,
+    code: np.ndarray,
+    x: np.ndarray,
+    start: np.ndarray,
+    line: np.ndarray,
+    refined: dict[tuple[int, int, int], float],
+) -> pd.DataFrame:
+    """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`."""
+    zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
+    found = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
+    found = found[found["direction"] == INTO]
+    crossed = found["kind"].isin([CROSSING, BRACKETED]).to_numpy()
+    if refined and crossed.any():
+        ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
+        keys = zip(found.loc[crossed, "track"], *ends, strict=True)
+        pairs = zip(found.index[crossed], keys, strict=True)
+        better = pd.Series({row: refined[key] for row, key in pairs if key in refined}, dtype=float)
+        found = found.drop(better.index[better.isna()])
+        better = better.dropna()
+        found.loc[better.index, "value"] = better
+        found.loc[better.index, "kind"] = REFINED
+    found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
+    return found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
+
+
+def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Where each point's line begins among the points held, failed ones too; NaN for one value."""
+    by_line = x.where(held).groupby(line)
+    start = by_line.transform("min").where(by_line.transform("nunique") > 1)
+    return start.to_numpy(dtype=float)
+
+
+def _refined_onsets(
+    points: pd.DataFrame, onsets: pd.DataFrame | None
+) -> dict[tuple[int, int, int], float]:
+    """Refined onsets by track and the rows in `points` of both ends; NaN where one is none."""
+    if onsets is None:
+        return {}
+    kept = onsets[
+        onsets["status"].isin([REFINED, CUBIC, RENUMBERED]) & (onsets["direction"] == INTO)
+    ]
+    index = pd.Index(points["point_id"])
+    ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
+    return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))
+
+
+def selection(
+    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
+    held, wanted = _held(points, modes, code, where)
+    return held & (points["status"] == "ok").to_numpy(bool), wanted
+
+
+def _held(
+    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `selection`, failed points too."""
+    counted = np.ones(len(points), dtype=bool)
+    wanted = np.ones(len(modes), dtype=bool)
+    for condition in [] if where is None else _conditions(where):
+        used = {c: points[c].array.take(code) for c in points.columns if c in condition}
+        if (held := _holds(points, condition)) is not None:
+            counted = counted & held
+        elif (held := _holds(modes.assign(**used), condition)) is not None:
+            wanted = wanted & held
+        else:
+            names = ", ".join(dict.fromkeys([*points.columns, *modes.columns]))
+            raise ResultsError(f"query '{condition}' names an unknown column, expected {names}")
+    return counted, wanted
+
+
+def _conditions(where: str) -> list[str]:
+    """The parts of a query that `and` joins at its outermost level."""
+    flat, depth = "", 0
+    for character in _QUOTED.sub(lambda quoted: "." * len(quoted[0]), where):
+        depth += character in "([{"
+        flat += "." if depth else character
+        depth -= character in ")]}"
+    if re.search(r"\bor\b|\|", flat):
+        return [where]
+    cuts = [cut.span() for cut in re.finditer(r"\band\b|&", flat)]
+    ends = [*(start for start, _ in cuts), len(where)]
+    return [where[a:b].strip() for a, b in zip([0, *(end for _, end in cuts)], ends, strict=True)]
+
+
+def _holds(table: pd.DataFrame, condition: str) -> np.ndarray | None:
+    """Rows for which a condition holds, None where the table lacks a column. ResultsError."""
+    odd = sorted((str(c) for c in table if not str(c).isidentifier()), key=len, reverse=True)
+    words = [rf"\b{c}\b" for c in map(str, table) if iskeyword(c)]
+    names = "|".join([_QUOTED.pattern, *map(re.escape, odd), *words])
+    text = re.sub(names, lambda m: m[0] if m[0][0] in "`'\"" else f"`{m[0]}`", condition)
+    scope: dict[str, Any] = {"local_dict": {}, "global_dict": {}, "target": None}
+    try:
+        held: object = table.eval(text, engine="python", **scope)
+    except NameError:
+        return None
+    except UNUSABLE as error:
+        raise ResultsError(f"query '{condition}' cannot be used: {error}") from error
+    if not (isinstance(held, pd.Series) and pd.api.types.is_bool_dtype(held)):
+        raise ResultsError(f"query '{condition}' is no condition: it gives no true or false a row")
+    return held.fillna(False).to_numpy(bool)

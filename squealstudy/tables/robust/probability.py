@@ -1,0 +1,120 @@
+"""How likely a scattered design is unstable: probabilities with intervals, growth, worst case."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.errors import ResultsError
+from squealstudy.tables.mode_ranking import DIVERGENCE, parameter_columns
+from squealstudy.tables.robust.growth_table import LARGEST, GrowthColumn, growth_columns
+
+COLUMNS = (
+    {"quantity": "str", "track": "int64", "frequency_hz": "f8", "points": "int64"}
+    | {"failed_points": "int64", "present_points": "int64", "absent_points": "int64"}
+    | {"unknown_points": "int64", "unstable_points": "int64"}
+    | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
+    | {"probability": "f8", "probability_low": "f8", "probability_high": "f8"}
+    | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
+    | {"max_growth_rate": "f8", "at": "str"}
+)
+QUANTITIES = {LARGEST: "any", DIVERGENCE: "divergence"}
+
+
+def robust_table(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    independent: np.ndarray | None = None,
+    confidence: float = 0.95,
+) -> pd.DataFrame:
+    """Probability of instability and scatter of growth: of any mode, and of each unstable track.
+
+    Parameters
+    ----------
+    points, modes : DataFrame
+        Tables of a study with a random design: its points are draws of the parameters.
+    independent : ndarray (n_points,) of bool or None
+        The points that are draws independent of each other; None: all.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    DataFrame
+        COLUMNS, "any" mode (track 0) first, then "divergence" (track -1: real, growing roots) and
+        each "track", those unstable at most points first. `points` are solved; `failed_points`
+        count neither as stable nor as unstable. Of the points without a mode of a track
+        `absent_points` are those where it has left the band or does not oscillate any more: there
+        it counts as not unstable (were it a real, growing root, that is "divergence").
+        At `unstable_points_low` it is unstable whatever the errors of the modes, at
+        `unstable_points_high` it may be.
+        At `unknown_points` it may be one of the modes under another number: these count neither
+        way, `probability` is over the others. The interval of
+        `probability` is that of Clopper and Pearson, exact for independent draws; points of a
+        Sobol sequence or Latin hypercube fill the space more evenly, it is then wider than it need
+        be in all but contrived cases. `mean_growth_rate` is the mean over the same points with zero
+        where the mode is not unstable; `growth_mean` and `growth_std` are of the growth rate itself
+        where there is the mode, 1/s; `max_growth_rate` is the worst case, `at` its parameters.
+
+    Raises
+    ------
+    ResultsError
+        Where every point failed.
+    """
+    drawn = np.ones(len(points), dtype=bool) if independent is None else independent
+    solved = drawn & (points["status"] == "ok").to_numpy(bool)
+    if not solved.any():
+        raise ResultsError("every design point failed: there is no probability to tell")
+    names = parameter_columns(points, varied=True)
+    rows = []
+    for column in growth_columns(points, modes):
+        if column.track == LARGEST or (column.unstable & solved).any():
+            row = _row(column, solved, confidence)
+            worst = _worst(column, solved)
+            at = points[names].iloc[worst].to_dict() if worst is not None else {}
+            row["at"] = ", ".join(f"{name}={value:g}" for name, value in at.items())
+            row["failed_points"] = int(drawn.sum() - solved.sum())
+            rows.append(row)
+    table = pd.DataFrame(rows)
+    rest = table.iloc[1:].sort_values(["unstable_points", "max_growth_rate"], ascending=False)
+    return pd.concat([table.iloc[:1], rest], ignore_index=True)[list(COLUMNS)].astype(COLUMNS)
+
+
+def probability_interval(unstable: int, points: int, confidence: float) -> tuple[float, float]:
+    """Clopper-Pearson bounds of a probability of which `unstable` of `points` draws are a case."""
+    from scipy.stats import binomtest
+
+    found = binomtest(unstable, points).proportion_ci(confidence, method="exact")
+    return float(found.low), float(found.high)
+
+
+def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[str, object]:
+    unstable = column.unstable & solved
+    growth = column.growth[solved & np.isfinite(column.growth)]
+    absent = int((column.absent & solved).sum())
+    n, k = len(growth) + absent, int(unstable.sum())
+    low, high = probability_interval(k, n, confidence)
+    return {
+        "quantity": QUANTITIES.get(column.track, "track"),
+        "track": column.track,
+        "frequency_hz": column.frequency_hz,
+        "points": int(solved.sum()),
+        "present_points": len(growth),
+        "absent_points": absent,
+        "unknown_points": int(solved.sum()) - n,
+        "unstable_points": k,
+        "unstable_points_low": int((column.surely & solved).sum()),
+        "unstable_points_high": int((column.maybe & solved).sum()),
+        "probability": k / n,
+        "probability_low": low,
+        "probability_high": high,
+        "mean_growth_rate": float(column.growth[unstable].sum()) / n,
+        "growth_mean": float(growth.mean()) if len(growth) else np.nan,
+        "growth_std": float(growth.std(ddof=1)) if len(growth) > 1 else np.nan,
+        "max_growth_rate": float(growth.max(initial=-np.inf)) if len(growth) else np.nan,
+    }
+
+
+def _worst(column: GrowthColumn, solved: np.ndarray) -> int | None:
+    growth = np.where(solved, column.growth, np.nan)
+    return None if np.isnan(growth).all() else int(np.nanargmax(growth))

@@ -1,0 +1,70 @@
+"""A kind of study from outside the package: steady sliding alone, no modes and no motion."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.engine.cache import prepared_model
+from squealstudy.engine.files import write_parquet
+from squealstudy.engine.model_kind import ModelKind
+from squealstudy.engine.names import POINTS
+from squealstudy.engine.parallel import Workers, split_chunks
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
+from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.modes.point import state_working_point
+from squealstudy.study.kinds import register_kind
+
+FIELDS = (("normal_force", REAL), ("largest_pressure", REAL))  # N, Pa
+
+
+class SteadySliding(ModelKind):
+    """Normal force and largest pressure of the contact in steady sliding."""
+
+    name = "steady_sliding"
+    description = "steady sliding"
+    tables = (POINTS,)
+    schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
+
+    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[Any]:
+        """Chunks of consecutive points."""
+        return split_chunks(points, workers.jobs)
+
+    def solve(self, task: Sequence[PointTask]) -> Solved:
+        """A row a design point."""
+        return Solved([self._row(point) for point in task])
+
+    def _row(self, point: PointTask) -> dict[str, Any]:
+        started = time.perf_counter()
+        prepared = prepared_model(point.prepared_key)
+        try:
+            found = state_working_point(prepared, point.design.state())
+        except FAILURES as error:
+            return self.failed_row(point.point_id, *reason(error))
+        forces = prepared.model.area * found.pressure
+        return head(point.point_id, time.perf_counter() - started) | {
+            "normal_force": float(forces.sum()),
+            "largest_pressure": float(found.pressure.max()),
+        }
+
+    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
+        """A row without figures."""
+        return head(point_id, 0.0, status, message) | dict.fromkeys(dict(FIELDS), np.nan)
+
+    def build_tables(
+        self, plan: Plan, directory: Path, workers: Workers
+    ) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+        """The points."""
+        table = points_table(plan, planned_rows(plan, directory, self.schema), FIELDS)
+        write_parquet(directory / POINTS, table)
+        return table.to_pandas(), {}
+
+
+register_kind(SteadySliding())

@@ -1,0 +1,56 @@
+"""A minimal model from one file outside the package, and its structural parameter in a sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from squealstudy import open_results
+from squealstudy.engine.runner import run_study
+from squealstudy.errors import StudyFileError
+from squealstudy.study.definition import load_plan
+
+FILE = Path(__file__).with_name("my_model.py")
+STUDY = f"""
+[study]
+name = "rubbed"
+kind = "complex_modes"
+extensions = ["{FILE}"]
+
+[model]
+name = "rubbed_mass"
+
+[parameters]
+mass = 2.0
+stiffness = 1e6
+
+[[sweep]]
+parameter = "added_mass"
+values = [0.5, 1.0, 2.0]
+
+[modes]
+band = [1.0, 1000.0]
+"""
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_frequency_of_the_mass_with_what_is_added(tmp_path, jobs):
+    path = tmp_path / "rubbed.toml"
+    path.write_text(STUDY)
+    run_study(load_plan(path), tmp_path / "out", jobs)
+    results = open_results(tmp_path / "out")
+    assert len(results.manifest["structures"]) == 3  # a structural parameter: one a value
+    assert results.manifest["units"]["added_mass"] == "kg"
+    modes = results.modes.merge(results.points[["point_id", "added_mass"]], on="point_id")
+    lowest = modes.groupby("added_mass")["frequency_hz"].min()
+    exact = np.sqrt(1e6 / (2.0 + lowest.index.to_numpy())) / (2 * np.pi)
+    np.testing.assert_allclose(lowest, exact, rtol=1e-9)
+
+
+def test_a_parameter_that_it_has_not_is_refused(tmp_path):
+    path = tmp_path / "rubbed.toml"
+    path.write_text(STUDY.replace("mass = 2.0\n", "masss = 2.0\n"))
+    with pytest.raises(StudyFileError, match="did you mean 'mass'"):
+        load_plan(path)
