@@ -108,7 +108,7 @@ def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, .
             found.append(load_extension(source.path.parent / name))
         except ExtensionError as error:
             keys = ("study", "extensions", number)
-            raise source.error(keys, f"{shown(name)}: {error.message}") from error
+            raise source.error(keys, f"'{name}': {error.message}") from error
     return tuple(found)
 
 

@@ -22,7 +22,7 @@ from squealstudy.engine.tasks import PointTask, Solved
 from squealstudy.modes.point import state_working_point
 from squealstudy.study.kinds import register_kind
 
-FIELDS = (("normal_force", REAL), ("largest_pressure", REAL))  # N, Pa
+FIELDS = (("contact_force", REAL), ("largest_pressure", REAL))  # N, Pa
 
 
 class SteadySliding(ModelKind):
@@ -50,7 +50,7 @@ class SteadySliding(ModelKind):
             return self.failed_row(point.point_id, *reason(error))
         forces = prepared.model.area * found.pressure
         return head(point.point_id, time.perf_counter() - started) | {
-            "normal_force": float(forces.sum()),
+            "contact_force": float(forces.sum()),
             "largest_pressure": float(found.pressure.max()),
         }
 

@@ -16,7 +16,14 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import register_model
 from squealstudy.models.interface import SpringInterface
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
-from squealstudy.models.operating import ASSUMPTIONS, DAMPING, FRICTION, SLIDING_SPEED
+from squealstudy.models.operating import (
+    ASSUMPTIONS,
+    DAMPING,
+    FRICTION,
+    FRICTION_OPTION,
+    SLIDING_SPEED,
+    friction_parameters,
+)
 from squealstudy.models.parameter import ModelDefinition, structural
 
 
@@ -38,11 +45,12 @@ register_model(
     ModelDefinition(
         name="rubbed_mass",
         description="a mass on a spring, rubbed by a belt; 2 DOF",
-        options=(),
-        parameters=(
+        options=(FRICTION_OPTION,),
+        declared=(
             replace(FRICTION, default=0.3),
             replace(SLIDING_SPEED, default=1.0),
             DAMPING,
+            friction_parameters,
             *structural(
                 (
                     ("mass", 2.0, "kg", "the mass"),

@@ -48,7 +48,7 @@ def test_the_belt_presses_with_its_normal_force(study, tmp_path, jobs):
     report = run_study(load_plan(study), tmp_path / "out", jobs)
     assert report.n_solved == 6
     points = open_results(tmp_path / "out").points
-    np.testing.assert_allclose(points["normal_force"], 300.0, rtol=1e-9)
+    np.testing.assert_allclose(points["contact_force"], 300.0, rtol=1e-9)
     area = points["contact_stiffness"] / 5e11  # of minimal models: it carries the stiffness
     np.testing.assert_allclose(points["largest_pressure"], 300.0 / area, rtol=1e-9)
     assert run_study(load_plan(study), tmp_path / "out", 1).n_solved == 0
@@ -60,7 +60,7 @@ def test_a_point_that_fails_is_a_row_and_the_others_go_on(study, tmp_path, monke
     solve = module.state_working_point
 
     def fail(prepared, state):
-        if state.operating.mu_steady == 0.1:
+        if state.operating.friction == 0.1:
             raise ValueError("no contact")
         return solve(prepared, state)
 
@@ -68,8 +68,8 @@ def test_a_point_that_fails_is_a_row_and_the_others_go_on(study, tmp_path, monke
     run_study(plan, tmp_path / "out", 1)
     points = open_results(tmp_path / "out").points
     assert (points["status"] == "failed").sum() == 3
-    assert points.loc[points["status"] != "ok", "normal_force"].isna().all()
-    assert points.loc[points["status"] == "ok", "normal_force"].notna().all()
+    assert points.loc[points["status"] != "ok", "contact_force"].isna().all()
+    assert points.loc[points["status"] == "ok", "contact_force"].notna().all()
 
 
 def test_sections_of_other_kinds_are_refused(study):
