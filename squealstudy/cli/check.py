@@ -21,9 +21,10 @@ from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.rounds import grown, grows, most_points
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
-from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import methods_schema, study_schema
+from squealstudy.study.sections import StudyDefinition
 from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
 from squealstudy.wording import plural
 
@@ -184,7 +185,7 @@ def _duration(seconds: float) -> str:
 
 def schema(kind: str | None) -> str:
     """The JSON Schema of study files, or of those of a kind that measures methods."""
-    of_methods = [name for name in kind_names() if kind_named(name).of_methods]
+    of_methods = [n for n in kind_names() if not issubclass(definition_of(n), StudyDefinition)]
     if kind is not None and kind not in of_methods:
         raise SquealstudyError(f"kind '{kind}': expected {' or '.join(of_methods)}")
     return json.dumps(study_schema() if kind is None else methods_schema(kind), indent=2)

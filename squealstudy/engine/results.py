@@ -183,7 +183,7 @@ class Results:
     def onsets(self) -> pd.DataFrame:
         """One row for each value of the parameter `along` at which a track turns (un)stable.
 
-        See study.complex_modes.onsets.
+        See kinds.complex_modes.onsets.
         """
         return self.table("onsets")
 
@@ -328,8 +328,8 @@ class Results:
     ) -> pd.DataFrame:
         """The modes that matter most first.
 
-        Unstable tracked modes (analysis.tables.mode_ranking.rank_modes), or the modes that carry
-        the energy of a transient study (analysis.tables.energy_ranking.rank_energy), which has no
+        Unstable tracked modes (tables.mode_ranking.rank_modes), or the modes that carry
+        the energy of a transient study (tables.energy_ranking.rank_energy), which has no
         choice of `by`.
 
         Raises
@@ -346,7 +346,7 @@ class Results:
     def compare(self, other: Results) -> pd.DataFrame:
         """Predicted instabilities beside what they do in time: one study of each, in any order.
 
-        See analysis.tables.comparison.compare.
+        See tables.comparison.compare.
 
         Raises
         ------
@@ -380,7 +380,7 @@ class Results:
     def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
         """`points` on every node of a boundary design's full grid, and which were solved.
 
-        See analysis.tables.boundary_map.full_points; `points` and None of other designs.
+        See tables.boundary_map.full_points; `points` and None of other designs.
         """
         if self.boundary is None:
             return self.points, None
@@ -389,7 +389,7 @@ class Results:
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.
 
-        The points of a random design count as draws (analysis.robust.probability.robust_table);
+        The points of a random design count as draws (tables.robust.probability.robust_table);
         of a sobol_indices design its two independent samples alone.
 
         Raises
@@ -413,7 +413,7 @@ class Results:
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
 
-        See analysis.robust.sobol_table.sobol_table.
+        See tables.robust.sobol_table.sobol_table.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 Over a step q'' + c q' + w2 q = f(t) is solved exactly for a polynomial f, whose coefficients come
 from one evaluation at a predicted state (predict, evaluate, correct); see
-analysis.integrators.propagators for the coefficients.
+motion.propagators for the coefficients.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ N_POINT = 17
 
 
 class Modal(NamedTuple):
-    """The design points; see analysis.transient.system for units. W2 contains N^T k_ref N."""
+    """The design points; see motion.system for units. W2 contains N^T k_ref N."""
 
     points: np.ndarray  # (nb, 8, nc) rows POINT_*
     laws: np.ndarray  # (nb, N_LAW) laws.law_row

@@ -47,7 +47,7 @@ class PreparedModel:
     nominal_tangent : ndarray (nc,)
         Its contact tangents, Pa/m.
     finer : ReducedModel or None
-        The next larger model (analysis/full_order/finer_model.py), from which the error of `model`
+        The next larger model (modes/full_order/finer_model.py), from which the error of `model`
         is told; None where `model` is complete.
     timings : mapping of stage -> seconds
     """

@@ -72,7 +72,7 @@ def compare(
         `frequency_hz` [Hz] (|lambda|/2 pi) and `growth_rate` [1/s] are the frequency study's,
         `predicted_...` those of the time study's own complex mode, beside its fitted growth with
         95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is the share of the
-        sustained vibration's energy (`analysis.runs.complex_shares`), `expressed` whether it is a
+        sustained vibration's energy (`motion.outcome.complex_shares`), `expressed` whether it is a
         twentieth or more: missing where the run does not tell. `class`, `dominant_frequency_hz`
         [Hz] and `torque_rms` are those of the run.
 

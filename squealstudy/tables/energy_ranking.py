@@ -35,7 +35,7 @@ def rank_energy(
     top : int or None
         Rows to keep.
     where : str or None
-        A condition, as in `analysis.tables.mode_ranking.rank_modes`.
+        A condition, as in `tables.mode_ranking.rank_modes`.
 
     Returns
     -------

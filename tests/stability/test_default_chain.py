@@ -115,9 +115,7 @@ def test_closing_number():
 
 
 def test_check_warns_of_contact_too_stiff_for_the_step():
-    plan = SimpleNamespace(
-        study=SimpleNamespace(definition=SimpleNamespace(transient=SimpleNamespace(step=1e-5)))
-    )
+    plan = SimpleNamespace(study=SimpleNamespace(section=SimpleNamespace(step=1e-5)))
     assert _closing(plan, [0.5, CLOSING_LIMIT]) == []
     (text,) = _closing(plan, [0.5, 2 * CLOSING_LIMIT])
     assert "contact is too stiff for the step" in text

@@ -1,7 +1,7 @@
 """How far reduced models are from the full-order one: at some design points, carried to all.
 
 At a sample of the design points of each structure both the reduced model and its finer one are
-solved (analysis/full_order/finer_model.py). A mode of another point takes the relative errors of
+solved (modes/full_order/finer_model.py). A mode of another point takes the relative errors of
 the modes nearest to it in the complex plane at the nearest sample points, averaged. Complete bases
 and unreduced models have no error of this kind: zero.
 """

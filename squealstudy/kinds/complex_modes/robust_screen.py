@@ -16,7 +16,7 @@ Row = dict[Hashable, Any]
 
 
 def probabilities(table: pd.DataFrame, sampled: bool = False) -> list[RenderableType]:
-    """The table of analysis.robust.probability, the first row of any mode, with its legend.
+    """The table of tables.robust.probability, the first row of any mode, with its legend.
 
     `sampled`: its points are the two independent samples of a design for Sobol indices.
     """
@@ -88,7 +88,7 @@ def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
 
 
 def indices(table: pd.DataFrame) -> list[RenderableType]:
-    """The table of analysis.robust.sobol_table with its legend."""
+    """The table of tables.robust.sobol_table with its legend."""
     known = table.dropna(subset=["first", "total"])
     first = ~known["track"].duplicated()
     pairs = zip(known.to_dict("records"), first, strict=True)

@@ -43,7 +43,7 @@ class ComplexModesScreen(KindScreen):
     tables = ("points", "modes", "onsets")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
-        """Unstable tracked modes, `analysis.tables.mode_ranking.rank_modes`.
+        """Unstable tracked modes, `tables.mode_ranking.rank_modes`.
 
         Of a boundary design all nodes of its grid count; only solved points tell the worst design
         and the onset.

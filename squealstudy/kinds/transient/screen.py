@@ -30,7 +30,7 @@ class TransientScreen(KindScreen):
     tables = ("points", "modes", "growth")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
-        """The modes that carry the energy, `analysis.tables.energy_ranking.rank_energy`."""
+        """The modes that carry the energy, `tables.energy_ranking.rank_energy`."""
         if by != "share":
             raise ResultsError(
                 f"{results.directory}: modes of a transient study are ranked by energy share, "

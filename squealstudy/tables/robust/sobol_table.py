@@ -34,7 +34,7 @@ def sobol_table(
     Parameters
     ----------
     points, modes : DataFrame
-        Tables of a study whose design is the sample of analysis.robust.saltelli, in its order.
+        Tables of a study whose design is the sample of tables.robust.saltelli, in its order.
     parameters : sequence of str
         Columns of the swept parameters, in the order of the study.
     top : int or None
