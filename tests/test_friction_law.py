@@ -30,7 +30,7 @@ from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies, linearise
 
@@ -86,7 +86,7 @@ def test_constant_friction_has_no_slope(decay):
 def test_every_model_has_the_law(name):
     model = MODELS[name]
     values = model.defaults() | {"friction_law.static_ratio": 1.5, "friction_law.decay_speed": 0.2}
-    design = Design(model, {}, values)
+    design = DesignPoint(model, {}, values)
     operating = design.operating_point()
     assert operating.curve == falling_curve(1.5, 0.2)
     assert design.state().operating == operating
@@ -192,7 +192,7 @@ def small_model(name, operating=None, **values):
     """A minimal model as a study makes it: assembly, modes, reduction, working point."""
     assembly = build_model(name, **values)
     if operating is None:
-        design = Design(MODELS[name], {}, MODELS[name].defaults() | values)
+        design = DesignPoint(MODELS[name], {}, MODELS[name].defaults() | values)
         operating = design.operating_point()
     space = contact_space(assembly, reference_stiffness(assembly, operating), np.zeros((2, 0)))
     point = working_point(space, operating)
@@ -263,7 +263,7 @@ def test_design_collects_assembly_damping():
         "caliper.modes[8].damping_ratio": 0.1,
     }
     model = MODELS["disc_brake"]
-    design = Design(model, {"contact_law": "exponential"}, model.defaults() | values)
+    design = DesignPoint(model, {"contact_law": "exponential"}, model.defaults() | values)
     state = design.state()
     assert state.assembly_damping == {3: 0.02, 7: 0.02, 8: 0.02, 9: 0.02, 44: 0.0}
     assert state.mode_damping == {("caliper", 8): 0.1}

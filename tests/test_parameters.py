@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import (
     QUANTITIES,
     ModeParameter,
@@ -181,3 +182,13 @@ def test_other_quantities_components_modes_and_the_same_name_are_no_error():
 def test_closest_words():
     assert did_you_mean("pressur", ["pressure", "friction"]) == "; did you mean 'pressure'?"
     assert did_you_mean("zzz", ["pressure", "friction"]) == ""
+
+
+def test_a_point_of_other_values_has_no_id():
+    values = dict(BRAKE.defaults())
+    point = DesignPoint(BRAKE, {}, values, point_id="a", structure="b")
+    structural = next(p.name for p in BRAKE.parameters if p.structural)
+    slower = point.with_values(values | {"sliding_speed": 0.5 * values["sliding_speed"]})
+    thicker = point.with_values(values | {structural: 1.1 * values[structural]})
+    assert (slower.point_id, slower.structure) == ("", "b")
+    assert (thicker.point_id, thicker.structure) == ("", "")

@@ -146,7 +146,7 @@ def test_a_failed_point_is_a_row(tmp_path: Path) -> None:
             raise SquealstudyError("no such mass")
         return original(options, values)
 
-    original = broken.design.model.build
+    original = broken.model.build
     object.__setattr__(plan.study.model, "build", build)
     try:
         report = run_study(plan, tmp_path / "r", jobs=1)

@@ -95,7 +95,7 @@ def test_friction_pressure_map(tmp_path: Path) -> None:
     assert sum(served.values()) == 529
     assert served["windows"] > 200
     for task in plan.tasks[7::89]:  # against the exact rung, at points of no grid line of nodes
-        exact = solve_point(load_prepared(task.prepared_key), task.design.state(), plan.band_hz)
+        exact = solve_point(load_prepared(task.structure), task.state(), plan.band_hz)
         found = results.modes[results.modes["point_id"] == task.point_id]
         within = np.abs(exact.lam) < 2 * np.pi * plan.band_hz[1] * (1 - 1e-4)
         light = exact.lam[within & (np.abs(exact.lam.real) < 0.05 * np.abs(exact.lam))]

@@ -9,7 +9,7 @@ from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.process import peak_memory_mb
-from squealstudy.engine.tasks import PointTask
+from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
 BRIEF = 1.0  # s: the first call of a process may owe that much to imports
@@ -74,7 +74,7 @@ def run_seconds(
     return build + least + OVERHEAD[0], build + longest + OVERHEAD[1]
 
 
-def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[PointTask]) -> list[float]:
+def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[float]:
     """Seconds of a few design points; where the first is brief it is timed once more."""
     seconds: list[float] = []
     for number, task in enumerate(tasks):
@@ -102,7 +102,7 @@ def estimate(plan: Plan) -> Estimate:
             "no reduced model of this study is in the cache yet; --build makes the first one and "
             "times it",
         )
-    tasks = [t for t in plan.tasks if t.prepared_key in set(ready)]
+    tasks = [t for t in plan.tasks if t.structure in set(ready)]
     step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
     seconds = _timed(kind, plan, tasks[::step][:TIMED_POINTS])
     prepared = load_any(ready[0])

@@ -14,7 +14,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 
 MESH_OPTION = "mesh"
 FINER = {"coarse": "medium", "medium": "fine"}
@@ -82,7 +82,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
 def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, float]:
     """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
     started = time.perf_counter()
-    design = Design(plan.study.model, plan.study.options, plan.nominal_values)
+    design = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
     structure = Structure(plan.structure_key(design), design)
     key, reason = build_structure(build_task(plan, structure, threads))
     if reason:

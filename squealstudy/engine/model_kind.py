@@ -14,9 +14,9 @@ from squealstudy.engine.manifest import model_facts
 from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task, mode_counts, patience
-from squealstudy.engine.tasks import PointTask
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study, resolve_study
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import check_limit
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
@@ -129,11 +129,11 @@ class ModelKind(Kind):
         """Make the structures that the cache does not hold."""
         return build_structures(plan, workers)
 
-    def unsolvable(self, plan: Plan, point: PointTask, failures: Mapping[str, str]) -> str:
+    def unsolvable(self, plan: Plan, point: DesignPoint, failures: Mapping[str, str]) -> str:
         """Its structure could not be made."""
-        return failures.get(point.prepared_key, "")
+        return failures.get(point.structure, "")
 
-    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+    def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point on one core; None where it has no working point."""
         raise NotImplementedError
 

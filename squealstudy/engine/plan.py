@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,6 @@ import numpy as np
 
 from squealstudy.engine.keys import content_hash, point_id, source_hash
 from squealstudy.engine.method import Method, choose_method
-from squealstudy.engine.tasks import PointTask
 from squealstudy.errors import StudyFileError
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
@@ -23,7 +22,7 @@ from squealstudy.models.operating import (
 )
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.study.definition import Study
-from squealstudy.study.design import Design, extreme_scales
+from squealstudy.study.design import DesignPoint, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.source import SourceText
@@ -48,7 +47,7 @@ class Structure:
     """One prepared model to be made or read: its key and the design that first asks for it."""
 
     key: str
-    design: Design
+    design: DesignPoint
 
 
 class Plan:
@@ -72,7 +71,7 @@ class Plan:
         self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
-            Design(study.model, study.options, self._resolved({**study.values, **point}))
+            DesignPoint(study.model, study.options, self._resolved({**study.values, **point}))
             for point in self.swept
         )
 
@@ -114,7 +113,9 @@ class Plan:
     @cached_property
     def nominal(self) -> OperatingPoint:
         """The [parameters] as they stand: where the basis is made."""
-        return Design(self.study.model, self.study.options, self.study.values).operating_point()
+        return DesignPoint(
+            self.study.model, self.study.options, self.study.values
+        ).operating_point()
 
     @cached_property
     def training(self) -> tuple[OperatingPoint, ...]:
@@ -135,7 +136,7 @@ class Plan:
                 swept = [point[name] for point in self.swept]
                 for value in sorted({min(swept), max(swept)}):
                     values = {**self.study.values, name: value}
-                    design = Design(self.study.model, self.study.options, values)
+                    design = DesignPoint(self.study.model, self.study.options, values)
                     points.append(design.operating_point())
         return tuple(points)
 
@@ -160,7 +161,7 @@ class Plan:
         once = section.enrichment and section.residual_responses and self.judged_to_hz is not None
         return int(once) + int(self.enriched)
 
-    def structure_key(self, design: Design, enriched: bool | None = None) -> str:
+    def structure_key(self, design: DesignPoint, enriched: bool | None = None) -> str:
         """Content hash of the prepared model that a design needs; StudyFileError without files."""
         enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
@@ -209,7 +210,7 @@ class Plan:
         return choose_method(self.study, self.swept, structural, reduced)
 
     @cached_property
-    def tasks(self) -> tuple[PointTask, ...]:
+    def tasks(self) -> tuple[DesignPoint, ...]:
         """Identity and structure of every design point, in the order of the design.
 
         A point that a random design draws again is another draw, with its own identity: it is
@@ -228,7 +229,7 @@ class Plan:
             draws[name] += 1
             if draws[name] > 1:
                 name = content_hash([name, draws[name]])
-            tasks.append(PointTask(name, design, key))
+            tasks.append(replace(design, point_id=name, structure=key))
         return tuple(tasks)
 
     def _model_hash(self, structure_key: str) -> str:
@@ -250,7 +251,7 @@ class Plan:
         """The distinct prepared models, in the order of their first use."""
         first: dict[str, Structure] = {}
         for task in self.tasks:
-            first.setdefault(task.prepared_key, Structure(task.prepared_key, task.design))
+            first.setdefault(task.structure, Structure(task.structure, task))
         return tuple(first.values())
 
     @cached_property

@@ -10,19 +10,9 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from squealstudy.engine.process import peak_memory_mb
-from squealstudy.study.design import Design
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import Kind
-
-
-@dataclass(frozen=True)
-class PointTask:
-    """One design point: identity, design, and the cache key of its structure."""
-
-    point_id: str
-    design: Design
-    prepared_key: str
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LIGHT_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def open_reason(law_kind: str, share: float) -> str:
     return f"{rule}: {share:.3g}" if share > most else ""
 
 
-def _broken(design: Design) -> list[str]:
+def _broken(design: DesignPoint) -> list[str]:
     given: Mapping[str, float] = design.values  # noqa: PD011 - no data frame
     texts = [a.broken(given) for a in design.model.assumptions]
     for rule, most, parameters in (
@@ -107,7 +107,7 @@ def _broken(design: Design) -> list[str]:
     return [text for text in texts if text]
 
 
-def _of_the_point(design: Design, row: Mapping[Hashable, object]) -> list[str]:
+def _of_the_point(design: DesignPoint, row: Mapping[Hashable, object]) -> list[str]:
     """What the findings of a point break."""
     if isinstance(design.model, FamilyDefinition):
         return []
@@ -138,9 +138,9 @@ def _damped_modes(plan: Plan) -> list[list[str]]:
     highest: dict[str, float] = {}
     reasons: list[list[str]] = []
     for task in plan.tasks:
-        state = task.design.state()
+        state = task.state()
         zeta, beta = state.damping_ratio, state.stiffness_damping
-        key = task.prepared_key
+        key = task.structure
         if zeta + np.pi * beta * high < CRITICAL or not is_prepared(key):
             reasons.append([])
             continue

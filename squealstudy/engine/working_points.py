@@ -10,7 +10,7 @@ import numpy as np
 from squealstudy.engine.cache import prepared_path
 from squealstudy.engine.files import write_arrays
 from squealstudy.engine.keys import content_hash
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 
 
 @lru_cache(maxsize=4)
@@ -26,7 +26,7 @@ def _folder(key: str) -> Path:
     return prepared_path(key) / "working_points"
 
 
-def known_gap(key: str, design: Design) -> np.ndarray | None:
+def known_gap(key: str, design: DesignPoint) -> np.ndarray | None:
     """Gaps (nc,) of the design's working point, where a study has solved it before."""
     return _gaps(key).get(working_point_key(design)) if design.has_working_point else None
 
@@ -37,7 +37,7 @@ class NewGaps:
     def __init__(self) -> None:
         self._found: dict[str, dict[str, np.ndarray]] = {}
 
-    def add(self, key: str, design: Design, gap: np.ndarray) -> None:
+    def add(self, key: str, design: DesignPoint, gap: np.ndarray) -> None:
         """Remember the gaps of a design's working point, where it has one."""
         if design.has_working_point:
             self._found.setdefault(key, {})[working_point_key(design)] = gap
@@ -50,7 +50,7 @@ class NewGaps:
             _gaps(key).update(gaps)
 
 
-def working_point_key(design: Design) -> str:
+def working_point_key(design: DesignPoint) -> str:
     """Hash of what a working point depends on beside its structure."""
     state = design.state()
     op = state.operating

@@ -102,7 +102,7 @@ class Scene:
         if name not in self.measured:
             plan = self.variant(changes, self.plan.swept)
             together = not self.in_time and plan.method.rung.shares_work
-            wanted = None if together else {plan.tasks[i].prepared_key for i in points}
+            wanted = None if together else {plan.tasks[i].structure for i in points}
             failures = build_structures(plan, Workers(self.jobs, self.report), wanted)
             self.measured[name] = self._measured(plan, points, failures)
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
@@ -112,7 +112,7 @@ class Scene:
         self, plan: Plan, points: Sequence[int], failures: Mapping[str, str]
     ) -> Measurement:
         """Of the points whose structure could be made; the others have failed."""
-        reasons = [failures.get(plan.tasks[i].prepared_key, "") for i in points]
+        reasons = [failures.get(plan.tasks[i].structure, "") for i in points]
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
             raise SquealstudyError(f"{self.study.path}: {reasons[0]}")

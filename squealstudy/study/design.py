@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from squealstudy.laws import (
     CONTACT_LAWS,
@@ -19,8 +19,8 @@ from squealstudy.system.design_state import DesignState, ModeKey
 
 
 @dataclass(frozen=True)
-class Design:
-    """All parameter values of one design point.
+class DesignPoint:
+    """All parameter values of one design point, and what its row and its model are kept under.
 
     Attributes
     ----------
@@ -29,11 +29,23 @@ class Design:
         A value of every option of the model.
     values : mapping of parameter name -> float
         Every plain parameter of the model, and the mode parameters in use.
+    point_id : str
+        Identity of its row; empty for a point that is in no table.
+    structure : str
+        Key of its prepared model in the cache; empty where none is known.
     """
 
     model: ModelDefinition
     options: Mapping[str, str | int]
     values: Mapping[str, float]
+    point_id: str = ""
+    structure: str = ""
+
+    def with_values(self, values: Mapping[str, float]) -> DesignPoint:
+        """A point of other values: without id, without structure where that is another one."""
+        other = replace(self, values=values, point_id="")
+        same = other.structural_values() == self.structural_values()
+        return other if same else replace(other, structure="")
 
     @property
     def law_kind(self) -> str:
@@ -118,7 +130,7 @@ class Design:
         return [p for p in parsed if isinstance(p, ModeParameter)]
 
 
-def extreme_scales(designs: Sequence[Design]) -> tuple[dict[ModeKey, float], ...]:
+def extreme_scales(designs: Sequence[DesignPoint]) -> tuple[dict[ModeKey, float], ...]:
     """Least and largest factors on component frequencies among designs of the same parameters.
 
     All of them at their least, then all at their largest; without those that change nothing.

@@ -32,7 +32,6 @@ import pandas as pd  # noqa: E402
 from squealstudy.engine.model_kind import build_structures  # noqa: E402
 from squealstudy.engine.parallel import Workers, silent  # noqa: E402
 from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.tasks import PointTask  # noqa: E402
 from squealstudy.engine.working_points import NewGaps  # noqa: E402
 from squealstudy.kinds.transient.batch import batch_task  # noqa: E402
 from squealstudy.kinds.transient.motions import integrate, set_up  # noqa: E402
@@ -45,6 +44,7 @@ from squealstudy.motion.outcome.energies import moving_energy  # noqa: E402
 from squealstudy.motion.outcome.verdict import run_verdict  # noqa: E402
 from squealstudy.motion.system import MotionPoint  # noqa: E402
 from squealstudy.study.definition import parse_study  # noqa: E402
+from squealstudy.study.design import DesignPoint  # noqa: E402
 from squealstudy.wording import (  # noqa: E402
     FAILED,
     GROWING,
@@ -169,7 +169,7 @@ def _plan(family: Family, kick: float, designs: dict[str, np.ndarray]) -> Plan:
     return Plan(parse_study(text, Path("class_truth.py")))
 
 
-def long_runs(plan: Plan) -> Iterator[tuple[PointTask, Motion]]:
+def long_runs(plan: Plan) -> Iterator[tuple[DesignPoint, Motion]]:
     """Task and motion of each point that has a steady sliding state."""
     build_structures(plan, Workers())
     plan.kind.prepare(plan, silent)
@@ -203,7 +203,7 @@ def _judged_part(family: Family, seed: int, share: float, part: int) -> pd.DataF
     swept = [s.parameter for s in plan.study.definition.sweep]
     for task, run in long_runs(plan):
         found, truth = (_verdict(one) for one in (shortened(run), run))
-        values = task.design.values  # noqa: PD011 - of a Design
+        values = task.values  # noqa: PD011 - of a DesignPoint
         design = {n: v for n, v in values.items() if n in swept}
         rows.append(
             {"family": family.name, "kick": family.kicks[part]}

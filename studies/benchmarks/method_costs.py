@@ -27,7 +27,6 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from squealstudy.engine.plan import Plan  # noqa: E402
 from squealstudy.engine.structures import build_structure, build_task  # noqa: E402
-from squealstudy.engine.tasks import PointTask  # noqa: E402
 from squealstudy.kinds.complex_modes.kind import ComplexModes  # noqa: E402
 from squealstudy.kinds.complex_modes.problems import (  # noqa: E402
     make_basis,
@@ -38,6 +37,7 @@ from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks  # noqa: E40
 from squealstudy.modes.rungs import all_rungs  # noqa: E402
 from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG  # noqa: E402
 from squealstudy.study.definition import load_any  # noqa: E402
+from squealstudy.study.design import DesignPoint  # noqa: E402
 
 STUDY = """
 [study]
@@ -77,7 +77,7 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def solving_seconds(plan: Plan, points: Sequence[PointTask]) -> float:
+def solving_seconds(plan: Plan, points: Sequence[DesignPoint]) -> float:
     """Of a point; what is loaded once is not in it."""
     tasks = [replace(t, keep_gaps=False) for t in solve_tasks(plan, points, 1)]
     return seconds(lambda: [ComplexModes().solve(task) for task in tasks]) / len(points)

@@ -174,7 +174,7 @@ def _point(quick: bool, folder: Path) -> dict[str, float]:
     plan = _plan("study", quick, folder)
     _reduced(plan)
     prepared = load_prepared(plan.structures[0].key)
-    states = [task.design.state() for task in plan.tasks[:: max(len(plan.tasks) // 8, 1)]]
+    states = [task.state() for task in plan.tasks[:: max(len(plan.tasks) // 8, 1)]]
     solve_point(prepared, states[0], plan.band_hz)  # what is loaded and mapped once
     started = time.process_time()
     for state in states:
@@ -188,7 +188,7 @@ def _check(quick: bool, folder: Path) -> dict[str, float]:
 
     plan = _plan("study", quick, folder)
     _reduced(plan)
-    prepared, design = load_prepared(plan.structures[0].key), plan.tasks[-1].design
+    prepared, design = load_prepared(plan.structures[0].key), plan.tasks[-1]
     started = time.process_time()
     state = design.state()
     assembly = design.model.build(plan.study.options, design.plain_values())

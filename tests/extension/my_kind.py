@@ -18,8 +18,9 @@ from squealstudy.engine.names import POINTS
 from squealstudy.engine.parallel import Workers, split_chunks
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.modes.point import state_working_point
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.kinds import register_kind
 
 FIELDS = (("contact_force", REAL), ("largest_pressure", REAL))  # N, Pa
@@ -33,19 +34,19 @@ class SteadySliding(ModelKind):
     tables = (POINTS,)
     schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[Any]:
+    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[Any]:
         """Chunks of consecutive points."""
         return split_chunks(points, workers.jobs)
 
-    def solve(self, task: Sequence[PointTask]) -> Solved:
+    def solve(self, task: Sequence[DesignPoint]) -> Solved:
         """A row a design point."""
         return Solved([self._row(point) for point in task])
 
-    def _row(self, point: PointTask) -> dict[str, Any]:
+    def _row(self, point: DesignPoint) -> dict[str, Any]:
         started = time.perf_counter()
-        prepared = prepared_model(point.prepared_key)
+        prepared = prepared_model(point.structure)
         try:
-            found = state_working_point(prepared, point.design.state())
+            found = state_working_point(prepared, point.state())
         except FAILURES as error:
             return self.failed_row(point.point_id, *reason(error))
         forces = prepared.model.area * found.pressure

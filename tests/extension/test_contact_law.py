@@ -175,7 +175,7 @@ def test_results_are_named_by_the_content_of_the_file(tmp_path):
         study = STUDY.replace('"cubic"\n[par', f'"cubic_{default}"\n[par')
         study = study.format(kind="complex_modes")
         plan = Plan(parse_study(study, folder / "study.toml"))
-        keys.append((plan.tasks[0].point_id, plan.tasks[0].prepared_key))
+        keys.append((plan.tasks[0].point_id, plan.tasks[0].structure))
     assert keys[0] == keys[1]
     assert keys[0][0] != keys[2][0]
     assert keys[0][1] != keys[2][1]

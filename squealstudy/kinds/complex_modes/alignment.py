@@ -29,7 +29,7 @@ class CommonShapes:
     """
 
     def __init__(self, plan: Plan, file: ShapeFile, lams: list[np.ndarray]) -> None:
-        self._keys = [task.prepared_key for task in plan.tasks]
+        self._keys = [task.structure for task in plan.tasks]
         self._file, self._counts = file, [len(lam) for lam in lams]
         self._seen = lru_cache(maxsize=KEPT)(self._observed)
 

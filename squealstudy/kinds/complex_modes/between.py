@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -19,7 +19,7 @@ from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named
 from squealstudy.modes.tracking.interpolated import InterpolatedModes, ModalMatrices
 from squealstudy.modes.tracking.refinement import Modes
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import linearise
 
 
@@ -40,7 +40,7 @@ class Between:
         By which the study solves the point.
     box : Box
         In which it does so.
-    design : Design
+    design : DesignPoint
         Of the point at coordinates `x`.
     x : ndarray (p,)
         As in Plan.coordinates.
@@ -51,17 +51,17 @@ class Between:
     structure: SweptStructure
     rung: str
     box: Box
-    design: Design
+    design: DesignPoint
     x: np.ndarray
     sweeps: tuple[tuple[str, bool], ...]
 
-    def design_at(self, x: np.ndarray) -> Design:
+    def design_at(self, x: np.ndarray) -> DesignPoint:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
         values = dict(self.design.values)
         for (name, log), own, other in zip(self.sweeps, self.x, x, strict=True):
             if other != own:
                 values[name] = float(np.exp(other) if log else other)
-        return replace(self.design, values=values)
+        return self.design.with_values(values)
 
     def solve(self, x: np.ndarray) -> Modes:
         """Oscillating modes at coordinates (p,).
@@ -134,13 +134,13 @@ class Neighbourhoods:
     def of(self, point: int) -> Between:
         """What lies around a design point."""
         task, x = self._plan.tasks[point], self._plan.coordinates[point]
-        structure = self._structures[task.prepared_key]
+        structure = self._structures[task.structure]
         box = self._boxes.get(task.point_id) or whole_box(structure)
         return Between(
             structure=structure,
             rung=self._rungs[structure.key],
             box=box,
-            design=task.design,
+            design=task,
             x=x,
             sweeps=self._sweeps,
         )
@@ -151,7 +151,7 @@ class Neighbourhoods:
 
     def joined(self, a: int, b: int) -> bool:
         """Whether one prepared model holds at both points, and so between them."""
-        return self._plan.tasks[a].prepared_key == self._plan.tasks[b].prepared_key
+        return self._plan.tasks[a].structure == self._plan.tasks[b].structure
 
 
 def _boxes_of_points(plan: Plan) -> dict[str, Box]:

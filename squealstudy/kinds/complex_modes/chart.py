@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import FREQUENCY_SCALE
 
 Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]
@@ -37,7 +37,7 @@ class Chart:
 
     Attributes
     ----------
-    design : Design
+    design : DesignPoint
         Gives all values that do not vary.
     names, scalings : tuple of str
         Parameters that vary, and how each becomes a coordinate.
@@ -45,7 +45,7 @@ class Chart:
         Ends of the scaled coordinates.
     """
 
-    design: Design
+    design: DesignPoint
     names: tuple[str, ...]
     scalings: tuple[str, ...]
     low: tuple[float, ...]
@@ -72,13 +72,13 @@ class Chart:
         ]
         return np.column_stack(columns)
 
-    def design_at(self, theta: np.ndarray) -> Design:
+    def design_at(self, theta: np.ndarray) -> DesignPoint:
         """The design at a point (d,) of the box."""
         values = dict(self.design.values)
         for j, (name, scaling) in enumerate(zip(self.names, self.scalings, strict=True)):
             at = self.low[j] + (theta[j] + 1.0) / 2.0 * (self.high[j] - self.low[j])
             values[name] = float(SCALINGS[scaling][1](np.array(at)))
-        return replace(self.design, values=values)
+        return self.design.with_values(values)
 
     def identity(self) -> list[object]:
         """What a basis made over this box depends on."""
@@ -86,7 +86,7 @@ class Chart:
         return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
 
 
-def chart_of(designs: Sequence[Design], names: Sequence[str]) -> Chart:
+def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> Chart:
     """The chart of some designs of one structure over the swept parameters that vary in them."""
     varied = [n for n in names if len({d.values[n] for d in designs}) > 1]
     scalings = [scaling_of(n, min(d.values[n] for d in designs)) for n in varied]

@@ -17,7 +17,7 @@ from squealstudy.engine.names import MODES, ONSETS, POINTS
 from squealstudy.engine.parallel import Progress, Workers
 from squealstudy.engine.plan import Plan, checked_points
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
 from squealstudy.kinds.complex_modes.counts import read_roots
@@ -31,6 +31,7 @@ from squealstudy.kinds.complex_modes.problems import (
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
 from squealstudy.kinds.complex_modes.worker import solve_points
 from squealstudy.modes.rungs import rung_named
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.sections import AUTO
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class ComplexModes(ModelKind):
                 f'method = "{plan.method.exact}" solves point by point',
             ) from error
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[SolveTask]:
+    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[SolveTask]:
         """Boxes of neighbouring points, or chunks of consecutive ones."""
         self.prepare(plan, workers.report)
         return solve_tasks(plan, points, workers.jobs)
@@ -151,7 +152,7 @@ class ComplexModes(ModelKind):
         tasks = [
             ReferenceTask(t, lam, plan.study.options, plan.settings, plan.band_hz)
             for t in wanted
-            if t.prepared_key not in failures and (lam := found.get(t.point_id)) is not None
+            if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
         for result in workers.each(check_reference, tasks, "full-order check"):
             write_reference(directory, result)
@@ -202,16 +203,16 @@ class ComplexModes(ModelKind):
 
         return mode_solves(plan)
 
-    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+    def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point by the exact method."""
         method = plan.method
         rung = method.rung if method.rung.exact else rung_named(method.exact)
-        structure = next(s for s in swept_structures(plan) if s.key == task.prepared_key)
+        structure = next(s for s in swept_structures(plan) if s.key == task.structure)
         problem = problem_of(structure, rung)
         started = time.perf_counter()
         with threadpool_limits(1):
             try:
-                list(rung.solve(problem, [task.design], whole_box(structure)))
+                list(rung.solve(problem, [task], whole_box(structure)))
             except FAILURES:
                 return None
         return time.perf_counter() - started

@@ -70,7 +70,7 @@ def measure_modes(
     line_points = len(on_lines) / len(lines) if lines else np.nan
     onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
     setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
-    coordinates = int(load_any(chosen[0].prepared_key).model.n)
+    coordinates = int(load_any(chosen[0].structure).model.n)
     return Measurement(
         seconds,
         setup,
@@ -145,12 +145,12 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
     (complex_modes/reduction.py).
     """
     task = plan.tasks[point]
-    prepared = prepared_model(task.prepared_key)
+    prepared = prepared_model(task.structure)
     if prepared.finer is None:
         return None
     try:
         with threadpool_limits(1):
-            modes = finer_modes(prepared, task.design.state(), plan.band_hz)
+            modes = finer_modes(prepared, task.state(), plan.band_hz)
     except FAILURES as error:
         status, message = reason(error)
         return {"status": status, "message": message}

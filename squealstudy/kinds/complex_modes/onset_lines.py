@@ -13,13 +13,13 @@ from squealstudy.engine.method import Method
 from squealstudy.engine.names import onset_parameter
 from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import PointTask
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.counts import settled
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
+from squealstudy.study.design import DesignPoint
 from squealstudy.tables.crossings import FIRST_SEEN, INTO
 
 Interval = tuple[float | None, float | None, float | None]  # value, bounds; None without one
@@ -54,7 +54,7 @@ class LinePlan(Plan):
         return self.whole.method
 
     @cached_property
-    def tasks(self) -> tuple[PointTask, ...]:
+    def tasks(self) -> tuple[DesignPoint, ...]:
         """Identity and structure of each point."""
         return tuple(self.whole.tasks[i] for i in self._rows)
 

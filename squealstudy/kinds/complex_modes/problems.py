@@ -29,7 +29,7 @@ from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.design_state import DesignState
 
 MOST_KEPT = 2  # problems a process holds: of each its basis
@@ -88,9 +88,9 @@ class SweptStructure:
 def swept_structures(plan: Plan) -> list[SweptStructure]:
     """The structures of a plan, in the order of their first use."""
     names = [s.name for s in plan.study.sweeps if not s.parameter.structural]
-    designs: dict[str, list[Design]] = {}
+    designs: dict[str, list[DesignPoint]] = {}
     for task in plan.tasks:
-        designs.setdefault(task.prepared_key, []).append(task.design)
+        designs.setdefault(task.structure, []).append(task)
     return [
         SweptStructure(
             key=key,
@@ -130,7 +130,7 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
     def values_at(theta: np.ndarray) -> dict[str, float]:
         return chart.design_at(theta).plain_values()
 
-    def solve(design: Design) -> PointModes:
+    def solve(design: DesignPoint) -> PointModes:
         return solve_family_point(prepared, design.plain_values(), band_hz)
 
     return Problem(
@@ -158,7 +158,7 @@ def _brake_problem(
     def state_at(theta: np.ndarray) -> DesignState:
         return chart.design_at(theta).state()
 
-    def solve(design: Design) -> PointModes:
+    def solve(design: DesignPoint) -> PointModes:
         return solve_point(prepared, design.state(), band_hz, known_gap(structure.key, design))
 
     return Problem(

@@ -21,10 +21,10 @@ from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import PointTask
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.modes.full_order.finer_model import reduction_errors
 from squealstudy.modes.full_order.pairs import LIGHT
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import farthest_points
 
 SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
@@ -55,16 +55,16 @@ class Sample:
 class SampleTask:
     """A design point to be solved in both models, and where the errors are kept."""
 
-    point: PointTask
+    point: DesignPoint
     band_hz: tuple[float, float]
 
     @property
     def path(self) -> Path:
         """Beside the prepared model; other studies with the same point find it."""
-        values = sorted((k, float(v).hex()) for k, v in self.point.design.own_values.items())
-        laws = self.point.design.law_identity
+        values = sorted((k, float(v).hex()) for k, v in self.point.own_values.items())
+        laws = self.point.law_identity
         name = content_hash([source_hash(), laws, self.band_hz, values])
-        return prepared_path(self.point.prepared_key) / "reduction_errors" / f"{name}.json"
+        return prepared_path(self.point.structure) / "reduction_errors" / f"{name}.json"
 
     def read(self) -> Sample | None:
         """The errors that are kept; None where the point has none, or is not solved yet."""
@@ -79,9 +79,9 @@ class SampleTask:
 
 def solve_sample(task: SampleTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
-    prepared = prepared_model(task.point.prepared_key)
+    prepared = prepared_model(task.point.structure)
     try:
-        lam, error = reduction_errors(prepared, task.point.design.state(), task.band_hz)
+        lam, error = reduction_errors(prepared, task.point.state(), task.band_hz)
     except FAILURES as failure:
         write_json(task.path, {"failure": reason(failure)})
         return
@@ -99,7 +99,7 @@ def sample_points(plan: Plan) -> list[int]:
     """Indices of the sample points: of each structure those farthest from each other."""
     by_structure: dict[str, list[int]] = {}
     for i, task in enumerate(plan.tasks):
-        by_structure.setdefault(task.prepared_key, []).append(i)
+        by_structure.setdefault(task.structure, []).append(i)
     chosen: list[int] = []
     for own in by_structure.values():
         count = min(max(LEAST, len(own) // POINTS_A_SAMPLE), MOST)
@@ -113,7 +113,7 @@ def make_samples(
     """Sample points and their errors, solved where the cache does not hold them."""
     if not is_reduced(plan):
         return []
-    chosen = [i for i in sample_points(plan) if plan.tasks[i].prepared_key not in failures]
+    chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
     tasks = {i: SampleTask(plan.tasks[i], plan.band_hz) for i in chosen}
     missing = [task for task in tasks.values() if not task.path.is_file()]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
@@ -131,7 +131,7 @@ def carried_errors(
     """
     if not is_reduced(plan):
         return np.zeros(len(columns.lam))
-    X, key = scaled(plan.coordinates), np.array([task.prepared_key for task in plan.tasks])
+    X, key = scaled(plan.coordinates), np.array([task.structure for task in plan.tasks])
     point = columns.point
     relative = np.full(len(columns.lam), np.nan)
     kept = [(i, sample) for i, sample in samples if len(sample.lam)]

@@ -13,11 +13,11 @@ import numpy as np
 
 from squealstudy.engine.cache import load_any
 from squealstudy.engine.files import write_json
-from squealstudy.engine.tasks import PointTask
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.unreduced import Unreduced
 from squealstudy.modes.full_order.pairs import paired_with_full_order
 from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.study.design import DesignPoint
 
 REFERENCES = "references"
 UNTOLD = 1e-11  # relative error of a check that does not say its own
@@ -27,7 +27,7 @@ UNTOLD = 1e-11  # relative error of a check that does not say its own
 class ReferenceTask:
     """A design point, solved with roots `lam` (m,), to solve by the full-order model as well."""
 
-    point: PointTask
+    point: DesignPoint
     lam: np.ndarray
     options: Mapping[str, str | int]
     settings: BasisSettings
@@ -39,7 +39,7 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
-        key, design = task.point.prepared_key, task.point.design
+        key, design = task.point.structure, task.point
         unreduced = Unreduced(key, task.options, task.settings)
         full = unreduced.solve(load_any(key), design, task.band_hz, check=True)
         pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)

@@ -10,9 +10,9 @@ import numpy as np
 
 from squealstudy.engine.parallel import split_chunks
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import PointTask
 from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
 from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.study.design import DesignPoint
 
 LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
 BOXES = 16
@@ -27,7 +27,7 @@ class SolveTask:
     ----------
     structure : SweptStructure
     rung : str
-    points : tuple of PointTask
+    points : tuple of DesignPoint
     box : Box
         Part of the structure's box that holds them.
     keep_gaps : bool
@@ -36,12 +36,12 @@ class SolveTask:
 
     structure: SweptStructure
     rung: str
-    points: tuple[PointTask, ...]
+    points: tuple[DesignPoint, ...]
     box: Box
     keep_gaps: bool
 
 
-def solve_tasks(plan: Plan, points: Sequence[PointTask], jobs: int) -> list[SolveTask]:
+def solve_tasks(plan: Plan, points: Sequence[DesignPoint], jobs: int) -> list[SolveTask]:
     """Tasks of the points that are not solved yet, those in boxes first.
 
     Structures without a sweep basis that the study's rung needs are left to the exact one.
@@ -49,11 +49,11 @@ def solve_tasks(plan: Plan, points: Sequence[PointTask], jobs: int) -> list[Solv
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
     exact = {key for key, (_, name) in served.items() if name != plan.method.name}
     exact |= set() if not plan.method.rung.exact else set(served)
-    boxed = [point for point in points if point.prepared_key not in exact]
-    alone = [point for point in points if point.prepared_key in exact]
+    boxed = [point for point in points if point.structure not in exact]
+    alone = [point for point in points if point.structure in exact]
     keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
     order = list(served)
-    alone.sort(key=lambda point: order.index(point.prepared_key))
+    alone.sort(key=lambda point: order.index(point.structure))
     chunks = [
         SolveTask(
             structure=served[key][0],
@@ -63,7 +63,7 @@ def solve_tasks(plan: Plan, points: Sequence[PointTask], jobs: int) -> list[Solv
             keep_gaps=keep,
         )
         for part in split_chunks(alone, jobs)
-        for key, own in groupby(part, lambda point: point.prepared_key)
+        for key, own in groupby(part, lambda point: point.structure)
     ]
     return [*_boxes(plan, boxed), *chunks]
 
@@ -80,7 +80,7 @@ def whole_box(structure: SweptStructure) -> Box:
     return Box(-ends, ends)
 
 
-def _boxes(plan: Plan, points: Sequence[PointTask]) -> list[SolveTask]:
+def _boxes(plan: Plan, points: Sequence[DesignPoint]) -> list[SolveTask]:
     """Boxes of the whole design, with those of their points that are asked for.
 
     Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
@@ -88,13 +88,13 @@ def _boxes(plan: Plan, points: Sequence[PointTask]) -> list[SolveTask]:
     have.
     """
     pending = {point.point_id for point in points}
-    keys = {point.prepared_key for point in points}
+    keys = {point.structure for point in points}
     found = []
     for structure in swept_structures(plan) if pending else ():
         if structure.key not in keys:
             continue
-        own = [task for task in plan.tasks if task.prepared_key == structure.key]
-        theta = structure.chart.theta([task.design.values for task in own])
+        own = [task for task in plan.tasks if task.structure == structure.key]
+        theta = structure.chart.theta([task.values for task in own])
         for rows, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(own) // BOXES))):
             chosen = tuple(own[int(i)] for i in rows if own[int(i)].point_id in pending)
             if chosen:

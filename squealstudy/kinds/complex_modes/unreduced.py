@@ -12,7 +12,7 @@ from squealstudy.modes.full_order.modes import full_order_modes
 from squealstudy.modes.point import PointModes
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
 from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
@@ -39,7 +39,7 @@ class Unreduced:
     def solve(
         self,
         prepared: Prepared,
-        design: Design,
+        design: DesignPoint,
         band_hz: tuple[float, float],
         check: bool = False,
     ) -> PointModes:
@@ -54,7 +54,7 @@ class Unreduced:
         cutoff = self.settings.damped_to
         return full_order_modes(prepared, assembly, modes, design.state(), band_hz, cutoff)
 
-    def assembly(self, design: Design) -> tuple[Assembly, Mapping[str, ComponentModes]]:
+    def assembly(self, design: DesignPoint) -> tuple[Assembly, Mapping[str, ComponentModes]]:
         """The unreduced model, and the component modes, by component, that its study may change."""
         changed = bool(design.mode_parameters())
         key = self.key, changed

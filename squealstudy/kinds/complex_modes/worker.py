@@ -25,13 +25,13 @@ def solve_points(task: SolveTask) -> Solved:
     new_gaps = NewGaps()
     key = task.structure.key
     looked_up = task.points if task.keep_gaps else ()
-    known = {p.point_id for p in looked_up if known_gap(key, p.design) is not None}
+    known = {p.point_id for p in looked_up if known_gap(key, p) is not None}
     for i, found in _solved(task):
         point, now = task.points[i], time.perf_counter()
         if isinstance(found, PointModes):
             rows.append(solved_row(point.point_id, now - last, found))
             if task.keep_gaps and point.point_id not in known:
-                new_gaps.add(key, point.design, found.working_point.gap)
+                new_gaps.add(key, point, found.working_point.gap)
         else:
             rows.append(failed_row(point.point_id, now - last, *reason(found)))
         last = now
@@ -46,17 +46,16 @@ def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception]]:
     """
     rung = rung_named(task.rung)
     problem = problem_of(task.structure, rung)
-    designs = [point.design for point in task.points]
-    left = dict.fromkeys(range(len(designs)))
+    left = dict.fromkeys(range(len(task.points)))
     if not rung.exact:
         with contextlib.suppress(*FAILURES):
-            for i, found in rung.solve(problem, designs, task.box):
+            for i, found in rung.solve(problem, task.points, task.box):
                 del left[i]
                 yield i, found
         rung = rung_named(problem.swept.exact)
     for i in left:
         try:
-            ((_, modes),) = rung.solve(problem, [designs[i]], task.box)
+            ((_, modes),) = rung.solve(problem, [task.points[i]], task.box)
         except FAILURES as error:
             yield i, error
         else:

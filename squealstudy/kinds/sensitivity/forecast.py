@@ -5,17 +5,17 @@ from __future__ import annotations
 import time
 
 from squealstudy.engine.cache import prepared_model
-from squealstudy.engine.tasks import PointTask
 from squealstudy.kinds.sensitivity.parameters import state_parameters, structural_names
 from squealstudy.kinds.sensitivity.worker import Request, design_structure
 from squealstudy.modes.sensitivity.reduced import point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import structural_sensitivities
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
 TIMED = 3  # parameters that stand for all
 
 
-def point_seconds(point: PointTask, request: Request) -> float:
+def point_seconds(point: DesignPoint, request: Request) -> float:
     """Expected seconds: modes, a few parameters of the state and one of the structure, scaled.
 
     Raises
@@ -23,9 +23,9 @@ def point_seconds(point: PointTask, request: Request) -> float:
     ConvergenceError
         Where there is no working point.
     """
-    prepared = prepared_model(point.prepared_key)
+    prepared = prepared_model(point.structure)
     started = time.perf_counter()
-    solved = solve_families(prepared, point.design.state(), request.band_hz, request.choice)
+    solved = solve_families(prepared, point.state(), request.band_hz, request.choice)
     total = time.perf_counter() - started
     parameters = state_parameters(request.asked, component_frequencies(prepared.model))
     if parameters:
@@ -35,7 +35,7 @@ def point_seconds(point: PointTask, request: Request) -> float:
     names = structural_names(request.asked)
     if names:
         started = time.perf_counter()
-        structure = design_structure(point.design, request.options, request.settings)
+        structure = design_structure(point, request.options, request.settings)
         structural_sensitivities(solved, structure, names[:1], request.change)
         total += (time.perf_counter() - started) * len(names)
     return total

@@ -16,7 +16,7 @@ from squealstudy.engine.names import POINTS, SENSITIVITIES
 from squealstudy.engine.parallel import Workers, split_chunks
 from squealstudy.engine.plan import Plan, Structure
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity import rows
 from squealstudy.kinds.sensitivity.forecast import point_seconds
@@ -37,6 +37,7 @@ from squealstudy.kinds.sensitivity.worker import (
     solve_sensitivities,
 )
 from squealstudy.modes.sensitivity.structural import check_structural
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class Sensitivities(ModelKind):
             raise error_at_name(plan.study, error) from None
 
     def tasks(
-        self, plan: Plan, points: Sequence[PointTask], workers: Workers
+        self, plan: Plan, points: Sequence[DesignPoint], workers: Workers
     ) -> list[SensitivityTask]:
         """Chunks of consecutive points."""
         asked = request(plan)
@@ -102,7 +103,7 @@ class Sensitivities(ModelKind):
         section = plan.study.section
         return build_tables(plan, directory), {"sensitivity": section.model_dump(mode="json")}
 
-    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+    def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point, from a few of its parameters."""
         with threadpool_limits(1):
             try:

@@ -16,7 +16,7 @@ from squealstudy.models.operating import (
 from squealstudy.modes.sensitivity.mode_choice import ModeChoice
 from squealstudy.modes.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
 from squealstudy.study.definition import Study
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import (
     ModeParameter,
     PlainParameter,
@@ -46,7 +46,7 @@ class Asked:
         return self.parameter.structural
 
 
-def asked_parameters(study: Study, design: Design) -> tuple[Asked, ...]:
+def asked_parameters(study: Study, design: DesignPoint) -> tuple[Asked, ...]:
     """The parameters of the [sensitivity] section, or the default ones.
 
     Raises

@@ -10,7 +10,7 @@ from typing import Any
 
 from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.engine.working_points import known_gap
 from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
 from squealstudy.kinds.sensitivity.rows import failed_row, solved_row
@@ -20,7 +20,7 @@ from squealstudy.modes.sensitivity.reduced import point_sensitivities, solve_fam
 from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
 
@@ -53,16 +53,16 @@ class SensitivityTask:
     """Design points that one worker solves and writes together."""
 
     request: Request
-    points: tuple[PointTask, ...]
+    points: tuple[DesignPoint, ...]
 
 
 def solve_sensitivities(task: SensitivityTask) -> Solved:
     """Solve the points of a chunk."""
-    known = sum(known_gap(p.prepared_key, p.design) is not None for p in task.points)
+    known = sum(known_gap(p.structure, p) is not None for p in task.points)
     return Solved([_row(point, task.request) for point in task.points], known=known)
 
 
-def _row(point: PointTask, request: Request) -> dict[str, Any]:
+def _row(point: DesignPoint, request: Request) -> dict[str, Any]:
     started = time.perf_counter()
     try:
         found, modes = design_sensitivities(point, request)
@@ -72,23 +72,23 @@ def _row(point: PointTask, request: Request) -> dict[str, Any]:
 
 
 def design_sensitivities(
-    point: PointTask, request: Request
+    point: DesignPoint, request: Request
 ) -> tuple[WorkingPoint, list[ModeSensitivities]]:
     """Working point and sensitivities of one design point; SquealstudyError."""
-    prepared = prepared_model(point.prepared_key)
-    gap = known_gap(point.prepared_key, point.design)
-    state = point.design.state()
+    prepared = prepared_model(point.structure)
+    gap = known_gap(point.structure, point)
+    state = point.state()
     solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
     parameters = state_parameters(request.asked, component_frequencies(prepared.model))
     modes = point_sensitivities(solved, parameters, request.change, request.band_hz[1])
-    structure = design_structure(point.design, request.options, request.settings)
+    structure = design_structure(point, request.options, request.settings)
     names = structural_names(request.asked)
     more = structural_sensitivities(solved, structure, names, request.change)
     return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
 
 
 def design_structure(
-    design: Design, options: Mapping[str, str | int], settings: BasisSettings
+    design: DesignPoint, options: Mapping[str, str | int], settings: BasisSettings
 ) -> Structure:
     """How the assembly of a design is built."""
     return Structure(

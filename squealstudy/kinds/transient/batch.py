@@ -11,7 +11,6 @@ import numpy as np
 from squealstudy.engine.cache import prepared_model, prepared_path
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import PointTask
 from squealstudy.kinds.transient.plan_facts import (
     TRANSIENT_SOURCES,
     start_of,
@@ -25,6 +24,7 @@ from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.modal_basis import Training, truncated, with_pod
 from squealstudy.motion.reference_modes import ReferenceModes, reference_modes
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.design_state import DesignState, ModeKey
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
@@ -86,7 +86,7 @@ class BatchTask:
 
     Attributes
     ----------
-    points : tuple of PointTask
+    points : tuple of DesignPoint
     section : TransientSection
     integrator : Integrator
     operating : OperatingPoint
@@ -105,7 +105,7 @@ class BatchTask:
         Assembly modes up to here are in the basis, exact.
     """
 
-    points: tuple[PointTask, ...]
+    points: tuple[DesignPoint, ...]
     section: TransientSection
     integrator: Integrator
     operating: OperatingPoint
@@ -125,7 +125,7 @@ class BatchTask:
     @property
     def reference(self) -> ReferenceModes:
         """The modes that the points share."""
-        key = self.points[0].prepared_key
+        key = self.points[0].structure
         return shared_reference(key, self.operating, self.component_modes, self.basis)
 
     @property
@@ -143,7 +143,7 @@ class BatchTask:
 
 def batch_task(
     plan: Plan,
-    points: tuple[PointTask, ...],
+    points: tuple[DesignPoint, ...],
     basis: BasisChoice | None = None,
     integrator: Integrator | None = None,
 ) -> BatchTask:
@@ -155,7 +155,7 @@ def batch_task(
         integrator=integrator or section.integrator,
         operating=plan.nominal,
         component_modes=mode_keys(plan),
-        basis=basis or full_choice(plan, points[0].prepared_key),
+        basis=basis or full_choice(plan, points[0].structure),
         band_hz=plan.band_hz,
         tolerance=plan.study.definition.modes.stability_tolerance,
         start=start_of(plan),

@@ -60,7 +60,7 @@ def warnings(plan: Plan) -> list[str]:
                 )
                 above[text] = modes.growth_above
             number = stick_number(system, design, task.section.step)
-            own = task.points[0].design
+            own = task.points[0]
             speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
             stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
@@ -75,7 +75,7 @@ def _ends(plan: Plan) -> list[BatchTask]:
     for column in plan.coordinates.T:
         chosen += [int(np.argmax(column)), int(np.argmin(column))]
     key = plan.structures[0].key
-    tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].prepared_key == key]
+    tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].structure == key]
     basis = truncated_choice(plan)
     return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
 

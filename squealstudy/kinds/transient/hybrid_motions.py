@@ -16,7 +16,6 @@ import numpy as np
 from squealstudy.engine.cache import prepared_model, prepared_path
 from squealstudy.engine.files import write_atomic
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.tasks import PointTask
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.modes.point import state_working_point
@@ -26,13 +25,14 @@ from squealstudy.motion.reference_modes import ReferenceModes
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
+from squealstudy.study.design import DesignPoint
 from squealstudy.system.design_state import DesignState
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
 
 
 def hybrid_motions(
-    task: BatchTask, chosen: Sequence[PointTask], points: Sequence[MotionPoint]
+    task: BatchTask, chosen: Sequence[DesignPoint], points: Sequence[MotionPoint]
 ) -> list[Motion]:
     """Integrate design points one by one; final states are in hybrid coordinates.
 
@@ -53,7 +53,7 @@ def hybrid_motions(
 
 def _model(task: BatchTask) -> HybridModel:
     """The hybrid model of the batch's structure, from the cache or made now."""
-    key = task.points[0].prepared_key
+    key = task.points[0].structure
     layers = task.section.layers
     content = [task.cutoff_hz, layers, task.component_modes, repr(task.operating)]
     name = content_hash([source_hash(), *content])
@@ -74,8 +74,8 @@ def _dump(model: HybridModel, path: Path) -> None:
 
 def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
     first = task.points[0]
-    design, prepared = first.design, prepared_model(first.prepared_key)
-    assembly = design.model.build(dict(task.options), design.plain_values())
+    prepared = prepared_model(first.structure)
+    assembly = first.model.build(dict(task.options), first.plain_values())
     point = state_working_point(prepared, DesignState(task.operating))
     modes = component_modes(assembly, task.cutoff_hz) if task.component_modes else {}
     damped = {key: modes[key[0]] for key in task.component_modes}
@@ -109,13 +109,13 @@ def _observation(reference: ReferenceModes) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def _hybrid_point(
-    task: BatchTask, model: HybridModel, m: int, chosen: PointTask, point: MotionPoint
+    task: BatchTask, model: HybridModel, m: int, chosen: DesignPoint, point: MotionPoint
 ) -> MotionPoint:
     """The design point in coordinates of the hybrid model, which has the first m modes too.
 
     With the damping of the modal representation.
     """
-    state = chosen.design.state()
+    state = chosen.state()
     if point.s is not None and point.s.any():
         raise ConvergenceError(
             "parameter", "the hybrid representation has no frequency_scale of component modes"

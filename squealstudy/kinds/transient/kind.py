@@ -17,7 +17,7 @@ from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.names import GROWTH, MODES, POINTS
 from squealstudy.engine.parallel import Progress, Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient import forecast, rows
 from squealstudy.kinds.transient.batch import (
@@ -44,6 +44,7 @@ from squealstudy.kinds.transient.worker import solve_batch
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
 from squealstudy.study.definition import Study
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
 if TYPE_CHECKING:
@@ -139,14 +140,14 @@ class Transient(ModelKind):
         forecast.warm(plan.study.section)
         make_training_runs(plan, report)
 
-    def tasks(self, plan: Plan, points: Sequence[PointTask], workers: Workers) -> list[BatchTask]:
+    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
         self.prepare(plan, workers.report)
         section = plan.study.section
         size = max(1, min(section.batch, math.ceil(len(points) / workers.jobs)))
-        grouped: dict[str, list[PointTask]] = {}
+        grouped: dict[str, list[DesignPoint]] = {}
         for point in points:
-            grouped.setdefault(point.prepared_key, []).append(point)
+            grouped.setdefault(point.structure, []).append(point)
         return [
             batch_task(plan, tuple(group[i : i + size]))
             for group in grouped.values()
@@ -203,7 +204,7 @@ class Transient(ModelKind):
             *slope,
         ]
 
-    def time_point(self, plan: Plan, task: PointTask) -> float | None:
+    def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point alone, from its first steps."""
         forecast.warm(plan.study.section)
         started = time.perf_counter()

@@ -16,7 +16,6 @@ from squealstudy.engine.parallel import silent
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.process import memory_above
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import PointTask
 from squealstudy.engine.working_points import NewGaps
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
@@ -29,6 +28,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import pooled_interval
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.system import MotionPoint
+from squealstudy.study.design import DesignPoint
 from squealstudy.tables.finding_errors import run_errors
 from squealstudy.wording import IRREGULAR, LASTING, UNDECIDED
 
@@ -64,13 +64,13 @@ def measure_runs(
 
 
 def measure_tasks(
-    plan: Plan, chosen: Sequence[PointTask], integrator: Integrator | None = None, starts: int = 1
+    plan: Plan, chosen: Sequence[DesignPoint], integrator: Integrator | None = None, starts: int = 1
 ) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
     forecast.warm(section)
     with threadpool_limits(1):
-        make_training_runs(plan, silent, {task.prepared_key for task in chosen})
+        make_training_runs(plan, silent, {task.structure for task in chosen})
         findings: dict[str, dict[str, Any]] = {}
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
         for first in range(0, len(chosen), section.batch):
@@ -95,7 +95,7 @@ def measure_tasks(
 
 
 def _batch(
-    plan: Plan, part: tuple[PointTask, ...], integrator: Integrator | None, start: float
+    plan: Plan, part: tuple[DesignPoint, ...], integrator: Integrator | None, start: float
 ) -> tuple[list[dict[str, Any]], float, float, list[Motion]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
     task = batch_task(plan, part, integrator=integrator)

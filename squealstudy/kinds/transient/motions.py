@@ -9,7 +9,6 @@ import numpy as np
 
 from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import PointTask
 from squealstudy.engine.working_points import NewGaps, known_gap
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
@@ -22,25 +21,26 @@ from squealstudy.motion.point import friction_law, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint
+from squealstudy.study.design import DesignPoint
 
 LOOKS = 20  # at a run, evenly over its duration
 
 Failure = tuple[str, str]  # status and message
 
 
-def set_up(task: BatchTask, point: PointTask, gaps: NewGaps) -> MotionPoint | Failure:
+def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | Failure:
     """Working point, forecast and perturbed start of a design point, or why there is none."""
     prepared, state, reference = (
-        prepared_model(point.prepared_key),
-        point.design.state(),
+        prepared_model(point.structure),
+        point.state(),
         task.reference,
     )
-    values, section = point.design.values, task.section
+    values, section = point.values, task.section
     try:
-        known = known_gap(point.prepared_key, point.design)
+        known = known_gap(point.structure, point)
         steady = state_working_point(prepared, state, known)
         if known is None:
-            gaps.add(point.prepared_key, point.design, steady.gap)
+            gaps.add(point.structure, point, steady.gap)
         slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
         friction = friction_law(state, steady, slope, saturation, section.friction)
         made = motion_point(reference, steady, state, friction, task.band_hz, task.tolerance)
@@ -53,7 +53,7 @@ def set_up(task: BatchTask, point: PointTask, gaps: NewGaps) -> MotionPoint | Fa
 
 
 def integrate(
-    task: BatchTask, chosen: Sequence[PointTask], points: Sequence[MotionPoint]
+    task: BatchTask, chosen: Sequence[DesignPoint], points: Sequence[MotionPoint]
 ) -> list[Motion]:
     """Motions of design points that were set up, in the representation of the study.
 

@@ -15,7 +15,7 @@ from squealstudy.kinds.transient.regularisation import (
     slowest_speed,
 )
 from squealstudy.kinds.transient.start import StartState, find_start
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 from squealstudy.study.source import SourceText
 
@@ -47,10 +47,10 @@ def motion_identity(plan: Plan) -> list[Any]:
     ]
 
 
-def training_designs(plan: Plan) -> tuple[Design, ...]:
+def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
     chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
-    nominal = Design(plan.study.model, plan.study.options, plan.nominal_values)
+    nominal = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
     ends = (plan.designs[i] for i in sorted(chosen))
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 

@@ -12,7 +12,7 @@ from squealstudy.models.operating import (
     SLOPE,
 )
 from squealstudy.study.definition import Study
-from squealstudy.study.design import Design
+from squealstudy.study.design import DesignPoint
 
 
 def slowest_speed(study: Study, swept: Sequence[Mapping[str, float]]) -> float:
@@ -37,13 +37,13 @@ def with_speed(values: Mapping[str, float], slowest: float) -> dict[str, float]:
     return {**values, REGULARISATION_SPEED.name: REGULARISATION_SHARE * slowest}
 
 
-def regularised(design: Design) -> bool:
+def regularised(design: DesignPoint) -> bool:
     """Whether the slope follows from a regularisation speed; else the file gives it."""
     return design.values[SLOPE.name] == 0
 
 
 def regularisation_facts(
-    designs: Sequence[Design], slowest: float, automatic: int
+    designs: Sequence[DesignPoint], slowest: float, automatic: int
 ) -> dict[str, Any] | None:
     """For manifest and screens; None where every design point has a slope of its own.
 

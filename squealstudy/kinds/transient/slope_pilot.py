@@ -69,9 +69,9 @@ def slope_pilot(
     task = plan.tasks[chosen]
     own = run_finding(read_chunks(directory, {task.point_id}, SCHEMA)[task.point_id])
     report("slope of friction", 0, 1)
-    values = dict(task.design.values)
+    values = dict(task.values)
     values[REGULARISATION_SPEED.name] *= 0.5
-    double = replace(task, point_id="double", design=replace(task.design, values=values))
+    double = replace(task.with_values(values), point_id="double")
     try:
         found = measure_tasks(plan, [double]).findings["0"]
     except (*FAILURES, SquealstudyError) as error:

@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.files import write_atomic, write_json
 from squealstudy.engine.parallel import Progress
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import PointTask
 from squealstudy.engine.working_points import NewGaps
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.batch import ALL_MODES, batch_task, settings_of, training_path
@@ -73,12 +72,14 @@ def _save(training: Training, path: Path) -> None:
 
 def training_run(plan: Plan, prepared_key: str) -> Training:
     """Displacements and growing modes of the training designs, all modes kept."""
-    points = tuple(PointTask("training", d, prepared_key) for d in training_designs(plan))
+    points = tuple(
+        replace(d, point_id="training", structure=prepared_key) for d in training_designs(plan)
+    )
     task = batch_task(plan, points, ALL_MODES)
     system = task.reference.system
     found = [(p, set_up(task, p, NewGaps())) for p in points]
     designs = [
-        perturbed(system, made, START * p.design.values["sliding_speed"])
+        perturbed(system, made, START * p.values["sliding_speed"])
         for p, made in found
         if isinstance(made, MotionPoint)
     ]

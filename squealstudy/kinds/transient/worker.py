@@ -8,7 +8,7 @@ from typing import Any
 from squealstudy.engine.histories import history_file
 from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import PointTask, Solved
+from squealstudy.engine.tasks import Solved
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.working_points import NewGaps
 from squealstudy.errors import SquealstudyError
@@ -21,6 +21,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.summary import history_frame, summarise
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.working_point import open_share
+from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
 
@@ -54,14 +55,14 @@ def solve_batch(task: BatchTask) -> Solved:
     return Solved(rows, files)
 
 
-def _row(task: BatchTask, point: PointTask, motion: Motion, wall: float) -> dict[str, Any]:
+def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> dict[str, Any]:
     reference, settings = task.reference, task.settings()
     system, summary = reference.system, summarise(motion)
     sticks = summary.point.get("stick_share_max", 0.0)
     said = doubts(motion, system, settings, sticks)
     area, force = system.area, motion.point.force
     resting = 0.0 if force is None else open_share(area, force[:, 0] / area)
-    reasons = [open_reason(point.design.law_kind, resting)]
+    reasons = [open_reason(point.law_kind, resting)]
     reasons += [f"{rule}: {text}" for rule, text in said.items()]
     columns = {
         **summary.point,
@@ -86,7 +87,7 @@ def _row(task: BatchTask, point: PointTask, motion: Motion, wall: float) -> dict
     )
 
 
-def _files(task: BatchTask, point: PointTask, motion: Motion) -> dict[str, Any]:
+def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any]:
     """History where it is asked for, and the final state of a finished run, by their paths."""
     section, every = task.section, task.settings().save_every
     files: dict[str, Any] = {}
@@ -95,5 +96,5 @@ def _files(task: BatchTask, point: PointTask, motion: Motion) -> dict[str, Any]:
         files |= history_file(point.point_id, kept)
     if motion.outcome == "ok":
         q, v = final_state(task, motion)
-        files |= state_file(point.point_id, point.prepared_key, section.representation, q, v)
+        files |= state_file(point.point_id, point.structure, section.representation, q, v)
     return files
