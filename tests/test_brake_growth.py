@@ -11,7 +11,7 @@ from conftest import NOMINAL
 from motions import run_one
 
 from squealstudy.laws import FrictionLaw
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.motion.growing_modes import (
     growth_sensors,
     none_growing,

@@ -7,12 +7,14 @@ import pytest
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
 from squealstudy.linalg import dense_qep
-from squealstudy.linalg.dense_qep import LEAST, MOST, roots_inside
-from squealstudy.linalg.dense_roots import (
+from squealstudy.linalg.dense_qep import (
+    LEAST,
+    MOST,
     backward_error,
     companion_roots,
     dense_roots,
     pairs_inside,
+    roots_inside,
 )
 from squealstudy.modes.reanalysis.problem import in_band
 

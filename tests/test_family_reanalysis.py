@@ -11,12 +11,11 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import roots_in_band
-from squealstudy.linalg.sparse_cholesky import SparseCholesky
+from squealstudy.linalg.factor import SparseCholesky
 from squealstudy.models.matrices.expression import parse_expression
 from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
-from squealstudy.modes.reanalysis.biorthogonal import biorthogonal
 from squealstudy.modes.reanalysis.estimate import two_sided_error
-from squealstudy.modes.reanalysis.family_problem import FamilyProblem
+from squealstudy.modes.reanalysis.family_problem import FamilyProblem, biorthogonal
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import light
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis

@@ -7,14 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from blocks import OPERATING as BLOCKS_OPERATING
-from blocks import blocks
+from blocks import (
+    OPERATING as BLOCKS_OPERATING,
+)
+from blocks import (
+    blocks,
+)
 from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
 
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.laws import friction_at, law_row
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint

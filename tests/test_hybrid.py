@@ -14,7 +14,7 @@ from motions import run_one
 
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.motion.growing_modes import none_growing
@@ -27,8 +27,13 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.contact_space import contact_space
-from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
-from squealstudy.reduction.hybrid_basis import explicit_dofs, static_state
+from squealstudy.reduction.hybrid import (
+    HybridSettings,
+    assembly_stiffness,
+    explicit_dofs,
+    hybrid_model,
+    static_state,
+)
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.system.design_state import DesignState
 

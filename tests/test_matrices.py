@@ -22,7 +22,7 @@ from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.models.matrices.expression import parse_expression
 from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
 from squealstudy.models.matrices.files import read_matrix
-from squealstudy.modes.full_order.family_point import (
+from squealstudy.modes.full_order.modes import (
     family_system,
     solve_family_point,
 )

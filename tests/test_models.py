@@ -12,7 +12,7 @@ from conftest import benchmark, build_model
 
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import contact_law
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.assembly import Assembly, expand_rows
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.component import Component

@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import (
+    given,
+)
+from hypothesis import (
+    strategies as st,
+)
 
 import squealstudy
 from squealstudy.engine.model_kind import build_structures
@@ -18,8 +22,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.onset_lines import first_onset
-from squealstudy.modes.tracking.onset_interpolation import cubic_onsets
-from squealstudy.modes.tracking.onsets import FollowedMode, Samples, refine_onset
+from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onsets, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.stability_boundary import stability_boundary

@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from conftest import NOMINAL, build_model
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import (
+    given,
+    settings,
+)
+from hypothesis import (
+    strategies as st,
+)
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
-from squealstudy.modes.reanalysis.collocated import collocate
+from squealstudy.modes.reanalysis.polynomials import collocate
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point

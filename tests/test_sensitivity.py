@@ -8,8 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.linalg as la
-from blocks import OPERATING as BLOCKS_OPERATING
-from blocks import blocks
+from blocks import (
+    OPERATING as BLOCKS_OPERATING,
+)
+from blocks import (
+    blocks,
+)
 from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
 
@@ -18,21 +22,29 @@ from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve, law_f
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
-from squealstudy.modes.sensitivity.assembly_change import check_same_mesh
-from squealstudy.modes.sensitivity.damping_gradient import DampingGradient
-from squealstudy.modes.sensitivity.finite_change import followed_root, reduced_pencil
-from squealstudy.modes.sensitivity.mode_choice import ModeChoice, chosen_roots
 from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_family
-from squealstudy.modes.sensitivity.mode_sensitivities import CONDITION_LIMIT
+from squealstudy.modes.sensitivity.mode_gradient import DampingGradient
+from squealstudy.modes.sensitivity.mode_sensitivities import (
+    CONDITION_LIMIT,
+    figure_slopes,
+    figures,
+    followed_root,
+    reduced_pencil,
+)
 from squealstudy.modes.sensitivity.reduced import (
     ChosenModes,
+    ModeChoice,
+    chosen_roots,
     point_sensitivities,
     solve_families,
 )
-from squealstudy.modes.sensitivity.root_figures import figure_slopes, figures
 from squealstudy.modes.sensitivity.state_derivatives import friction_change
 from squealstudy.modes.sensitivity.state_parameter import StateParameter
-from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
+from squealstudy.modes.sensitivity.structural import (
+    Structure,
+    check_same_mesh,
+    structural_sensitivities,
+)
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.design_state import DesignState

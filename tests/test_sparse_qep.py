@@ -7,14 +7,17 @@ import pytest
 import reference
 import scipy.sparse as sp
 from conftest import build_model
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import (
+    given,
+)
+from hypothesis import (
+    strategies as st,
+)
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.block_krylov import BlockKrylov
-from squealstudy.linalg.dense_roots import backward_error, dense_roots
+from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.factor import PLAIN_RESIDUAL, factorise, plain_residual
-from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.real_modes import BlockKrylov, real_modes
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
     LowRankSum,

@@ -27,8 +27,7 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
-from squealstudy.modes.tracking.joining import join_tracks
-from squealstudy.modes.tracking.labels import TrackTree, track
+from squealstudy.modes.tracking.labels import TrackTree, join_tracks, track
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.study.definition import parse_study

@@ -11,7 +11,7 @@ from synthetic import SyntheticProblem, constant, in_order, random_brake, whole_
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law, friction_curve
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error

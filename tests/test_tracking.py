@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import (
+    given,
+    settings,
+)
+from hypothesis import (
+    strategies as st,
+)
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
@@ -15,7 +20,7 @@ import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.labels import TrackTree, expected_roots, track
 from squealstudy.modes.tracking.pairing import mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, Refinement

@@ -11,7 +11,7 @@ from motions import run_one
 
 from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.motion.growing_modes import growing_modes, left_vectors
 from squealstudy.motion.modal_basis import Training, truncated, with_pod
 from squealstudy.motion.point import (

@@ -21,9 +21,8 @@ from synthetic import (
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import DENSE
-from squealstudy.modes.reanalysis.collocated import collocate
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.polynomials import interpolation
+from squealstudy.modes.reanalysis.polynomials import collocate, interpolation
 from squealstudy.modes.reanalysis.problem import light
 from squealstudy.modes.reanalysis.ritz import ritz_roots
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis

@@ -14,8 +14,12 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import interpolation
-from squealstudy.reduction.working_point import GapEquations, WorkingPoint
-from squealstudy.reduction.working_point_field import BatchEquations, WorkingPointField
+from squealstudy.reduction.working_point import (
+    BatchEquations,
+    GapEquations,
+    WorkingPoint,
+    WorkingPointField,
+)
 from squealstudy.system.design_state import DesignState
 
 BAND = (500.0, 4000.0)

@@ -1,4 +1,4 @@
-"""Roots of a dense quadratic eigenproblem inside a circle, by Arnoldi's method about a real shift.
+"""Roots of a dense quadratic eigenproblem in a band or a circle: Arnoldi where that is certain.
 
 With mu = lambda - sigma the roots of lambda^2 I + lambda C + K are those of
 
@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.linalg.companion import Eigenpairs, all_pairs, one_of_each_pair, right_pairs
+
 LEAST = 60  # coordinates from which on a space is less work than LAPACK's QR
 MOST = 0.25  # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
 SHIFTS = (0.05, 0.083)  # of the circle's radius; the second where a root is next to the first
@@ -31,6 +33,7 @@ PROBE = 36  # steps of the search for missed roots: enough to amplify one by 1e7
 INVARIANT = 1e-14  # of theta: a vector that leaves the space by less is round-off
 
 Inside = tuple[np.ndarray, np.ndarray]
+WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
 
 
 def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
@@ -253,3 +256,60 @@ def _accurate(
     R = X * lam**2 + (C @ X.real + 1j * (C @ X.imag)) * lam + K @ X.real + 1j * (K @ X.imag)
     small = np.linalg.norm(R, axis=0) <= RESIDUAL * np.maximum(np.abs(lam), SHIFTS[0] * radius) ** 2
     return (lam, X) if small.all() else None
+
+
+def dense_roots(
+    C: np.ndarray, K: np.ndarray, band: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """All roots in a band: by `roots_inside`, or by `companion_roots` where that cannot be certain.
+
+    Parameters
+    ----------
+    C, K : ndarray (n, n)
+        Damping and stiffness; the mass is the identity.
+    band : (low, high)
+        Bounds of |lambda|, rad/s.
+
+    Returns
+    -------
+    lam : ndarray (m,) complex
+        One of each conjugate pair (imaginary part >= 0), ascending in |lambda|; real roots are
+        listed each.
+    psi : ndarray (n, m) complex
+        Right vectors of unit 2-norm.
+    """
+    found = roots_inside(C, K, band[1])
+    return companion_roots(C, K, band) if found is None else one_of_each_pair(*found, band)
+
+
+def companion_roots(
+    C: np.ndarray, K: np.ndarray, band: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same out of all 2n roots."""
+    return one_of_each_pair(*right_pairs(C, K), band)
+
+
+def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
+    """All pairs with |lam| <= radius [rad/s], and perhaps others.
+
+    Left vectors are right ones of the transposed problem, told apart by their products with the
+    right ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots
+    (THEORY.md eq. (33)).
+    """
+    right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
+    if right is None or left is None or len(right[0]) != len(left[0]):
+        return all_pairs(C, K)
+    (lam, X), (mu, Z) = right, left
+    G = (Z.T @ X) * (mu[:, None] + lam) + Z.T @ (C @ X)
+    if len(lam) and not np.linalg.cond(G / np.abs(lam)) < WORST_PRODUCTS:
+        return all_pairs(C, K)
+    return Eigenpairs(lam, X, np.linalg.solve(G, Z.T).conj().T)
+
+
+def backward_error(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    """Normwise backward error of each pair: |Q(lambda) psi| / (|lambda|^2 + |lambda||C| + |K|)."""
+    R = psi * lam**2 + (C @ psi) * lam + K @ psi
+    size = np.abs(lam)
+    norm = size**2 + size * np.linalg.norm(C) + np.linalg.norm(K)
+    error: np.ndarray = np.linalg.norm(R, axis=0) / (norm * np.linalg.norm(psi, axis=0))
+    return error

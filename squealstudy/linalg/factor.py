@@ -1,4 +1,7 @@
-"""One factorisation interface over SuperLU and, where it is installed, PARDISO (extra `mkl`)."""
+"""Sparse factors: one interface over SuperLU and, where it is installed, PARDISO (extra `mkl`).
+
+Cholesky factors F^T F of symmetric positive definite matrices come out of SuperLU.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ from squealstudy.errors import ConvergenceError
 SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
-
+LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
+REFINEMENTS = 1  # of a Cholesky solve
 
 _threads: ContextVar[int] = ContextVar("threads", default=1)
 
@@ -162,3 +166,60 @@ class PardisoFactor(_Refined):
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`."""
         return self._solver.solve(self.A, np.asfortranarray(b))
+
+
+class SparseCholesky:
+    """F with F^T F = A, by its products.
+
+    SuperLU with pivots on the diagonal of a symmetric matrix gives P A P^T = L D L^T, so that
+    F = D^(1/2) L^T P. F^-1 z is A^-1 F^T z, which needs no triangular solve of its own.
+
+    Parameters
+    ----------
+    A : sparse (n, n)
+        Symmetric.
+
+    Raises
+    ------
+    ConvergenceError
+        ``singular``, where A is not positive definite.
+    """
+
+    def __init__(self, A: sp.spmatrix) -> None:
+        self.A = A.tocsr()
+        try:
+            self._lu = symmetric_lu(A)
+        except RuntimeError as error:
+            raise _indefinite() from error
+        order = self._lu.perm_c
+        pivots = self._lu.U.diagonal()
+        diagonal = np.empty(len(order))
+        diagonal[order] = self.A.diagonal()
+        if (order != self._lu.perm_r).any() or (pivots <= LEAST_PIVOT * np.abs(diagonal)).any():
+            raise _indefinite()
+        self._order = order
+        self._back = np.argsort(order)
+        self._lower = (self._lu.L @ sp.diags(np.sqrt(pivots))).tocsr()
+
+    def root(self, X: np.ndarray) -> np.ndarray:
+        """F X, real (n, m)."""
+        product: np.ndarray = self._lower.T @ X[self._back]
+        return product
+
+    def from_root(self, Z: np.ndarray) -> np.ndarray:
+        """F^-1 Z, real (n, m)."""
+        return self.solve((self._lower @ Z)[self._order])
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """A^-1 b, real or complex, with a step of iterative refinement."""
+        if np.iscomplexobj(b):
+            return self.solve(b.real) + 1j * self.solve(b.imag)
+        b = np.ascontiguousarray(b)
+        x = self._lu.solve(b)
+        for _ in range(REFINEMENTS):
+            x = x + self._lu.solve(b - self.A @ x)
+        return x
+
+
+def _indefinite() -> ConvergenceError:
+    return ConvergenceError(SINGULAR, "a stiffness matrix is not positive definite")

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_roots import backward_error, dense_roots
+from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (

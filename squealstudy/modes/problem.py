@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.modes.full_order.family_point import NO_WORKING_POINT
+from squealstudy.modes.full_order.modes import NO_WORKING_POINT
 from squealstudy.modes.point import PointModes, working_point_error
 from squealstudy.modes.reanalysis.estimate import Outcome
 from squealstudy.modes.reanalysis.problem import SweptProblem

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 
 MOST = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3

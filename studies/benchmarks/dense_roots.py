@@ -25,8 +25,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import numpy as np  # noqa: E402
 from random_quadratics import KINDS, difference, random_problem  # noqa: E402
 
-from squealstudy.linalg.dense_qep import roots_inside  # noqa: E402
-from squealstudy.linalg.dense_roots import companion_roots, dense_roots  # noqa: E402
+from squealstudy.linalg.dense_qep import (  # noqa: E402
+    companion_roots,
+    dense_roots,
+    roots_inside,
+)
 
 SIZES = (64, 90, 120, 160)  # coordinates
 WELL = 1e-10  # relative differences below are those of well-conditioned roots

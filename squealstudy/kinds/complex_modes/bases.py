@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.files import write_atomic
-from squealstudy.modes.reanalysis.collocated import CollocatedSystem, Expansion
+from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, Expansion
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS
 

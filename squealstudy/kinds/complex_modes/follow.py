@@ -19,10 +19,15 @@ from squealstudy.kinds.complex_modes.follow_tasks import (
     pair_task,
     refine_task,
 )
-from squealstudy.modes.tracking.joining import join_tracks
-from squealstudy.modes.tracking.labels import Tracks, TrackTree, expected_roots, pair_points
-from squealstudy.modes.tracking.pairing import Pairing, pair_macs
-from squealstudy.modes.tracking.refinement import DEPTH, DOUBTFUL, Modes, unresolved
+from squealstudy.modes.tracking.labels import (
+    Tracks,
+    TrackTree,
+    expected_roots,
+    join_tracks,
+    pair_points,
+)
+from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
+from squealstudy.modes.tracking.refinement import DEPTH, Modes, unresolved
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 PARALLEL = 1000  # steps from which on workers pay

@@ -15,8 +15,7 @@ from squealstudy.kinds.complex_modes.counts import damping_ratios
 from squealstudy.kinds.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.kinds.complex_modes.onset_task import FAILED, OnsetTask, refine_task
 from squealstudy.modes.tracking.labels import Tracks
-from squealstudy.modes.tracking.onset_interpolation import cubic_onsets
-from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset
+from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.design_rules import RANDOM_DESIGNS
 from squealstudy.tables.crossings import (

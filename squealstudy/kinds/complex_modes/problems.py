@@ -18,7 +18,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.bases import load_basis, save_basis
 from squealstudy.kinds.complex_modes.chart import Chart, chart_of
 from squealstudy.kinds.complex_modes.unreduced import Unreduced
-from squealstudy.modes.full_order.family_point import solve_family_point
+from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.problem import Problem
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from squealstudy.engine.cache import Prepared
 from squealstudy.models.assembly import Assembly
-from squealstudy.modes.full_order.family_point import solve_family_point
-from squealstudy.modes.full_order.modes import full_order_modes
+from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
 from squealstudy.modes.point import PointModes
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
 from squealstudy.reduction.prepared_family import PreparedFamily

@@ -13,7 +13,7 @@ from squealstudy.models.operating import (
     contact_parameters,
     friction_parameters,
 )
-from squealstudy.modes.sensitivity.mode_choice import ModeChoice
+from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
 from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint

@@ -17,7 +17,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FLAG, REAL, TEXT, WHOLE, planned_rows, points_table
 from squealstudy.engine.validity import validity_arrow
 from squealstudy.kinds.sensitivity.rows import SCHEMA, WORKING_POINT_FIELDS
-from squealstudy.modes.sensitivity.root_figures import figure_slopes, figures
+from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
 
 PERCENT = 0.01
 NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them

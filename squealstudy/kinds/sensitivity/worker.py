@@ -14,9 +14,8 @@ from squealstudy.engine.tasks import Solved
 from squealstudy.engine.working_points import known_gap
 from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
 from squealstudy.kinds.sensitivity.rows import failed_row, solved_row
-from squealstudy.modes.sensitivity.mode_choice import ModeChoice
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
-from squealstudy.modes.sensitivity.reduced import point_sensitivities, solve_families
+from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint

@@ -32,7 +32,7 @@ from squealstudy.laboratory.method_stability.contract import (
     named,
 )
 from squealstudy.laws import contact_law
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.interface import ContactInterface, SpringInterface
 from squealstudy.models.minimal_parts import point_mass

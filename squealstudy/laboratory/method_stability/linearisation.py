@@ -24,7 +24,7 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.laboratory.method_stability.small_problem import SmallProblem
 from squealstudy.linalg.companion import Eigenpairs
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.reanalysis.estimate import bounded, residuals
 
 MODES = 8

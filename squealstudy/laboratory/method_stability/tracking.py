@@ -22,7 +22,7 @@ from squealstudy.laboratory.method_stability.contract import (
     checked,
     named,
 )
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, Refinement
 

@@ -15,14 +15,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.point import PointModes, solve_point, state_working_point
-from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel
-from squealstudy.reduction.extended_basis import extended_basis
+from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel, project
+from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
@@ -35,6 +37,7 @@ ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
+ROUND_OFF = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
 
 
 @dataclass(frozen=True)
@@ -247,3 +250,62 @@ def finer_modes(
     n = prepared.finer.n
     larger = replace(prepared, model=prepared.finer, shape_basis=np.zeros((n, 1)))
     return solve_point(larger, state, band_hz, gap)
+
+
+def extended_basis(
+    assembly: Assembly,
+    modes: Mapping[str, ComponentModes],
+    basis: Basis,
+    added: np.ndarray,
+    share: float,
+) -> tuple[ReducedModel, Basis]:
+    """The basis and the model with what `added` has outside of it, component by component.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    modes : mapping of component name -> ComponentModes
+        The first coordinates of each component, which stay what they are.
+    basis : Basis
+    added : ndarray (n_dof, k)
+        Displacements of the assembly.
+    share : float
+        Directions are kept whose elastic energy is more than share^2 of the largest one's, of all
+        components together: a component that hardly deforms gets few.
+    """
+    spans = [assembly.slices[name] for name in assembly.component_names]
+    found = [
+        _outside(component.M, component.K, block, added[span])
+        for component, block, span in zip(assembly.components, basis.blocks, spans, strict=True)
+    ]
+    least = share**2 * max(energy.max(initial=0.0) for _, energy in found)
+    blocks, diagonals = [], []
+    for component, block, (X, energy) in zip(assembly.components, basis.blocks, found, strict=True):
+        count = modes[component.name].phi.shape[1]
+        phi, chosen = block[:, :count], X[:, energy > least]
+        size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
+        more = new_directions(component.M, block, chosen / size, ROUND_OFF)
+        rest = np.hstack([block[:, count:], more])
+        k_rest, y = la.eigh(rest.T @ (component.K @ rest))
+        k_phi = np.einsum("ij,ij->j", phi, component.K @ phi)
+        blocks.append(np.ascontiguousarray(np.hstack([phi, rest @ y])))
+        diagonals.append(np.concatenate([k_phi, k_rest]))
+    larger = replace(basis, blocks=tuple(blocks))
+    return project(assembly, larger, diagonals, modes), larger
+
+
+def _outside(
+    M: sp.spmatrix, K: sp.spmatrix, block: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a component's displacements have outside of its block, and twice its elastic energies.
+
+    Directions (n, k) are orthogonal in K, those of round-off left out.
+    """
+    M_block = M @ block
+    largest = la.norm(own, axis=0).max(initial=0.0)
+    X = own - block @ (M_block.T @ own)
+    X = X - block @ (M_block.T @ X)
+    energy, y = la.eigh(X.T @ (K @ X))
+    X = X @ y
+    told = la.norm(X, axis=0) > ROUND_OFF * largest
+    return X[:, told], energy[told]

@@ -1,16 +1,24 @@
-"""Polynomial interpolation over boxes of any dimension: total degree, few well-placed nodes."""
+"""Polynomials of total degree over boxes of any dimension, and what is made of few fixed parts.
+
+Interpolation through few well-placed nodes; a projected parametric system whose weights are
+expanded in few terms, so that a batch of its matrices is one product.
+"""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
+
 MOST_CANDIDATES = 4000
 MOST_SPREAD = 250  # points that stand for a whole box
+Matrices = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -82,3 +90,131 @@ def _vandermonde(xi: np.ndarray, powers: tuple[tuple[int, ...], ...]) -> np.ndar
         np.prod([one, *(T[degree, :, j] for j, degree in enumerate(a))], axis=0) for a in powers
     ]
     return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """The weights of one term of the system, w = shapes c.
+
+    Attributes
+    ----------
+    order : int
+        Power of lambda.
+    shapes : ndarray (k, q)
+        Orthonormal; (1, 1) of one for scalar weights.
+    """
+
+    order: int
+    shapes: np.ndarray
+
+    def coefficients(self, weights: Sequence[np.ndarray | float]) -> np.ndarray:
+        """Coefficients (b, q) of a batch of weights; a number stands for equal weights."""
+        k = len(self.shapes)
+        return np.array([np.broadcast_to(w, (k,)) for w in weights]) @ self.shapes
+
+
+@dataclass(frozen=True)
+class CollocatedSystem:
+    """Small matrices (r, r) of any design point as sums of few fixed matrices.
+
+    Attributes
+    ----------
+    r : int
+    expansions : tuple of Expansion
+        Of each term; without shapes that of a mass which is the identity at every design point.
+    stacks : tuple of three ndarray (q, r * r)
+        Matrices of each power of lambda: L^T diag(shape) R of all shapes of its terms, in order.
+        They are one array, so that a batch of design points is one product.
+    unit_mass : bool
+    """
+
+    r: int
+    expansions: tuple[Expansion, ...]
+    stacks: tuple[np.ndarray, ...]
+    unit_mass: bool
+
+    def matrices(self, batch: Sequence[Weights]) -> Matrices:
+        """C, K (b, r, r) of a batch of design points, premultiplied by M^-1 where M varies.
+
+        The weights are those of the full system, in the order of its terms.
+        """
+        C, K = self.summed(DAMPING, batch), self.summed(STIFFNESS, batch)
+        if self.unit_mass:
+            return C, K
+        M = self.summed(MASS, batch)
+        return np.linalg.solve(M, C), np.linalg.solve(M, K)
+
+    def mass(self, weights: Weights) -> np.ndarray:
+        """M (r, r) at one design point."""
+        return np.eye(self.r) if self.unit_mass else self.summed(MASS, [weights])[0]
+
+    def summed(self, order: int, batch: Sequence[Weights]) -> np.ndarray:
+        """The terms of one power of lambda (b, r, r) at a batch of design points."""
+        parts = [
+            expansion.coefficients([w[number] for w in batch])
+            for number, expansion in enumerate(self.expansions)
+            if expansion.order == order
+        ]
+        c = np.hstack([np.zeros((len(batch), 0)), *parts])
+        total: np.ndarray = c @ self.stacks[order]
+        return total.reshape(len(batch), self.r, self.r)
+
+
+def collocate(
+    system: ParametricSystem,
+    samples: Sequence[Weights],
+    W: np.ndarray,
+    V: np.ndarray,
+    tolerance: float,
+) -> CollocatedSystem:
+    """Project a system on bases W, V (n, r) and expand its weights over sampled design points.
+
+    Parameters
+    ----------
+    samples : sequence of Weights
+        Of design points that fill the box.
+    tolerance : float
+        Singular values of the weights, relative to the largest, below which shapes are dropped.
+    """
+    expansions = []
+    stacks: dict[int, list[np.ndarray]] = {STIFFNESS: [], DAMPING: [], MASS: []}
+    unit = _unit_mass(system, samples, W, V)
+    r = V.shape[1]
+    for number, term in enumerate(system.terms):
+        left, right = term.seen_left(W), term.seen_right(V)
+        if term.order == MASS and unit:
+            expansions.append(Expansion(MASS, np.zeros((1, 0))))
+            continue
+        shapes = _shapes([s[number] for s in samples], tolerance)
+        expansions.append(Expansion(term.order, shapes))
+        if len(shapes) == 1:
+            stacks[term.order] += [left.T @ right] * shapes.shape[1]
+        else:
+            stacks[term.order] += [left.T @ (phi[:, None] * right) for phi in shapes.T]
+    flat = [np.array(stacks[order]).reshape(-1, r * r) for order in range(len(stacks))]
+    return CollocatedSystem(r, tuple(expansions), tuple(flat), unit)
+
+
+def _shapes(sampled: Sequence[np.ndarray | float], tolerance: float) -> np.ndarray:
+    """Orthonormal shapes (k, q) of the weights; k = 1 for scalars, q = 0 where all vanish."""
+    longest = max(np.size(w) for w in sampled)
+    A = np.array([np.broadcast_to(np.atleast_1d(w), (longest,)) for w in sampled]).T
+    if not A.any():
+        return np.zeros((longest, 0))
+    if longest == 1:
+        return np.ones((1, 1))
+    U, s, _ = la.svd(A, full_matrices=False)
+    return np.ascontiguousarray(U[:, s > tolerance * s[0]])
+
+
+def _unit_mass(
+    system: ParametricSystem, samples: Sequence[Weights], W: np.ndarray, V: np.ndarray
+) -> bool:
+    total = np.zeros((V.shape[1], V.shape[1]))
+    for number, term in enumerate(system.terms):
+        if term.order == MASS:
+            values = [s[number] for s in samples]
+            if any(np.size(v) > 1 or v != values[0] for v in values):
+                return False
+            total += float(values[0]) * (term.seen_left(W).T @ term.seen_right(V))
+    return bool(np.abs(total - np.eye(len(total))).max() < 1e-9)

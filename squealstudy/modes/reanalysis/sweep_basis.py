@@ -15,8 +15,8 @@ import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
-from squealstudy.modes.reanalysis.collocated import CollocatedSystem, collocate
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
+from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, collocate
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band, light
 from squealstudy.system.parametric import Weights
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,

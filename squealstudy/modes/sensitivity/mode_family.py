@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.linalg.nearest_roots import nearest_two_sided
-from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_two_sided
 
 NEIGHBOURS = 6
 OFFSET = 1e-6  # of the shift beside the root: Q(sigma) stays regular, the root the nearest

@@ -6,13 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
-from squealstudy.modes.sensitivity.finite_change import FiniteChange
-from squealstudy.modes.sensitivity.mode_family import ModeFamily
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
+from squealstudy.modes.point import state_working_point
+from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeFamily
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.system.design_state import DesignState
+from squealstudy.system.linearise import linearise
 
 QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid
 UNSEEN = 1e-9  # of |lambda|: second-order changes below are not seen
 CONDITION_LIMIT = 100.0  # eigenvalue condition beyond which a derivative means nothing
+CANDIDATES = 8  # roots about the old one among which the mode is looked for
 
 
 @dataclass(frozen=True)
@@ -123,3 +129,71 @@ def slope_and_validity(
     if abs(half) * size**2 <= UNSEEN * abs(lam[0]):
         return slope, float("inf")
     return slope, float(QUARTER * abs(slope) / abs(half)) if np.isfinite(half) else 0.0
+
+
+@dataclass(frozen=True)
+class FiniteChange:
+    """Change of a root [rad/s], and how surely it is the same mode.
+
+    `match` is |y^H ((lambda + lambda') M + C) x'| beside |y^H Q'(lambda) x|, with the left vector
+    y and the pencil of the unchanged mode and x' of unit mass norm: 1 for the mode itself, 0 for
+    every other one of the unchanged system.
+    """
+
+    change: complex
+    match: float
+
+
+def followed_root(
+    base: QuadraticPencil, family: ModeFamily, changed: QuadraticPencil
+) -> FiniteChange:
+    """The family's first mode in a changed pencil.
+
+    Raises
+    ------
+    ConvergenceError
+        Where ARPACK does not converge.
+    """
+    lam, y = family.lam[0], family.Y[:, 0]
+    sigma = lam * (1.0 + OFFSET)
+    factor = changed.factor(sigma)
+    roots, X = nearest_roots(changed, factor, sigma, CANDIDATES, family.X[:, 0])
+    X = X / np.sqrt(np.einsum("ij,ij->j", X.conj(), base.M @ X).real)
+    seen = (lam + roots) * (y.conj() @ (base.M @ X)) + y.conj() @ (base.C @ X)
+    match = np.abs(seen) / max(float(np.abs(family.norm[0])), 1e-300)
+    best = int(np.argmax(match))
+    return FiniteChange(complex(roots[best] - lam), float(match[best]))
+
+
+def reduced_pencil(
+    prepared: PreparedModel, state: DesignState, known_gap: np.ndarray | None
+) -> QuadraticPencil:
+    """The reduced system of a design state about its own working point.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point.
+    """
+    point = state_working_point(prepared, state, known_gap)
+    system = linearise(prepared.model, point, state)
+    one = sp.identity(prepared.model.n, format="csr")
+    return QuadraticPencil(one, system.C, system.K)
+
+
+def figures(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Growth rate [1/s], frequency |lambda|/2 pi [Hz] and damping ratio of roots (n,) [rad/s]."""
+    size = np.abs(lam)
+    return lam.real, size / (2 * np.pi), -lam.real / np.where(size > 0, size, 1.0)
+
+
+def figure_slopes(lam: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Their first-order change with a change `slope` (n,) of the roots, by the chain rule.
+
+    d|lambda| = Re(conj(lambda) d lambda) / |lambda|,
+    d zeta = -(Re d lambda + zeta d|lambda|) / |lambda|.
+    """
+    size = np.where(np.abs(lam) > 0, np.abs(lam), 1.0)
+    d_size = (lam.conj() * slope).real / size
+    zeta = -lam.real / size
+    return slope.real, d_size / (2 * np.pi), -(slope.real + zeta * d_size) / size

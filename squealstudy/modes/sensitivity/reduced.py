@@ -17,21 +17,18 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import SquealstudyError
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.modes.point import state_working_point
-from squealstudy.modes.sensitivity.finite_change import (
-    FiniteChange,
-    followed_root,
-    reduced_pencil,
-)
-from squealstudy.modes.sensitivity.mode_choice import ModeChoice, chosen_roots
 from squealstudy.modes.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
+    FiniteChange,
     ModeSensitivities,
     Sensitivity,
     Step,
+    followed_root,
+    reduced_pencil,
     slope_and_validity,
 )
 from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives
@@ -173,3 +170,34 @@ def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
         energies = reduced_energy_shares(model, weights, family.X[:, :1])
         found.append((max(others, default=0.0), energies[:, 0]))
     return found
+
+
+@dataclass(frozen=True)
+class ModeChoice:
+    """All unstable modes, a number of modes by growth, or those nearest given frequencies.
+
+    Attributes
+    ----------
+    count : int or None
+        The modes of largest growth rate; None for all unstable ones.
+    frequencies_hz : tuple of float
+        Where there are any, the mode nearest each, by |lambda| / 2 pi.
+    stability_tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+    """
+
+    count: int | None = None
+    frequencies_hz: tuple[float, ...] = ()
+    stability_tolerance: float = 0.0
+
+
+def chosen_roots(lam: np.ndarray, choice: ModeChoice) -> list[complex]:
+    """The chosen ones among the roots of a band, largest growth first; real roots are no modes."""
+    modes = lam[lam.imag > 0]
+    if choice.frequencies_hz and len(modes):
+        distance = np.abs(np.abs(modes)[:, None] / (2 * np.pi) - np.array(choice.frequencies_hz))
+        modes = modes[np.unique(distance.argmin(axis=0))]
+    elif choice.count is None:
+        modes = modes[modes.real / np.abs(modes) > choice.stability_tolerance]
+    by_growth = modes[np.argsort(-modes.real, kind="stable")]
+    return [complex(root) for root in by_growth[: choice.count]]

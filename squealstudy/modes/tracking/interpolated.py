@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import LOW_MAC, squares
 from squealstudy.modes.tracking.refinement import Modes
 

@@ -13,6 +13,7 @@ RIVAL = 1.5  # another pairing is nearly as good below this multiple of the chos
 LOW_MAC = 0.5
 TIE = 1e-3  # what decides between two equal pairings, see `_cost`
 LOST = 0.8  # distance within which two modes that both stay alone may be one, see `_lost`
+DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
 PASSING = 1.2  # trust in a pair whose frequency passes that of another
 CLEAR = 0.99  # but for a MAC above this: a crossing
 EDGE = 1.5  # a mode may come or go at an edge of the band within this times the largest change

@@ -10,10 +10,9 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.tracking.labels import EXTRAPOLATED
-from squealstudy.modes.tracking.pairing import PASSING, Pairing, pair_macs, pair_modes
+from squealstudy.modes.tracking.pairing import DOUBTFUL, PASSING, Pairing, pair_macs, pair_modes
 
 DEPTH = 4  # halvings of a step
-DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
 
 
 class Modes(NamedTuple):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.linalg.companion import all_pairs, all_roots
-from squealstudy.linalg.dense_roots import dense_roots
+from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.modes.reanalysis.patch import Box
