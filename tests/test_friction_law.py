@@ -7,12 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from blocks import (
-    OPERATING as BLOCKS_OPERATING,
-)
-from blocks import (
-    blocks,
-)
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
 
 from squealstudy.errors import ParameterError

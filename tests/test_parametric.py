@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from conftest import NOMINAL, build_model
-from hypothesis import (
-    given,
-    settings,
-)
-from hypothesis import (
-    strategies as st,
-)
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import contact_law, friction_curve

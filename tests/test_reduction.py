@@ -10,12 +10,8 @@ import reference
 import scipy.linalg as la
 import scipy.sparse as sp
 from conftest import NOMINAL, TOP, prepare_brake, reduce_brake
-from hypothesis import (
-    given,
-)
-from hypothesis import (
-    strategies as st,
-)
+from hypothesis import given
+from hypothesis import strategies as st
 
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots

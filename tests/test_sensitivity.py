@@ -8,12 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.linalg as la
-from blocks import (
-    OPERATING as BLOCKS_OPERATING,
-)
-from blocks import (
-    blocks,
-)
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import COARSE, NOMINAL, build_model
 from reference import hulten_flutter
 

@@ -7,12 +7,8 @@ import pytest
 import reference
 import scipy.sparse as sp
 from conftest import build_model
-from hypothesis import (
-    given,
-)
-from hypothesis import (
-    strategies as st,
-)
+from hypothesis import given
+from hypothesis import strategies as st
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import backward_error, dense_roots

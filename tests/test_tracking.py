@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
-from hypothesis import (
-    given,
-    settings,
-)
-from hypothesis import (
-    strategies as st,
-)
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
