@@ -19,11 +19,15 @@ from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.kinds.complex_modes.boundary import BoundaryGrid, refine
-from squealstudy.kinds.complex_modes.cell_rule import CellRule
-from squealstudy.kinds.complex_modes.counts import read_unstable_counts
+from squealstudy.kinds.complex_modes.boundary import (
+    BoundaryGrid,
+    CellRule,
+    grown,
+    most_points,
+    refine,
+)
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.rounds import grown, most_points
+from squealstudy.kinds.complex_modes.rows import read_unstable_counts
 from squealstudy.study.definition import parse_study
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import rank_modes

@@ -17,7 +17,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
-from squealstudy.kinds.complex_modes.onset_lines import first_onset
+from squealstudy.kinds.complex_modes.measuring import first_onset
 from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onsets, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import study_plane

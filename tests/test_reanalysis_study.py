@@ -18,12 +18,10 @@ from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.kinds.complex_modes import problems, unreduced
-from squealstudy.kinds.complex_modes.chart import chart_of
+from squealstudy.kinds.complex_modes import problems, reference
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.problems import swept_structures
-from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks, split_boxes
-from squealstudy.kinds.complex_modes.worker import solve_points
+from squealstudy.kinds.complex_modes.problems import chart_of, swept_structures
+from squealstudy.kinds.complex_modes.solve_tasks import solve_points, solve_tasks, split_boxes
 from squealstudy.study.definition import parse_study
 
 HULTEN = """
@@ -366,9 +364,9 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
             model=Model(), mode_parameters=lambda: modes, plain_values=lambda: modes
         )
 
-    monkeypatch.setattr(unreduced, "_built", {})
-    monkeypatch.setattr(unreduced, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
-    rung = unreduced.Unreduced("key", {}, SimpleNamespace(component_cutoff=1.0))
+    monkeypatch.setattr(reference, "_built", {})
+    monkeypatch.setattr(reference, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
+    rung = reference.Unreduced("key", {}, SimpleNamespace(component_cutoff=1.0))
     first = rung.assembly(point())
     assert rung.assembly(point()) is first
     assert first[1] == {}

@@ -19,7 +19,7 @@ from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
-from squealstudy.kinds.complex_modes.robust_screen import indices as indices_screen
+from squealstudy.kinds.complex_modes.screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.study.definition import parse_study
 from squealstudy.tables.mode_ranking import rank_modes

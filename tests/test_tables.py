@@ -18,10 +18,14 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes import follow
 from squealstudy.kinds.complex_modes.columns import read_columns
-from squealstudy.kinds.complex_modes.counts import read_unstable_counts
 from squealstudy.kinds.complex_modes.errors import ModeErrors
 from squealstudy.kinds.complex_modes.follow import Follower
-from squealstudy.kinds.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.kinds.complex_modes.rows import (
+    SCHEMA,
+    failed_row,
+    read_unstable_counts,
+    solved_row,
+)
 from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
 from squealstudy.modes.point import PointModes
 from squealstudy.study.definition import parse_study

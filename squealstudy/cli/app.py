@@ -123,7 +123,7 @@ def robust(
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
     from squealstudy.engine.kind_screen import LISTED
-    from squealstudy.kinds.complex_modes import robust_screen
+    from squealstudy.kinds.complex_modes import screen as modes_screen
     from squealstudy.study.design_rules import SOBOL_INDICES
 
     found = face.open_results(results)
@@ -132,11 +132,11 @@ def robust(
         return
     kept, sampled = top or LISTED, found.design == SOBOL_INDICES
     if not indices:
-        screen.show(*robust_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
+        screen.show(*modes_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
     if not indices and sampled:
         screen.show("")
     if indices or sampled:
-        screen.show(*robust_screen.indices(found.sobol_indices(kept)))
+        screen.show(*modes_screen.indices(found.sobol_indices(kept)))
     screen.show(*outside(found))
 
 

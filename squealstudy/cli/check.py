@@ -18,7 +18,7 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
-from squealstudy.kinds.complex_modes.rounds import grown, grows, most_points
+from squealstudy.kinds.complex_modes.boundary import grown, grows, most_points
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
 from squealstudy.study.kinds import definition_of, kind_names

@@ -59,7 +59,7 @@ class Plan:
         A loaded study file.
     swept : list of dict or None
         Swept values of every design point, where the study's own design has grown by results
-        (kinds/complex_modes/rounds.py).
+        (kinds/complex_modes/boundary.py).
     enriched : bool
         Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
     """

@@ -203,7 +203,7 @@ def _basis(quick: bool, folder: Path) -> dict[str, float]:
     except ImportError:  # an earlier state
         from squealstudy.kinds.complex_modes.window_tasks import basis_tasks as swept_structures
 
-        from squealstudy.kinds.complex_modes.bases import make_basis
+        from squealstudy.kinds.complex_modes.problems import make_basis
 
     _reduced(_plan("basis", quick, folder))
     found = {}

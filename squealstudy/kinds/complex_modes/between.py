@@ -1,4 +1,7 @@
-"""Design points between those of a study: for tracking and onsets, in no table."""
+"""Design points between those of a study: for tracking and onsets, in no table.
+
+`refine_onsets` is what a worker does with them: root finding between two design points.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,14 @@ from threadpoolctl import ThreadpoolController
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.working_points import known_gap
-from squealstudy.errors import ConvergenceError
+from squealstudy.errors import ConvergenceError, SquealstudyError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named
 from squealstudy.modes.tracking.interpolated import InterpolatedModes, ModalMatrices
+from squealstudy.modes.tracking.onsets import Onset, Samples, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import linearise
@@ -164,3 +168,62 @@ def _boxes_of_points(plan: Plan) -> dict[str, Box]:
         return {}
     tasks = solve_tasks(plan, plan.tasks, 1)
     return {point.point_id: task.box for task in tasks for point in task.points}
+
+
+FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class OnsetTask:
+    """Onsets of some modes between two design points, for a worker to refine.
+
+    Attributes
+    ----------
+    rows : list of int
+        Of the table.
+    places : list of (int, int)
+        Place of each mode among those of both ends.
+    between : Between
+        Around the first point.
+    column : int
+        Coordinate of the parameter.
+    low, high : Modes
+        At the first and at the second point, whose coordinate is `end`.
+    """
+
+    rows: list[int]
+    places: list[tuple[int, int]]
+    between: Between
+    column: int
+    end: float
+    low: Modes
+    high: Modes
+    tolerance: float
+    precision: float
+
+
+def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
+    """Refined onsets by row of the table, or why there is none: the status of an error."""
+    start = task.between.x
+
+    def solve(value: float) -> Modes:
+        x = start.copy()
+        x[task.column] = value
+        return task.between.solve(x)
+
+    samples = Samples(
+        low=float(start[task.column]),
+        at_low=task.low,
+        high=task.end,
+        at_high=task.high,
+        solve=solve,
+    )
+    found: list[tuple[int, Onset | str]] = []
+    for row, places in zip(task.rows, task.places, strict=True):
+        try:
+            onset = refine_onset(samples, *places, task.tolerance, task.precision)
+        except SquealstudyError as error:
+            found.append((row, getattr(error, "status", FAILED)))
+        else:
+            found.append((row, onset))
+    return found

@@ -14,8 +14,13 @@ import pyarrow as pa
 from squealstudy.engine.chunks import read_tables
 from squealstudy.engine.names import INACCURATE
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.complex_modes.counts import worst_errors
-from squealstudy.kinds.complex_modes.rows import MODE_FIELDS, POINT_FIELDS, SCHEMA, SHAPES
+from squealstudy.kinds.complex_modes.rows import (
+    MODE_FIELDS,
+    POINT_FIELDS,
+    SCHEMA,
+    SHAPES,
+    worst_errors,
+)
 
 ITEM = np.dtype(np.complex64).itemsize
 

@@ -1,24 +1,24 @@
-"""Tracking of a whole study: lines in parallel workers, doubtful steps refined."""
+"""Tracking of a whole study: lines in parallel workers, doubtful steps refined.
+
+`Follower` hands `PairTask` and `RefineTask` to workers, which run `pair_task` and `refine_task`;
+`CommonShapes` gives the shapes of two points in common coordinates.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.kinds.complex_modes.alignment import CommonShapes
-from squealstudy.kinds.complex_modes.between import Neighbourhoods
-from squealstudy.kinds.complex_modes.columns import ModeColumns
-from squealstudy.kinds.complex_modes.follow_tasks import (
-    Pairings,
-    PairTask,
-    RefineTask,
-    pair_task,
-    refine_task,
-)
+from squealstudy.errors import SquealstudyError
+from squealstudy.kinds.complex_modes.between import Between, Neighbourhoods
+from squealstudy.kinds.complex_modes.columns import ModeColumns, ShapeFile
 from squealstudy.modes.tracking.labels import (
     Tracks,
     TrackTree,
@@ -27,7 +27,7 @@ from squealstudy.modes.tracking.labels import (
     pair_points,
 )
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
-from squealstudy.modes.tracking.refinement import DEPTH, Modes, unresolved
+from squealstudy.modes.tracking.refinement import DEPTH, Modes, Refinement, unresolved
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 PARALLEL = 1000  # steps from which on workers pay
@@ -198,3 +198,121 @@ def _split(groups: Sequence[list[int]], size: int) -> list[list[list[int]]]:
         parts[-1].append(group)
         count += len(group)
     return parts
+
+
+Pairings = dict[int, Pairing]
+
+
+@dataclass(frozen=True)
+class PairTask:
+    """Groups of points for a worker to pair with their parents."""
+
+    groups: list[list[int]]
+    parents: Mapping[int, int]
+    step: Mapping[int, float]
+    lams: Mapping[int, np.ndarray]
+    shapes: ShapeFile
+    known: Pairings
+
+
+@dataclass(frozen=True)
+class RefineTask:
+    """A doubtful step for a worker to refine.
+
+    Attributes
+    ----------
+    point : int
+        At the end of the step.
+    start, end : Between
+        Around both its points.
+    a, b : Modes
+        Of both, as they were solved.
+    expected : ndarray or None
+        As of `pair_modes`.
+    direct : Pairing
+        What is to be refined.
+    """
+
+    point: int
+    start: Between
+    end: Between
+    a: Modes
+    b: Modes
+    expected: np.ndarray | None
+    direct: Pairing
+
+
+def pair_task(task: PairTask) -> Pairings:
+    """Pair the groups of a task."""
+
+    @lru_cache(maxsize=KEPT)
+    def shapes(point: int) -> np.ndarray:
+        return task.shapes.read(point)[: len(task.lams[point])]  # without overdamped roots
+
+    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        return shapes(a), shapes(b)
+
+    found: Pairings = {}
+    for group in task.groups:
+        found |= pair_points(group, task.parents, task.step, task.lams, pair, task.known)
+    return found
+
+
+def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
+    """Point, pairing with its parent, and number of intermediate points solved."""
+    solve, a, b = task.start.solve, task.a, task.b
+    foreign = np.zeros(len(b.lam), dtype=bool)
+    if task.start.structure.key != task.end.structure.key:
+        try:
+            way = task.start.way_to(task.end)
+        except SquealstudyError:
+            return task.point, task.direct, 0
+        solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
+    refinement = Refinement(solve)
+    pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
+    doubtful = np.zeros(len(a.lam), dtype=bool)
+    paired = pairing.partner >= 0
+    doubtful[paired] = foreign[pairing.partner[paired]]
+    pairing = pairing._replace(ambiguous=pairing.ambiguous | doubtful)
+    return task.point, pairing, refinement.points
+
+
+KEPT = 8  # shapes of points kept at hand
+
+
+class CommonShapes:
+    """Shapes of two points of a plan as they can be compared by their MAC.
+
+    Points of one structure have the same nominal real modes as coordinates. Each structure has its
+    own, so that two structures are compared by what is seen at the places that correspond between
+    them (PreparedModel.sensor_shapes), weighted by mass.
+
+    Parameters
+    ----------
+    plan : Plan
+    file : ShapeFile
+    lams : list of ndarray (m,)
+        Roots of the oscillating modes of each point; the others' shapes are left out.
+    """
+
+    def __init__(self, plan: Plan, file: ShapeFile, lams: list[np.ndarray]) -> None:
+        self._keys = [task.structure for task in plan.tasks]
+        self._file, self._counts = file, [len(lam) for lam in lams]
+        self._seen = lru_cache(maxsize=KEPT)(self._observed)
+
+    def raw(self, point: int) -> np.ndarray:
+        """Unit shapes (m, k) of a point in the nominal modes of its own structure."""
+        return self._file.read(point)[: self._counts[point]]
+
+    def pair(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Shapes (ma, k) and (mb, k) of two points."""
+        if self._keys[a] == self._keys[b]:
+            return self.raw(a), self.raw(b)
+        return self._seen(a), self._seen(b)
+
+    def _observed(self, point: int) -> np.ndarray:
+        shapes = self.raw(point)
+        if not len(shapes):
+            return shapes
+        sensors = load_prepared(self._keys[point]).sensor_shapes
+        return shapes @ sensors.T.astype(shapes.dtype)

@@ -20,7 +20,6 @@ from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.tasks import Solved
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
-from squealstudy.kinds.complex_modes.counts import read_roots
 from squealstudy.kinds.complex_modes.problems import (
     SweptStructure,
     make_basis,
@@ -28,8 +27,13 @@ from squealstudy.kinds.complex_modes.problems import (
     refuse_basis,
     swept_structures,
 )
-from squealstudy.kinds.complex_modes.solve_tasks import SolveTask, solve_tasks, whole_box
-from squealstudy.kinds.complex_modes.worker import solve_points
+from squealstudy.kinds.complex_modes.rows import read_roots
+from squealstudy.kinds.complex_modes.solve_tasks import (
+    SolveTask,
+    solve_points,
+    solve_tasks,
+    whole_box,
+)
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sections import AUTO
@@ -118,13 +122,13 @@ class ComplexModes(ModelKind):
 
     def grown(self, plan: Plan, directory: Path) -> Plan:
         """With the nodes that a boundary design asks for."""
-        from squealstudy.kinds.complex_modes.rounds import grown
+        from squealstudy.kinds.complex_modes.boundary import grown
 
         return grown(plan, directory)
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """The grid of a boundary design, and how much of it is solved."""
-        from squealstudy.kinds.complex_modes.rounds import map_facts
+        from squealstudy.kinds.complex_modes.boundary import map_facts
 
         found = map_facts(plan)
         return super().manifest(plan) | ({} if found is None else {"boundary": found})
@@ -163,7 +167,7 @@ class ComplexModes(ModelKind):
         self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
-        from squealstudy.kinds.complex_modes.audit import audited
+        from squealstudy.kinds.complex_modes.errors import audited
         from squealstudy.kinds.complex_modes.reduction import make_samples
         from squealstudy.kinds.complex_modes.reference import read_references
         from squealstudy.kinds.complex_modes.tables import build_tables

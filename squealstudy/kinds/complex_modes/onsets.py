@@ -11,9 +11,9 @@ import pyarrow as pa
 from squealstudy.engine.names import ONSET_PARAMETER
 from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.kinds.complex_modes.counts import damping_ratios
+from squealstudy.kinds.complex_modes.between import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
-from squealstudy.kinds.complex_modes.onset_task import FAILED, OnsetTask, refine_task
+from squealstudy.kinds.complex_modes.rows import damping_ratios
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
@@ -260,7 +260,7 @@ class OnsetSearch:
                     break
                 batch.append(rows)
             tasks = [self._task(events, rows) for rows in batch]
-            for results in workers.each(refine_task, tasks):
+            for results in workers.each(refine_onsets, tasks):
                 for row, onset in results:
                     spent += self._enter(table, row, onset, pd.Series(events.loc[row]))
             done += len(batch)

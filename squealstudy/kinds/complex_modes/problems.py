@@ -1,11 +1,16 @@
-"""The structures of a study as problems for rungs, and what a worker keeps ready of them."""
+"""The structures of a study as problems for rungs, and what a worker keeps ready of them.
+
+`Chart` has their design points as coordinates theta in [-1, 1]^d in which modes vary smoothly;
+`save_basis` and `load_basis` keep their sweep bases in files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +20,13 @@ from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.working_points import known_gap
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.bases import load_basis, save_basis
-from squealstudy.kinds.complex_modes.chart import Chart, chart_of
-from squealstudy.kinds.complex_modes.unreduced import Unreduced
+from squealstudy.kinds.complex_modes.reference import Unreduced
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.problem import Problem
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem
+from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, Expansion
 from squealstudy.modes.reanalysis.readers import BrakeReader, FamilyReader
 from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.modes.rung import Rung
@@ -30,7 +34,9 @@ from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.parameters import FREQUENCY_SCALE
 from squealstudy.system.design_state import DesignState
+from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS
 
 MOST_KEPT = 2  # problems a process holds: of each its basis
 SHARE = 1 / 3  # of the tolerance that the basis may use up
@@ -208,3 +214,139 @@ def refuse_basis(structure: SweptStructure, why: str) -> None:
         temporary.write_text(why)
 
     write_atomic(structure.refusal, write)
+
+
+def save_basis(path: Path, basis: SweepBasis) -> None:
+    """Keep a basis in a file that appears whole or not at all."""
+    arrays: dict[str, Any] = {
+        "V": basis.V,
+        "flexibility": basis.flexibility,
+        "trained": basis.trained,
+        "facts": np.array(
+            [basis.error, basis.seconds, basis.interpolated, float(basis.small.unit_mass)]
+        ),
+        "orders": np.array([e.order for e in basis.small.expansions]),
+    }
+    arrays |= {f"shapes.{i}": e.shapes for i, e in enumerate(basis.small.expansions)}
+    arrays |= {f"stack.{order}": stack for order, stack in enumerate(basis.small.stacks)}
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as handle:
+            np.savez(handle, **arrays)
+
+    write_atomic(path, write)
+
+
+def load_basis(path: Path) -> SweepBasis:
+    """Read a basis that `save_basis` kept."""
+    with np.load(path) as data:
+        expansions = tuple(
+            Expansion(int(order), data[f"shapes.{i}"]) for i, order in enumerate(data["orders"])
+        )
+        stacks = tuple(data[f"stack.{order}"] for order in (STIFFNESS, DAMPING, MASS))
+        V, flexibility, trained = data["V"], data["flexibility"], data["trained"]
+        error, seconds, interpolated, unit_mass = (float(x) for x in data["facts"])
+        small = CollocatedSystem(V.shape[1], expansions, stacks, bool(unit_mass))
+        return SweepBasis(
+            V=V,
+            flexibility=flexibility,
+            small=small,
+            error=error,
+            trained=trained,
+            seconds=seconds,
+            interpolated=interpolated,
+        )
+
+
+Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]
+# what the matrices are linear in, or nearly: friction damping goes as 1/speed, modal stiffness as
+# the square of a frequency, contact stiffness as a power of pressure
+SCALINGS: dict[str, Scaling] = {
+    "linear": (lambda x: x, lambda t: t),
+    "log": (np.log, np.exp),
+    "reciprocal": (np.reciprocal, np.reciprocal),
+    "square": (np.square, np.sqrt),
+}
+LOGARITHMIC = ("pressure", "contact.lambda", "contact.p0", "contact.stiffness")
+
+
+def scaling_of(name: str, smallest: float) -> str:
+    """How a parameter becomes a coordinate."""
+    if name == "sliding_speed":
+        return "reciprocal"
+    if name.endswith(f".{FREQUENCY_SCALE}"):
+        return "square"
+    return "log" if name in LOGARITHMIC and smallest > 0 else "linear"
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The box of a study's design points of one structure.
+
+    Attributes
+    ----------
+    design : DesignPoint
+        Gives all values that do not vary.
+    names, scalings : tuple of str
+        Parameters that vary, and how each becomes a coordinate.
+    low, high : tuple of float
+        Ends of the scaled coordinates.
+    """
+
+    design: DesignPoint
+    names: tuple[str, ...]
+    scalings: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @property
+    def dimension(self) -> int:
+        """Number of parameters that vary."""
+        return len(self.names)
+
+    def theta(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Coordinates (n, d) of design points given by their values."""
+        if not self.names:
+            return np.zeros((len(rows), 0))
+        low, high = np.array(self.low), np.array(self.high)
+        scaled = self._scaled(rows)
+        inside: np.ndarray = np.clip(2.0 * (scaled - low) / (high - low) - 1.0, -1.0, 1.0)
+        return inside
+
+    def _scaled(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
+        columns = [
+            SCALINGS[scaling][0](np.array([row[name] for row in rows], dtype=float))
+            for name, scaling in zip(self.names, self.scalings, strict=True)
+        ]
+        return np.column_stack(columns)
+
+    def design_at(self, theta: np.ndarray) -> DesignPoint:
+        """The design at a point (d,) of the box."""
+        values = dict(self.design.values)
+        for j, (name, scaling) in enumerate(zip(self.names, self.scalings, strict=True)):
+            at = self.low[j] + (theta[j] + 1.0) / 2.0 * (self.high[j] - self.low[j])
+            values[name] = float(SCALINGS[scaling][1](np.array(at)))
+        return self.design.with_values(values)
+
+    def identity(self) -> list[object]:
+        """What a basis made over this box depends on."""
+        fixed = {k: v for k, v in self.design.values.items() if k not in self.names}
+        return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
+
+
+def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> Chart:
+    """The chart of some designs of one structure over the swept parameters that vary in them."""
+    varied = [n for n in names if len({d.values[n] for d in designs}) > 1]
+    scalings = [scaling_of(n, min(d.values[n] for d in designs)) for n in varied]
+    low, high = [], []
+    for name, scaling in zip(varied, scalings, strict=True):
+        x = SCALINGS[scaling][0](np.array([d.values[name] for d in designs], dtype=float))
+        low.append(float(x.min()))
+        high.append(float(x.max()))
+    return Chart(
+        design=designs[0],
+        names=tuple(varied),
+        scalings=tuple(scalings),
+        low=tuple(low),
+        high=tuple(high),
+    )

@@ -1,13 +1,20 @@
-"""Chunk rows of complex-mode studies: the modes of a point are lists, side by side."""
+"""Chunk rows of complex-mode studies: the modes of a point are lists, side by side.
+
+Written by workers, and read again for what is decided while a study runs.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.engine.chunks import read_tables
 from squealstudy.engine.rows import HEAD, head
+from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes
 
 DENSE = "dense"
@@ -57,4 +64,133 @@ def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[
         "open_share": np.nan,
         **{name: [] for name, _ in MODE_FIELDS},
         SHAPES: b"",
+    }
+
+
+COLUMNS = ("point_id", "status", "re", "im", "error_rung", "overdamped")
+
+
+def read_roots(
+    directory: Path,
+    wanted: Collection[str],
+    overdamped: bool = False,
+    tolerance: float | None = None,
+    largest_error: float = np.inf,
+) -> dict[str, np.ndarray | None]:
+    """Roots of the finished points among those wanted; None where one failed or is inaccurate.
+
+    Returns
+    -------
+    dict of id -> ndarray (m,) complex or None
+        rad/s; the oscillating roots, and those of static divergence (real and growing); with
+        `overdamped` all. With a `tolerance` growth within its error is none
+        (`settled`). A point is inaccurate where a root is wrong by more than `largest_error`
+        (`worst_errors`).
+    """
+    ids = set(wanted)
+    found: dict[str, np.ndarray | None] = {}
+    for table in read_tables(directory, SCHEMA, COLUMNS):
+        for batch in table.to_batches():
+            found.update(_batch_roots(batch, ids, overdamped, tolerance, largest_error))
+    return found
+
+
+def _batch_roots(
+    batch: pa.RecordBatch,
+    ids: set[str],
+    every: bool,
+    tolerance: float | None,
+    largest_error: float,
+) -> dict[str, np.ndarray | None]:
+    names = batch.column("point_id").to_pylist()
+    ok = [status == "ok" for status in batch.column("status").to_pylist()]
+    re, im, error, real = (batch.column(name) for name in COLUMNS[2:])
+    ends = np.append(0, np.cumsum(re.value_lengths().to_numpy()))
+    lam = re.flatten().to_numpy() + 1j * im.flatten().to_numpy()
+    point = np.repeat(np.arange(len(names)), np.diff(ends))
+    worst, _ = worst_errors(lam, error.flatten().to_numpy(), point, len(names))
+    if tolerance is not None:
+        lam = settled(lam, error.flatten().to_numpy(), tolerance)
+    kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
+    found: dict[str, np.ndarray | None] = {}
+    for i, name in enumerate(names):
+        if name in ids:
+            part = slice(ends[i], ends[i + 1])
+            found[name] = lam[part][kept[part]] if ok[i] and worst[i] <= largest_error else None
+    return found
+
+
+def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
+    """Roots (m,) for judging their stability: those that grow by less than their error are neutral.
+
+    A model without damping has roots on the imaginary axis, which an approximate method moves to
+    either side of it. Errors beyond the tolerance, relative to |lambda|, excuse no growth.
+    """
+    neutral = (lam.real > 0) & (lam.real <= error) & (error <= tolerance * np.abs(lam))
+    return np.where(neutral, 1j * lam.imag, lam)
+
+
+def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.ndarray:
+    """Roots (m,) that may be stable or unstable: |Re lam| <= error, both rad/s.
+
+    An error within the damping ratio `neutral` that stability is not judged by tells of nothing:
+    roots of undamped models lie on the imaginary axis but for round-off, and count as stable. A
+    root whose error is not known (NaN) may be either.
+    """
+    error = np.nan_to_num(error, nan=np.inf)
+    seen = error > neutral * np.abs(lam)
+    uncertain: np.ndarray = seen & (np.abs(lam.real) <= error)
+    return uncertain
+
+
+def worst_errors(
+    lam: np.ndarray, error: np.ndarray, point: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Largest relative error of the light or growing roots of each point, and where it is.
+
+    Parameters
+    ----------
+    lam, error : ndarray (m,)
+        Roots of all points and their estimated errors, rad/s; NaN where there is none.
+    point : ndarray (m,) of int
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    worst : ndarray (count,)
+        Of |lam|; 0 where no root is judged.
+    at : ndarray (count,) of int
+        Which of the m roots, -1 where none.
+    """
+    size = np.abs(lam)
+    judged = np.flatnonzero((np.abs(lam.real) < LIGHT * size) | (lam.real > 0))
+    relative = error[judged] / np.maximum(size[judged], np.finfo(float).tiny)
+    relative = np.where(np.isnan(relative), 0.0, relative)
+    order = np.argsort(relative, kind="stable")
+    worst, at = np.zeros(count), np.full(count, -1)
+    worst[point[judged[order]]] = relative[order]  # the largest of a point comes last
+    at[point[judged[order]]] = judged[order]
+    return worst, at
+
+
+def damping_ratios(lam: np.ndarray) -> np.ndarray:
+    """-Re lambda / |lambda| of each root (m,)."""
+    zeta: np.ndarray = -lam.real / np.maximum(np.abs(lam), np.finfo(float).tiny)
+    return zeta
+
+
+def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
+    """The roots whose damping ratio is below minus the tolerance."""
+    return lam[damping_ratios(lam) < -tolerance]
+
+
+def read_unstable_counts(
+    directory: Path, wanted: Collection[str], stability_tolerance: float, tolerance: float
+) -> dict[str, int | None]:
+    """Number of unstable modes of the finished points; None where a point failed."""
+    roots = read_roots(directory, wanted, tolerance=tolerance)
+    return {
+        name: None if lam is None else len(unstable_roots(lam, stability_tolerance))
+        for name, lam in roots.items()
     }

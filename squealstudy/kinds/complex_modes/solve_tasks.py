@@ -1,17 +1,30 @@
-"""Design points handed to workers: boxes of neighbours, or chunks for rungs that need no box."""
+"""Design points handed to workers, and solved there: a row each.
+
+Boxes of neighbours, or chunks for rungs that need no box.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
+from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.parallel import split_chunks
 from squealstudy.engine.plan import Plan
-from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
+from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.tasks import Solved
+from squealstudy.engine.working_points import NewGaps, known_gap
+from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
+from squealstudy.kinds.complex_modes.rows import failed_row, solved_row
+from squealstudy.modes.point import PointModes
 from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
 
 LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
@@ -127,3 +140,47 @@ def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, Box]]:
         below = theta[rows, axis] <= cut
         pending = [rows[below], rows[~below], *rest]
     return found
+
+
+def solve_points(task: SolveTask) -> Solved:
+    """Solve the points of a task; new working points are kept in the cache."""
+    last = time.perf_counter()
+    rows: list[dict[str, Any]] = []
+    new_gaps = NewGaps()
+    key = task.structure.key
+    looked_up = task.points if task.keep_gaps else ()
+    known = {p.point_id for p in looked_up if known_gap(key, p) is not None}
+    for i, found in _solved(task):
+        point, now = task.points[i], time.perf_counter()
+        if isinstance(found, PointModes):
+            rows.append(solved_row(point.point_id, now - last, found))
+            if task.keep_gaps and point.point_id not in known:
+                new_gaps.add(key, point, found.working_point.gap)
+        else:
+            rows.append(failed_row(point.point_id, now - last, *reason(found)))
+        last = now
+    new_gaps.save(chunk_id(p.point_id for p in task.points))
+    return Solved(rows, known=len(known))
+
+
+def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception]]:
+    """Modes of each point, in any order, or why it has none.
+
+    Points that a failure of an approximate rung leaves over are solved exactly.
+    """
+    rung = rung_named(task.rung)
+    problem = problem_of(task.structure, rung)
+    left = dict.fromkeys(range(len(task.points)))
+    if not rung.exact:
+        with contextlib.suppress(*FAILURES):
+            for i, found in rung.solve(problem, task.points, task.box):
+                del left[i]
+                yield i, found
+        rung = rung_named(problem.swept.exact)
+    for i in left:
+        try:
+            ((_, modes),) = rung.solve(problem, [task.points[i]], task.box)
+        except FAILURES as error:
+            yield i, error
+        else:
+            yield i, modes

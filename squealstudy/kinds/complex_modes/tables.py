@@ -17,12 +17,12 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.validity import FIELDS as VALIDITY
 from squealstudy.engine.validity import with_validity
 from squealstudy.kinds.complex_modes.columns import ModeColumns, read_columns
-from squealstudy.kinds.complex_modes.counts import damping_ratios, settled, uncertain_roots
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
 from squealstudy.kinds.complex_modes.reduction import Sample
 from squealstudy.kinds.complex_modes.reference import read_references
+from squealstudy.kinds.complex_modes.rows import damping_ratios, settled, uncertain_roots
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.tables.stability import stability_names
 
