@@ -34,9 +34,9 @@ from squealstudy.study.variants import changed
 if TYPE_CHECKING:
     import pandas as pd
 
-    from squealstudy.engine.parallel import Progress
     from squealstudy.engine.results import Results
     from squealstudy.engine.runner import RunReport
+    from squealstudy.engine.workers import Progress
     from squealstudy.models.parameter import ModelDefinition
 
 SENSITIVITY = "sensitivity"

@@ -16,7 +16,7 @@ from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.workers import Solved
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.fidelity import frequency_search
 from squealstudy.fidelity import run as fidelity_run

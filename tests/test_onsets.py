@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import squealstudy
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.measuring import first_onset

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from squealstudy import open_results
 from squealstudy.engine.estimate import Estimate, _timed, run_seconds
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.kinds.complex_modes import problems, reference
 from squealstudy.kinds.complex_modes.kind import ComplexModes

@@ -13,8 +13,8 @@ from conftest import full_order
 from test_tables import drifting, modes_of, plan_of, write
 
 from squealstudy.engine.cache import load_prepared, save_prepared
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction
 from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening

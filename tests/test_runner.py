@@ -15,10 +15,10 @@ import pandas as pd
 import pytest
 
 import squealstudy
-from squealstudy.engine import chunks
-from squealstudy.engine.parallel import split_chunks
+from squealstudy.engine import store
 from squealstudy.engine.plan import Plan, reference_choice
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import split_chunks
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 from squealstudy.study.definition import parse_study
 
@@ -264,7 +264,7 @@ def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path)
         process = _start(study, directory)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and process.poll() is None:
-            if len(list((directory / chunks.DIRECTORY).glob("*.parquet"))) >= wanted:
+            if len(list((directory / store.CHUNKS).glob("*.parquet"))) >= wanted:
                 break
             time.sleep(0.01)
         if process.poll() is None:

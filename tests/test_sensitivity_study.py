@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 import squealstudy
 from squealstudy.cli.app import main
-from squealstudy.engine.chunks import write_rows
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.store import write_rows
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.sensitivity.rows import SCHEMA, failed_row
 from squealstudy.kinds.sensitivity.tables import build_tables

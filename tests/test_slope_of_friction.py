@@ -15,10 +15,10 @@ from test_newmark import KICK, random_system
 
 from squealstudy.cli.app import main
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.fidelity.ladders import free_ladders
 from squealstudy.fidelity.scene import Scene

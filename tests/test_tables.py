@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import squealstudy
-from squealstudy.engine.chunks import DIRECTORY, finished_points, read_chunks, write_rows
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import CHUNKS, finished_points, read_chunks, write_rows
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes import follow
 from squealstudy.kinds.complex_modes.columns import read_columns
@@ -140,7 +140,7 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     ]
     assert len(columns.oscillating()[4]) == 3
     columns.shapes.remove()
-    assert [p.name for p in tmp_path.iterdir()] == [DIRECTORY]
+    assert [p.name for p in tmp_path.iterdir()] == [CHUNKS]
 
 
 def test_columns_without_shapes_or_energies(tmp_path):
@@ -173,7 +173,7 @@ def test_a_point_in_no_chunk_is_said_so_and_nothing_is_left(tmp_path):
     write(tmp_path, plan, {0: modes_of(np.random.default_rng(2), 2)})
     with pytest.raises(ResultsError, match="3 of 4 design points are not solved"):
         read_columns(tmp_path, [t.point_id for t in plan.tasks])
-    assert [p.name for p in tmp_path.iterdir()] == [DIRECTORY]
+    assert [p.name for p in tmp_path.iterdir()] == [CHUNKS]
 
 
 def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_over(tmp_path):
@@ -181,7 +181,7 @@ def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_ov
     first, second = (modes_of(np.random.default_rng(i), 2) for i in range(2))
     write(tmp_path, plan, {0: first, 1: first})
     again = pa.Table.from_pylist([solved_row(plan.tasks[0].point_id, 0.1, second)], schema=SCHEMA)
-    pq.write_table(again, tmp_path / DIRECTORY / "z.parquet")  # read after the others
+    pq.write_table(again, tmp_path / CHUNKS / "z.parquet")  # read after the others
     old = SCHEMA.remove(SCHEMA.get_field_index("method"))
     write_rows(tmp_path, [solved_row(plan.tasks[1].point_id, 0.1, second)], old)
     ids = [t.point_id for t in plan.tasks]

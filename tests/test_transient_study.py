@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 import scipy.signal
 
-from squealstudy.engine.names import HISTORIES, STATES
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.store import HISTORIES, STATES
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.transient.batch import sampling, training_path
 from squealstudy.kinds.transient.section import TransientSection

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import squealstudy
 from squealstudy.cli.app import app
 from squealstudy.engine.manifest import outdated
-from squealstudy.engine.results_manifest import read_manifest, write_manifest
+from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.parameter import ModelChange
 

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from squealstudy import open_results
 from squealstudy.cli.app import app
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.complex_modes import problems
 from squealstudy.kinds.transient.measuring import together

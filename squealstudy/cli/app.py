@@ -122,7 +122,7 @@ def robust(
     """Probability of instability of a random design, and its Sobol indices."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
-    from squealstudy.engine.kind_screen import LISTED
+    from squealstudy.engine.kind import LISTED
     from squealstudy.kinds.complex_modes import screen as modes_screen
     from squealstudy.study.design_rules import SOBOL_INDICES
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.cli.run import fidelity
-from squealstudy.engine import chunks
+from squealstudy.engine import store
 from squealstudy.engine.estimate import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import build_first, check_component_modes, check_shapes
@@ -63,7 +63,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     solver = plan.kind
     solver.check(plan)
     plan = grown(plan, directory) if directory.is_dir() else plan
-    done = chunks.finished_points(directory, solver.schema) if directory.is_dir() else set()
+    done = store.finished_points(directory, solver.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
     rows += _mesh_error(plan, jobs) if of_mesh else []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from squealstudy.engine.results_manifest import version_of
+from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import IN_TIME_ONLY

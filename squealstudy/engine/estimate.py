@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.process import peak_memory_mb
+from squealstudy.engine.workers import peak_memory_mb
 from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed

@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pyarrow as pa
 from pydantic import BaseModel
 
-from squealstudy.engine.parallel import Workers
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.workers import Solved, Workers
+from squealstudy.errors import ResultsError
 from squealstudy.study.source import SourceText
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
-    from squealstudy.engine.kind_screen import KindScreen
     from squealstudy.engine.measurement import Measuring
+    from squealstudy.engine.results import Results
+    from squealstudy.screen import Rows
 
+
+LISTED = 12  # rows of the ranking that a run prints
 Warn = Callable[[str], None]
 
 
@@ -167,8 +171,6 @@ class Kind:
     @property
     def screen(self) -> KindScreen:
         """What is shown of its results; without more than this, its first table."""
-        from squealstudy.engine.kind_screen import KindScreen
-
         return KindScreen(tuple(Path(name).stem for name in self.tables), self.rows_word)
 
     # -- what is said of it ----------------------------------------------------------------------
@@ -179,3 +181,53 @@ class Kind:
     def timings(self, plan: Any, failures: Mapping[str, str]) -> dict[str, float]:
         """Seconds of the stages before the design points."""
         return {}
+
+
+class KindScreen:
+    """The screen of one kind of study: its folder has one in `screen.py`, named SCREEN.
+
+    Attributes
+    ----------
+    tables : tuple of str
+        Tables of finished results, by the names of their files without ending.
+    rows_word : str
+        What the first table has a row of.
+    unfinished : bool
+        Whether results can be read while a later run of the study is not finished.
+    """
+
+    tables: tuple[str, ...] = ()
+    rows_word: str = "design points"
+    unfinished: bool = True
+
+    def __init__(self, tables: tuple[str, ...] = (), rows_word: str = "") -> None:
+        self.tables, self.rows_word = tables or self.tables, rows_word or self.rows_word
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """What matters most, first; ResultsError where there is nothing to rank."""
+        raise ResultsError(f"{results.directory}: a {results.kind} study has no ranking of modes")
+
+    def ranking(
+        self,
+        results: Results,
+        by: str = "share",
+        top: int | None = LISTED,
+        where: str | None = None,
+    ) -> list[RenderableType]:
+        """The ranking with its legend; ResultsError as `rank`."""
+        self.rank(results, by, top, where)
+        return []
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """What a run prints first, and a notebook shows; without more the first rows."""
+        from squealstudy.screen import grid
+
+        table = results.table(self.tables[0]).head(LISTED)
+        titles = (f"text:{name}" for name in table)
+        return [
+            grid(*titles, rows=([str(v) for v in row] for row in table.itertuples(index=False)))
+        ]
+
+    def facts(self, results: Results) -> Rows:
+        """Lines on methods and errors beneath the findings."""
+        return []

@@ -13,7 +13,7 @@ from typing import Any
 import squealstudy
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.results_manifest import read_manifest, version_of
+from squealstudy.engine.store import read_manifest, version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.catalogue import MODELS
 

@@ -11,9 +11,9 @@ import numpy as np
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.manifest import model_facts
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task, mode_counts, patience
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study, resolve_study
 from squealstudy.study.design import DesignPoint

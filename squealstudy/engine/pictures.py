@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.engine.files import write_atomic
+from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ResultsError
 
 if TYPE_CHECKING:

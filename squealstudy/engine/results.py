@@ -13,10 +13,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from squealstudy.engine.histories import read_history
-from squealstudy.engine.names import onset_parameter
 from squealstudy.engine.pictures import Plots, pictures, save_figure
-from squealstudy.engine.results_manifest import read_manifest
+from squealstudy.engine.store import onset_parameter, read_history, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.study.design_rules import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.study.kinds import screen_of
@@ -26,7 +24,7 @@ from squealstudy.tables.stability import uncertain_points
 from squealstudy.wording import OF_THE_ONSET, plural, units_of
 
 if TYPE_CHECKING:
-    from squealstudy.engine.kind_screen import KindScreen
+    from squealstudy.engine.kind import KindScreen
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 OWN_UNITS = {"cells": {"cost": ""}}  # iterations or evaluations, elsewhere seconds

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.chunks import read_chunks
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import read_chunks
 from squealstudy.errors import ResultsError, SquealstudyError
 
 Fields = Sequence[tuple[str, pa.DataType]]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
 
-from squealstudy.engine import chunks
-from squealstudy.engine.files import remove_leftovers
+from squealstudy.engine import store
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
     check_owner,
@@ -20,11 +19,8 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
-from squealstudy.engine.names import INACCURATE
-from squealstudy.engine.parallel import Progress, Workers, silent
-from squealstudy.engine.process import peak_memory_mb
-from squealstudy.engine.results_manifest import write_manifest
-from squealstudy.engine.tasks import Work
+from squealstudy.engine.store import INACCURATE, remove_leftovers, write_manifest
+from squealstudy.engine.workers import Progress, Work, Workers, peak_memory_mb, silent
 from squealstudy.errors import ResultsError
 
 if TYPE_CHECKING:
@@ -153,19 +149,19 @@ def _solve_points(
 ) -> int:
     """Solve the design points that no chunk file holds; their number."""
     started, kind = time.perf_counter(), plan.kind
-    done_before = chunks.finished_points(directory, kind.schema)
+    done_before = store.finished_points(directory, kind.schema)
     pending = [t for t in plan.tasks if t.point_id not in done_before]
     why = {t.point_id: kind.unsolvable(plan, t, failures) for t in pending}
     rows = [kind.failed_row(name, "structure", text) for name, text in why.items() if text]
     if rows:
-        chunks.write_rows(directory, rows, kind.schema)
+        store.write_rows(directory, rows, kind.schema)
     solvable = [t for t in pending if not why[t.point_id]]
     work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers)] if solvable else []
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     workers.report(kind.rows_word, done, total)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
     for chunk in workers.each(Work.done, work):
-        chunks.write_chunk(directory, chunk)
+        store.write_chunk(directory, chunk)
         done += len(chunk.table)
         known += chunk.known
         busy += chunk.wall_s

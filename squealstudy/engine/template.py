@@ -14,7 +14,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from squealstudy.engine.files import write_atomic
+from squealstudy.engine.store import write_atomic
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.matrices.family import NAME as MATRICES

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.engine.chunks import read_chunks
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import read_chunks
 from squealstudy.fidelity.frequency_search import exact_method
 from squealstudy.fidelity.ladders import BASIS, free_ladders
 from squealstudy.fidelity.scene import Scene

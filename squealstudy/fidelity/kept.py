@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from squealstudy.engine.files import write_json
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
+from squealstudy.engine.store import write_json
 from squealstudy.fidelity.choice import Choice, Combination, Neighbour, Untried
 from squealstudy.fidelity.scene import Scene
 from squealstudy.paths import cache_directory

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from squealstudy.engine.parallel import Progress
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.results_manifest import write_manifest
 from squealstudy.engine.runner import RunReport, run_study
+from squealstudy.engine.store import write_manifest
+from squealstudy.engine.workers import Progress
 from squealstudy.fidelity.audit import Audit, audit, drawn_points
 from squealstudy.fidelity.choice import Choice, Neighbour, Untried
 from squealstudy.fidelity.frequency_search import search_modes

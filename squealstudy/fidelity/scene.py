@@ -10,8 +10,8 @@ from typing import Any
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.parallel import Progress, Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study
 from squealstudy.study.fidelity_section import FidelitySection

@@ -12,8 +12,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from squealstudy.engine.histories import kept_histories
 from squealstudy.engine.pictures import Choices
+from squealstudy.engine.store import kept_histories
 from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import component_columns, transient_parameters

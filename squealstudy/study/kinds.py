@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
     from pydantic import BaseModel
 
-    from squealstudy.engine.kind import Kind
-    from squealstudy.engine.kind_screen import KindScreen
+    from squealstudy.engine.kind import Kind, KindScreen
     from squealstudy.engine.model_kind import ModelKind
 
 FOLDER = "squealstudy.kinds"  # above this room: read by name, never imported

@@ -29,10 +29,10 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
+from squealstudy.engine.cache import NewGaps  # noqa: E402
 from squealstudy.engine.model_kind import build_structures  # noqa: E402
-from squealstudy.engine.parallel import Workers, silent  # noqa: E402
 from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.working_points import NewGaps  # noqa: E402
+from squealstudy.engine.workers import Workers, silent  # noqa: E402
 from squealstudy.kinds.transient.batch import batch_task  # noqa: E402
 from squealstudy.kinds.transient.motions import integrate, set_up  # noqa: E402
 from squealstudy.models.operating import (  # noqa: E402

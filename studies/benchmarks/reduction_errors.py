@@ -30,9 +30,9 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.stats import spearmanr  # noqa: E402
 
-from squealstudy.engine.names import MODES  # noqa: E402
 from squealstudy.engine.plan import Plan  # noqa: E402
 from squealstudy.engine.runner import run_study  # noqa: E402
+from squealstudy.engine.store import MODES  # noqa: E402
 from squealstudy.kinds.complex_modes.reference import (  # noqa: E402
     read_references,
     reference_roots,

@@ -12,13 +12,11 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.cache import prepared_model
-from squealstudy.engine.files import write_parquet
 from squealstudy.engine.model_kind import ModelKind
-from squealstudy.engine.names import POINTS
-from squealstudy.engine.parallel import Workers, split_chunks
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import POINTS, write_parquet
+from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.modes.point import state_working_point
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.kinds import register_kind

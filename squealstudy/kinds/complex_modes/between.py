@@ -11,9 +11,8 @@ from functools import cache
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from squealstudy.engine.cache import load_prepared
+from squealstudy.engine.cache import known_gap, load_prepared
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.working_points import known_gap
 from squealstudy.errors import ConvergenceError, SquealstudyError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box

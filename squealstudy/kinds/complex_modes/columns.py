@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.chunks import read_tables
-from squealstudy.engine.names import INACCURATE
+from squealstudy.engine.store import INACCURATE, read_tables
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes.rows import (
     MODE_FIELDS,

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow.parquet as pq
 
-from squealstudy.engine.names import MODES
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import MODES
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.kinds.complex_modes.reduction import Sample, carried_errors, is_reduced
 from squealstudy.kinds.complex_modes.reference import reference_roots

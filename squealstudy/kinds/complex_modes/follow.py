@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import load_prepared
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.between import Between, Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import ModeColumns, ShapeFile

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.names import onset_parameter
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import onset_parameter
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.kinds.complex_modes.follow import Follower

@@ -13,11 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.model_kind import ModelKind, Solves
-from squealstudy.engine.names import MODES, ONSETS, POINTS
-from squealstudy.engine.parallel import Progress, Workers
 from squealstudy.engine.plan import Plan, checked_points
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import MODES, ONSETS, POINTS
+from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
 from squealstudy.kinds.complex_modes.problems import (

@@ -15,14 +15,12 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, prepared_model
-from squealstudy.engine.chunks import read_chunks, write_rows
 from squealstudy.engine.measurement import Measurement, Measuring
 from squealstudy.engine.method import Method
-from squealstudy.engine.names import onset_parameter
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.process import memory_above
 from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.store import onset_parameter, read_chunks, write_rows
+from squealstudy.engine.workers import Workers, memory_above
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import read_columns

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.engine.names import ONSET_PARAMETER
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import ONSET_PARAMETER
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.between import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.kinds.complex_modes.rows import damping_ratios

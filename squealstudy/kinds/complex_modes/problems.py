@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.engine.cache import prepared_any, prepared_path
-from squealstudy.engine.files import write_atomic
+from squealstudy.engine.cache import known_gap, prepared_any, prepared_path
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.working_points import known_gap
+from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.reference import Unreduced
 from squealstudy.modes.full_order.modes import solve_family_point

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.engine.cache import prepared_model, prepared_path
-from squealstudy.engine.files import write_json
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.store import write_json
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.modes.full_order.finer_model import reduction_errors
 from squealstudy.modes.full_order.pairs import LIGHT

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
-from squealstudy.engine.files import write_json
+from squealstudy.engine.store import write_json
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.chunks import read_tables
 from squealstudy.engine.rows import HEAD, head
+from squealstudy.engine.store import read_tables
 from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.design_rules import RANDOM_DESIGNS

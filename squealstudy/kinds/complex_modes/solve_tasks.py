@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.engine.cache import NewGaps, known_gap
 from squealstudy.engine.keys import chunk_id
-from squealstudy.engine.parallel import split_chunks
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import Solved
-from squealstudy.engine.working_points import NewGaps, known_gap
+from squealstudy.engine.workers import Solved, split_chunks
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.rows import failed_row, solved_row
 from squealstudy.modes.point import PointModes

@@ -10,12 +10,11 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.engine.files import write_parquet
-from squealstudy.engine.names import MODES, ONSETS, POINTS
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import MODES, ONSETS, POINTS, write_parquet
 from squealstudy.engine.validity import FIELDS as VALIDITY
 from squealstudy.engine.validity import with_validity
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.columns import ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.kinds.complex_modes.followed import follow_modes

@@ -13,14 +13,11 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.engine.chunks import read_chunks
-from squealstudy.engine.files import write_parquet
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.kind import Kind, Warn
-from squealstudy.engine.names import CELLS
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import CELLS, read_chunks, write_parquet
+from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import KindScreen
+from squealstudy.engine.kind import KindScreen
 from squealstudy.screen import facts
 
 if TYPE_CHECKING:

@@ -12,14 +12,12 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import is_prepared, load_prepared
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind
-from squealstudy.engine.names import POINTS, SENSITIVITIES
-from squealstudy.engine.parallel import Workers, split_chunks
 from squealstudy.engine.plan import Plan, Structure
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import POINTS, SENSITIVITIES
+from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity import rows
-from squealstudy.kinds.sensitivity.forecast import point_seconds
 from squealstudy.kinds.sensitivity.parameters import (
     Asked,
     asked_parameters,
@@ -34,6 +32,7 @@ from squealstudy.kinds.sensitivity.worker import (
     Request,
     SensitivityTask,
     design_structure,
+    point_seconds,
     solve_sensitivities,
 )
 from squealstudy.modes.sensitivity.structural import check_structural

@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.engine.files import write_parquet
-from squealstudy.engine.names import POINTS, SENSITIVITIES
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FLAG, REAL, TEXT, WHOLE, planned_rows, points_table
+from squealstudy.engine.store import POINTS, SENSITIVITIES, write_parquet
 from squealstudy.engine.validity import validity_arrow
 from squealstudy.kinds.sensitivity.rows import SCHEMA, WORKING_POINT_FIELDS
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures

@@ -1,4 +1,4 @@
-"""What a worker process does: sensitivities of a chunk of design points, and its file."""
+"""What a worker process does at the design points of a chunk, and what a point will cost."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from squealstudy.engine.cache import prepared_model
+from squealstudy.engine.cache import known_gap, prepared_model
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import Solved
-from squealstudy.engine.working_points import known_gap
+from squealstudy.engine.workers import Solved
 from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
 from squealstudy.kinds.sensitivity.rows import failed_row, solved_row
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
@@ -21,6 +20,8 @@ from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
+
+TIMED = 3  # parameters that stand for all in a forecast
 
 
 @dataclass(frozen=True)
@@ -96,3 +97,29 @@ def design_structure(
         settings.component_cutoff,
         settings.damped_to,
     )
+
+
+def point_seconds(point: DesignPoint, request: Request) -> float:
+    """Expected seconds: modes, a few parameters of the state and one of the structure, scaled.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point.
+    """
+    prepared = prepared_model(point.structure)
+    started = time.perf_counter()
+    solved = solve_families(prepared, point.state(), request.band_hz, request.choice)
+    total = time.perf_counter() - started
+    parameters = state_parameters(request.asked, component_frequencies(prepared.model))
+    if parameters:
+        started, few = time.perf_counter(), parameters[:TIMED]
+        point_sensitivities(solved, few, request.change, request.band_hz[1])
+        total += (time.perf_counter() - started) * len(parameters) / len(few)
+    names = structural_names(request.asked)
+    if names:
+        started = time.perf_counter()
+        structure = design_structure(point, request.options, request.settings)
+        structural_sensitivities(solved, structure, names[:1], request.change)
+        total += (time.perf_counter() - started) * len(names)
+    return total

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.engine.cache import is_prepared
+from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.working_points import NewGaps
 from squealstudy.kinds.transient.batch import (
     BatchTask,
     batch_task,

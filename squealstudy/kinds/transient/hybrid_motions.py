@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.engine.cache import prepared_model, prepared_path
-from squealstudy.engine.files import write_atomic
 from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.modes.point import state_working_point

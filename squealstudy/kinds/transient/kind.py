@@ -14,10 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.model_kind import ModelKind, Solves
-from squealstudy.engine.names import GROWTH, MODES, POINTS
-from squealstudy.engine.parallel import Progress, Workers
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import GROWTH, MODES, POINTS
+from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient import forecast, rows
 from squealstudy.kinds.transient.batch import (

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.measurement import Measurement, Measuring
-from squealstudy.engine.parallel import silent
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.process import memory_above
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.working_points import NewGaps
+from squealstudy.engine.workers import memory_above, silent
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
 from squealstudy.kinds.transient import forecast

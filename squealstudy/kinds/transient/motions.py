@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.engine.cache import prepared_model
+from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.working_points import NewGaps, known_gap
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.hybrid_motions import hybrid_motions

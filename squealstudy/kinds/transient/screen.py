@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.chunks import read_chunks
-from squealstudy.engine.parallel import Progress
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.store import read_chunks
+from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.measuring import measure_tasks, run_finding
 from squealstudy.kinds.transient.regularisation import regularised

@@ -10,8 +10,7 @@ from zipfile import BadZipFile
 import numpy as np
 import pyarrow.parquet as pq
 
-from squealstudy.engine.names import POINTS, STATES
-from squealstudy.engine.results_manifest import read_manifest
+from squealstudy.engine.store import POINTS, STATES, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.study.source import SourceText

@@ -9,10 +9,9 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.engine.files import write_parquet
-from squealstudy.engine.names import GROWTH, HISTORIES, MODES, POINTS, STATES
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT, Fields, planned_rows, points_table
+from squealstudy.engine.store import GROWTH, HISTORIES, MODES, POINTS, STATES, write_parquet
 from squealstudy.engine.validity import validity_arrow
 from squealstudy.kinds.transient.rows import GROWTH_FIELDS, MODE_FIELDS, SCHEMA, SUMMARY_FIELDS
 from squealstudy.motion.outcome.settling import DECAYED, SETTLED

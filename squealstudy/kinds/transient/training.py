@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.files import write_atomic, write_json
-from squealstudy.engine.parallel import Progress
+from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.working_points import NewGaps
+from squealstudy.engine.store import write_atomic, write_json
+from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.batch import ALL_MODES, batch_task, settings_of, training_path
 from squealstudy.kinds.transient.motions import set_up

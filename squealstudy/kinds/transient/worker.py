@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from squealstudy.engine.histories import history_file
+from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import history_file
 from squealstudy.engine.validity import open_reason
-from squealstudy.engine.working_points import NewGaps
+from squealstudy.engine.workers import Solved
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask
 from squealstudy.kinds.transient.motions import final_state, integrate, set_up

@@ -11,16 +11,13 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.cache import is_prepared
-from squealstudy.engine.chunks import read_chunks
-from squealstudy.engine.files import write_parquet
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.names import ERRORS, MEASUREMENTS
-from squealstudy.engine.parallel import Workers
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.tasks import Solved
+from squealstudy.engine.store import ERRORS, MEASUREMENTS, read_chunks, write_parquet
+from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
 from squealstudy.kinds.work_precision import rows

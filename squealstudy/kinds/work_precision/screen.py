@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import KindScreen
+from squealstudy.engine.kind import KindScreen
 from squealstudy.screen import grid, notes
 from squealstudy.tables.fronts import at_tolerances
 from squealstudy.wording import figure

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.names import onset_parameter
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import onset_parameter
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.methods import MethodsFile
 from squealstudy.kinds.work_precision.section import (

@@ -1,25 +1,38 @@
-"""The one place that hands tasks to worker processes; work of a few seconds stays in this one."""
+"""The one place that hands tasks to worker processes; work of a few seconds stays in this one.
+
+What passes between a run and its workers, their memory, and their end with the parent.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import resource
+import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.process import watch_parent
 from squealstudy.errors import SquealstudyError
 from squealstudy.extensions import Extensions, extension_files
 
+if TYPE_CHECKING:
+    from squealstudy.engine.kind import Kind
+
+
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
+WATCH_S = 0.5
+STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 _started_with: list[tuple[Path, ...]] = []  # files of the workers that may be there
+_watched: set[int] = set()
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 Progress = Callable[[str, int, int], None]  # stage, done, total
@@ -133,3 +146,105 @@ def split_chunks(tasks: Sequence[Item], jobs: int) -> list[Sequence[Item]]:
     """Consecutive points in chunks small enough to balance the workers and to lose little."""
     size = max(1, min(MAX_CHUNK, math.ceil(len(tasks) / (CHUNKS_A_WORKER * jobs))))
     return [tasks[i : i + size] for i in range(0, len(tasks), size)]
+
+
+def watch_parent(parent: int) -> None:
+    """End this process when `parent` is gone: a killed run leaves no worker behind."""
+    if parent in _watched or os.getpid() == parent:
+        return
+    _watched.add(parent)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far, MB.
+
+    From /proc where there is one: getrusage gives a worker its parent's size at the fork.
+    """
+    if STATUS.is_file():
+        return _status_mb("VmHWM")
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def _status_mb(name: str) -> float:
+    fields = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
+    return float(fields[name].split()[0]) / 1024.0
+
+
+@dataclass
+class MemoryAbove:
+    """Largest resident size within `memory_above`, MB above that before; NaN where unknown."""
+
+    megabytes: float = float("nan")
+
+
+@contextlib.contextmanager
+def memory_above() -> Iterator[MemoryAbove]:
+    """Watch the memory of what runs inside; Linux only, elsewhere NaN."""
+    found = MemoryAbove()
+    try:
+        RESET.write_text("5")  # the peak begins again at the present size
+        before = _status_mb("VmRSS")
+    except OSError:
+        yield found
+        return
+    yield found
+    found.megabytes = max(0.0, _status_mb("VmHWM") - before)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a kind of study found at some design points.
+
+    Attributes
+    ----------
+    rows : sequence of dict
+        One a design point, with the columns of the kind's chunk files.
+    files : mapping of str -> Table, or mapping of names to arrays
+        What belongs beside the tables, by its path in the results directory: Parquet or npz.
+    known : int
+        Points whose working point an earlier study had found.
+    """
+
+    rows: Sequence[dict[str, Any]]
+    files: Mapping[str, pa.Table | Mapping[str, Any]] = field(default_factory=dict)
+    known: int = 0
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Rows that are written as one file, and what they took: seconds, MB of the worker."""
+
+    table: pa.Table
+    files: Mapping[str, pa.Table | Mapping[str, Any]]
+    known: int
+    wall_s: float
+    peak_mb: float
+
+    @property
+    def point_ids(self) -> list[str]:
+        """Of its rows."""
+        ids: list[str] = self.table["point_id"].to_pylist()
+        return ids
+
+
+@dataclass(frozen=True)
+class Work:
+    """A task of a kind of study, as a worker gets it."""
+
+    kind: Kind
+    task: Any
+
+    def done(self) -> Chunk:
+        """Solve the task; nothing is written here."""
+        started = time.perf_counter()
+        found = self.kind.solve(self.task)
+        table = pa.Table.from_pylist(list(found.rows), schema=self.kind.schema)
+        wall_s = time.perf_counter() - started
+        return Chunk(table, found.files, found.known, wall_s, peak_memory_mb())
