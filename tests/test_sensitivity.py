@@ -22,10 +22,13 @@ from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_fami
 from squealstudy.modes.sensitivity.mode_gradient import DampingGradient
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     CONDITION_LIMIT,
+    QUARTER,
+    change_products,
     figure_slopes,
     figures,
     followed_root,
     reduced_pencil,
+    slope_and_validity,
 )
 from squealstudy.modes.sensitivity.reduced import (
     ChosenModes,
@@ -131,6 +134,32 @@ def test_validity_range_is_the_distance_to_the_coalescence(friction):
     design = solve_families(prepared, state, (1.0, 1000.0), ModeChoice(count=1))
     (mode,) = point_sensitivities(design, [FRICTION], 0.01, 1000.0)
     assert mode.sensitivities[0].validity == pytest.approx(abs(friction - FLUTTER), rel=0.15)
+
+
+def test_second_order_of_a_change_of_all_matrices():
+    rng = np.random.default_rng(7)
+    n = 4
+    base = [np.eye(n), 0.05 * rng.standard_normal((n, n)), np.diag([1.0, 2.2, 3.7, 5.1])]
+    base[2] = base[2] + 0.2 * rng.standard_normal((n, n))
+    by = [0.4 * rng.standard_normal((n, n)) for _ in base]
+    by[0] = by[0] + by[0].T
+
+    def pencil(change):
+        return QuadraticPencil(*(A + change * dA for A, dA in zip(base, by, strict=True)))
+
+    first = mode_family(pencil(0.0), 1.5j, 2 * n)
+    assert len(first.lam) == 2 * n
+
+    def root(change):
+        return mode_family(pencil(change), complex(first.lam[0]), 1).lam[0]
+
+    mass = np.vdot(first.Y[:, 0], by[0] @ first.X[:, 0])
+    products = change_products(first, *(A @ first.X for A in reversed(by)))
+    slope, validity = slope_and_validity(first, products, 1.0, complex(mass))
+    h = 1e-3
+    half = (root(h) - 2 * root(0.0) + root(-h)) / (2 * h**2)
+    assert slope == pytest.approx((root(h) - root(-h)) / (2 * h), rel=1e-4)
+    assert validity == pytest.approx(QUARTER * abs(slope) / abs(half), rel=1e-3)
 
 
 def test_condition_of_simple_oscillators():

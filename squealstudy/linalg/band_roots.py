@@ -104,7 +104,7 @@ def roots_in_band(
         lam, psi = lam[kept], psi[:, kept]
         errors = root_errors(M, C, K, lam, psi)
         told = errors.resolved(lam, band[1])
-        found = BandRoots(lam[told], psi[:, told], below, errors.error[told])
+        found = BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
         if (worst := errors.doubt(lam)) <= 1.0:
             return found
         if worst < least:

@@ -193,7 +193,7 @@ def reduce_cmt(
         T, k = complete_basis(component.M, component.K, modes[component.name].phi, shapes)
         blocks.append(T)
         diagonals.append(k)
-    basis = Basis(tuple(blocks), omega, phi, factor)
+    basis = Basis(blocks=tuple(blocks), omega=omega, phi=phi, factor=factor)
     return project(assembly, basis, diagonals, modes), basis
 
 
@@ -249,15 +249,15 @@ def project(
     ]
     K_r = np.vstack(rows)
     return ReducedModel(
-        assembly.component_names,
-        np.cumsum([0, *(T.shape[1] for T in basis.blocks)]),
-        np.array([modes[n].phi.shape[1] for n in assembly.component_names]),
-        np.concatenate(diagonals),
-        (K_r + K_r.T) / 2,
-        observe(c.N),
-        observe(c.T),
-        observe(c.T_perp),
-        c.area,
-        c.frictional,
-        c.radius,
+        components=assembly.component_names,
+        offsets=np.cumsum([0, *(T.shape[1] for T in basis.blocks)]),
+        n_modes=np.array([modes[n].phi.shape[1] for n in assembly.component_names]),
+        k_el=np.concatenate(diagonals),
+        K_springs=(K_r + K_r.T) / 2,
+        N=observe(c.N),
+        T=observe(c.T),
+        T_perp=observe(c.T_perp),
+        area=c.area,
+        frictional=c.frictional,
+        radius=c.radius,
     )

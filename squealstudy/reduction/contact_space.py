@@ -120,17 +120,17 @@ def contact_space(
     loads = np.column_stack([assembly.load, assembly.constant_load])
     H_NN = (c.N @ X_Q) @ R
     return ContactSpace(
-        k_c,
-        c.area,
-        c.gap0,
-        c.frictional,
-        (H_NN + H_NN.T) / 2,
-        R.T @ (c.T @ X_Q).T,
-        R.T @ (X_Q.T @ loads),
-        np.asarray(c.N @ X_U),
-        np.asarray(c.T @ X_U),
-        loads.T @ X_U,
-        shapes.T @ X_U,
+        k_c=k_c,
+        area=c.area,
+        gap0=c.gap0,
+        frictional=c.frictional,
+        H_NN=(H_NN + H_NN.T) / 2,
+        H_NT=R.T @ (c.T @ X_Q).T,
+        H_Nf=R.T @ (X_Q.T @ loads),
+        H_NU=np.asarray(c.N @ X_U),
+        H_TU=np.asarray(c.T @ X_U),
+        H_fU=loads.T @ X_U,
+        H_UU=shapes.T @ X_U,
     )
 
 

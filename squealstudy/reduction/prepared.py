@@ -121,7 +121,14 @@ def with_shapes(
 ) -> PreparedModel:
     """A reduced model with its real modes at the nominal working point, and where they move."""
     phi, sensors = shape_basis(assembly, model, basis, nominal.tangent)
-    return PreparedModel(space, model, phi, sensors, nominal.gap, nominal_tangent=nominal.tangent)
+    return PreparedModel(
+        space=space,
+        model=model,
+        shape_basis=phi,
+        sensor_shapes=sensors,
+        nominal_gap=nominal.gap,
+        nominal_tangent=nominal.tangent,
+    )
 
 
 def shape_basis(

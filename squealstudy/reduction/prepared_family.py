@@ -74,7 +74,13 @@ def prepare_family(
     inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
     first = min(max(int(MARGIN * inside), FIRST_ROOTS), 2 * family.n)
     basis = shape_basis(scale[:, None] * roots.psi)
-    return PreparedFamily(family, scale, basis, first, {"nominal_s": time.perf_counter() - started})
+    return PreparedFamily(
+        model=family,
+        scale=scale,
+        shape_basis=basis,
+        n_roots=first,
+        timings={"nominal_s": time.perf_counter() - started},
+    )
 
 
 def shape_basis(psi: np.ndarray) -> np.ndarray:

@@ -170,7 +170,15 @@ def working_point_result(
 ) -> WorkingPoint:
     """The contact state at solved gaps that are out of balance by F (nc,) [m]."""
     error = _tangent_error(area, p, kappa, F)
-    return WorkingPoint(g, p, kappa, iterations, residual, open_share(area, p), error)
+    return WorkingPoint(
+        gap=g,
+        pressure=p,
+        tangent=kappa,
+        iterations=iterations,
+        residual=residual,
+        open_share=open_share(area, p),
+        tangent_error=error,
+    )
 
 
 def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray) -> float:

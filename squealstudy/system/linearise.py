@@ -286,7 +286,7 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     K = K_sym + structure.system.summed(weights, [coupling])
     C = structure.system.summed(weights, structure.system.numbers(DAMPING))
     C += assembly_damping(K_sym, state, model.damped_to)
-    return LinearisedModel(C, K, K_sym, weights)
+    return LinearisedModel(C=C, K=K, K_sym=K_sym, weights=weights)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:

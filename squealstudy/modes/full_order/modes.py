@@ -47,7 +47,14 @@ DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest
 CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 _NOTHING = np.zeros(0)
-NO_WORKING_POINT = WorkingPoint(_NOTHING, _NOTHING, _NOTHING, 0, np.nan, np.nan)
+NO_WORKING_POINT = WorkingPoint(
+    gap=_NOTHING,
+    pressure=_NOTHING,
+    tangent=_NOTHING,
+    iterations=0,
+    residual=np.nan,
+    open_share=np.nan,
+)
 
 
 @dataclass(frozen=True)
@@ -121,7 +128,17 @@ def full_order_system(
         terms = (*terms, Term(DAMPING, None, M), Term(DAMPING, rows, rows))
         weights = (*named, beyond, (dampers - beyond)[dampers != beyond])
     _, C, K = ParametricSystem(assembly.n_dof, terms).sparse_matrices(weights)
-    return FullOrderSystem(assembly, state, point, structure, named, C, K, omega, phi)
+    return FullOrderSystem(
+        assembly=assembly,
+        state=state,
+        point=point,
+        structure=structure,
+        weights=named,
+        C=C,
+        K=K,
+        omega=omega,
+        phi=phi,
+    )
 
 
 def _real_modes(
@@ -172,7 +189,7 @@ def full_order_roots(
         if errors.doubt(lam) <= 1.0:
             break
     told = errors.resolved(lam, band[1])
-    return BandRoots(lam[told], psi[:, told], below, errors.error[told])
+    return BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
 
 
 def _roots_to(

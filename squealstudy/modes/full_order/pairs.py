@@ -70,4 +70,4 @@ def paired_with_full_order(
     kept = partner >= 0
     row, full, own = partner[kept], full[kept], own[kept]
     told = np.abs(full - lam[row]) > TOLD * own
-    return FullOrderPairs(row, lam[row], full, told, int((~kept).sum()))
+    return FullOrderPairs(row=row, lam=lam[row], full=full, told=told, missed=int((~kept).sum()))

@@ -132,7 +132,7 @@ def gauged(block: Block, number: int, node: Solved, mixed: Mixing) -> Subspace:
     right = np.linalg.solve(G.T, np.vstack([X, G * lam]).T).T
     left = np.linalg.solve(H, np.hstack([Y.conj().T, lam[:, None] * H]))
     r = len(X)
-    return Subspace(right[:r], right[r:], left[:, :r].conj().T, left[:, r:])
+    return Subspace(X=right[:r], S=right[r:], Y=left[:, :r].conj().T, T=left[:, r:])
 
 
 def _condition(A: np.ndarray) -> float:

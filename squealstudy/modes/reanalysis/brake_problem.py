@@ -197,7 +197,9 @@ class BrakeProblem:
             space = self.prepared.space.changed(self._changes(state))
             anchors.append(anchor_at(theta[i], space, state.operating, solved[i]))
         gaps = np.array([p.gap for p in solved])
-        return WorkingPointField(self.prepared.space, gaps, cardinals, tuple(anchors))
+        return WorkingPointField(
+            space=self.prepared.space, node_gaps=gaps, cardinals=cardinals, anchors=tuple(anchors)
+        )
 
     def _changes(self, state: DesignState) -> dict[int, float]:
         model = self.prepared.model

@@ -192,7 +192,7 @@ def collocate(
         else:
             stacks[term.order] += [left.T @ (phi[:, None] * right) for phi in shapes.T]
     flat = [np.array(stacks[order]).reshape(-1, r * r) for order in range(len(stacks))]
-    return CollocatedSystem(r, tuple(expansions), tuple(flat), unit)
+    return CollocatedSystem(r=r, expansions=tuple(expansions), stacks=tuple(flat), unit_mass=unit)
 
 
 def _shapes(sampled: Sequence[np.ndarray | float], tolerance: float) -> np.ndarray:

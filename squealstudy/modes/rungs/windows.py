@@ -162,7 +162,7 @@ class Windows(InBasis):
         self.counts["patches"] += 1
         floor = self._floor(made, weights[1:], nodes)
         slope = mixing_by_direction(grid, made.mixings)
-        return FollowedPatch(made, local, floor, slope)
+        return FollowedPatch(patch=made, starts=local, floor=floor, slope=slope)
 
     def _floor(self, patch: Patch, weights: list[Weights], nodes: list[Solved]) -> np.ndarray:
         """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.

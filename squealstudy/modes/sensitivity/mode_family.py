@@ -65,7 +65,7 @@ def mode_family(pencil: QuadraticPencil, lam: complex, count: int = NEIGHBOURS) 
         relative_residual(pencil, first, X[:, 0]),
         relative_residual(adjoint, np.conj(first), Y[:, 0]),
     )
-    return ModeFamily(roots.lam, X, Y, norm, residual)
+    return ModeFamily(lam=roots.lam, X=X, Y=Y, norm=norm, residual=residual)
 
 
 def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> float:

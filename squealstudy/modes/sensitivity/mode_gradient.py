@@ -77,7 +77,9 @@ class ModeGradient:
             if real.zeta.any():
                 left, right = rows @ family.Y[:, 0].conj(), rows @ family.X[:, 0]
                 lam = complex(family.lam[0])
-                self.damping = DampingGradient(real.omega, real.zeta, lam, left, right)
+                self.damping = DampingGradient(
+                    omega=real.omega, zeta=real.zeta, lam=lam, left=left, right=right
+                )
         self._system = ParametricSystem(structure.n, terms)
 
     def products(self, by: StructureWeights, ratios: np.ndarray | None = None) -> np.ndarray:

@@ -111,21 +111,43 @@ def with_more(mode: ModeSensitivities, more: Sequence[Sensitivity]) -> ModeSensi
     return replace(mode, sensitivities=(*mode.sensitivities, *more))
 
 
+def change_products(
+    family: ModeFamily, KX: np.ndarray, CX: np.ndarray, MX: np.ndarray
+) -> np.ndarray:
+    """Products y_i^H (K + lambda_j C + lambda_1 lambda_j M) x_j (k, k) with a change of matrices.
+
+    The change is given by its products (n, k) with the right vectors X. These are the products of
+    the companion form, linear in lambda: the mass stands with both roots (THEORY.md eq. (59)). The
+    first column is y_i^H Q_theta(lambda_1) x_1.
+    """
+    lam = family.lam
+    products: np.ndarray = family.Y.conj().T @ (KX + lam * CX + lam[0] * lam * MX)
+    return products
+
+
 def slope_and_validity(
-    family: ModeFamily, products: np.ndarray, size: float
+    family: ModeFamily, products: np.ndarray, size: float, mass: complex = 0.0
 ) -> tuple[complex, float]:
     """Derivative of the first root, and the range in which it says more than the curvature.
 
-    Second order, lambda''/2 = sum of b_1j b_j1 / (lambda_1 - lambda_j) over the neighbours with
-    b_ij = -y_i^H Q_theta(lambda_j) x_j / (y_i^H Q'(lambda_i) x_i), of which `products` (k, k) are
-    the first factors. A curvature that a change of `size` does not show is none: the range is
-    infinite.
+    Parameters
+    ----------
+    products : ndarray (k, k)
+        As of `change_products`.
+    size : float
+        A curvature that a change of this size does not show is none: the range is infinite.
+    mass : complex
+        y_1^H M_theta x_1.
+
+    Second order (THEORY.md eq. (59)): lambda''/2 = sum of b_1j b_j1 / (lambda_1 - lambda_j) over
+    the neighbours, less lambda' lambda_1 y_1^H M_theta x_1 / n_1, with b_ij = -products_ij / n_i
+    and n_i = y_i^H Q'(lambda_i) x_i.
     """
     norm, lam = family.norm, family.lam
     slope = complex(-products[0, 0] / norm[0]) if norm[0] else complex(np.nan, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         coupling = products[0, 1:] * products[1:, 0] / (norm[0] * norm[1:])
-        half = complex((coupling / (lam[0] - lam[1:])).sum())
+        half = complex((coupling / (lam[0] - lam[1:])).sum() - slope * lam[0] * mass / norm[0])
     if abs(half) * size**2 <= UNSEEN * abs(lam[0]):
         return slope, float("inf")
     return slope, float(QUARTER * abs(slope) / abs(half)) if np.isfinite(half) else 0.0

@@ -77,7 +77,9 @@ def solve_families(
     lam, _ = dense_roots(system.C, system.K, (low, high))
     pencil = QuadraticPencil(sp.identity(prepared.model.n, format="csr"), system.C, system.K)
     families = tuple(mode_family(pencil, root) for root in chosen_roots(lam, choice))
-    return ChosenModes(prepared, state, point, system, pencil, families)
+    return ChosenModes(
+        prepared=prepared, state=state, point=point, system=system, pencil=pencil, families=families
+    )
 
 
 def point_sensitivities(
@@ -131,7 +133,10 @@ def parameter_step(
     reference = parameter.reference(value, top_hz)
     size = change * reference
     return Step(
-        parameter.name, value, reference, size if value + size <= parameter.maximum else -size
+        name=parameter.name,
+        value=value,
+        reference=reference,
+        size=size if value + size <= parameter.maximum else -size,
     )
 
 

@@ -69,7 +69,9 @@ class StateDerivatives:
         self.structure = reduced_structure(prepared.model)
         changes = state.stiffness_changes(self.structure.frequencies)
         columns = {shape_column(prepared.model, *key): dk for key, dk in changes.items()}
-        self.motion = WorkingPointMotion(prepared.space, columns, state.operating, point)
+        self.motion = WorkingPointMotion(
+            space=prepared.space, stiffness_changes=columns, operating=state.operating, point=point
+        )
 
     def by(self, parameter: StateParameter) -> WeightChange:
         """Derivative by one parameter."""

@@ -28,6 +28,7 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
     FiniteChange,
     Sensitivity,
     Step,
+    change_products,
     followed_root,
     slope_and_validity,
 )
@@ -125,7 +126,9 @@ def structural_sensitivities(
     real = None
     if len(full.omega):
         zeta = design.state.assembly_damping_ratios(len(full.omega))
-        real = RealModes(full.omega, full.phi, full.assembly.M @ full.phi, zeta)
+        real = RealModes(
+            omega=full.omega, phi=full.phi, momenta=full.assembly.M @ full.phi, zeta=zeta
+        )
     gradients = [ModeGradient(family, full.structure, real) for family in families]
     response = StaticResponse(full, design)
     for name in names:
@@ -137,7 +140,8 @@ def structural_sensitivities(
         finite, reason = _reanalysis(design, structure, full, families, step)
         for number, (family, gradient) in enumerate(zip(families, gradients, strict=True)):
             products = structural_products(gradient, full, by, contact)
-            slope = slope_and_validity(family, products, step.size)
+            mass = np.vdot(family.Y[:, 0], by.mass @ family.X[:, 0])
+            slope = slope_and_validity(family, products, step.size, complex(mass))
             found[number].append(Sensitivity(step, *slope, finite[number], reason))
     return found
 
@@ -145,7 +149,7 @@ def structural_sensitivities(
 def structural_step(name: str, value: float, change: float) -> Step:
     """The finite change of a structural parameter."""
     reference = abs(value) or 1.0
-    return Step(name, value, reference, change * reference)
+    return Step(name=name, value=value, reference=reference, size=change * reference)
 
 
 class StaticResponse:
@@ -181,13 +185,13 @@ class StaticResponse:
 def structural_products(
     gradient: ModeGradient, full: FullOrderSystem, by: AssemblyChange, contact: ContactWeights
 ) -> np.ndarray:
-    """y_i^H Q_theta(lambda_j) x_j (k, k) of full-order modes; modal damping as in ModeGradient."""
+    """`change_products` (k, k) of full-order modes; modal damping as in ModeGradient."""
     family, beta, phi = gradient.family, full.state.stiffness_damping, full.phi
-    lam, X = family.lam, family.X
-    changed = (1.0 + beta * lam) * (by.stiffness @ X)
-    changed = changed + lam**2 * (by.mass @ X) + lam * (by.dampers @ X)
+    KX = by.stiffness @ family.X
+    CX = beta * KX + by.dampers @ family.X
     weights = structure_weights((0.0, 0.0, 0.0), contact, beta=beta, mass=0.0)
-    products = family.Y.conj().T @ changed + gradient.products(weights)
+    products = change_products(family, KX, CX, by.mass @ family.X)
+    products = products + gradient.products(weights)
     if gradient.damping is not None:
         products[0, 0] += gradient.damping.by_stiffness(phi.T @ (by.stiffness @ phi))
         products[0, 0] += gradient.damping.by_mass(phi.T @ (by.mass @ phi))
