@@ -22,11 +22,10 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.reference import Unreduced
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
-from squealstudy.modes.problem import Problem
+from squealstudy.modes.problem import BrakeReader, FamilyReader, Problem
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem
 from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, Expansion
-from squealstudy.modes.reanalysis.readers import BrakeReader, FamilyReader
 from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import BasisSettings
