@@ -17,7 +17,7 @@ from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.sampling import count_points, design_points
 from squealstudy.study.schema import study_schema
-from squealstudy.study.toml_lines import find_line, key_lines
+from squealstudy.study.toml_text import find_line, key_lines
 
 GOOD = """\
 # friction and pressure

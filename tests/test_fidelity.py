@@ -22,9 +22,8 @@ from squealstudy.fidelity import frequency_search
 from squealstudy.fidelity import run as fidelity_run
 from squealstudy.fidelity import scene as fidelity_scene
 from squealstudy.fidelity.audit import Audit, drawn_points
-from squealstudy.fidelity.choice import Choice, Combination, Tried, Untried, choose, pays
+from squealstudy.fidelity.choice import Choice, Combination, Tried, Untried, _path, choose, pays
 from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
-from squealstudy.fidelity.kept import _path
 from squealstudy.fidelity.ladders import Rung, free_ladders, training_step
 from squealstudy.fidelity.run import _plain, resolve, run_resolved
 from squealstudy.fidelity.scene import MISSED, Scene, largest

@@ -17,8 +17,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import write_rows
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.kinds.sensitivity.rows import SCHEMA, failed_row
-from squealstudy.kinds.sensitivity.tables import build_tables
+from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, failed_row
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
 from squealstudy.study.definition import parse_study
 from squealstudy.tables.sensitivity_ranking import (

@@ -124,7 +124,7 @@ def robust(
     from squealstudy.cli.run import outside
     from squealstudy.engine.kind import LISTED
     from squealstudy.kinds.complex_modes import screen as modes_screen
-    from squealstudy.study.design_rules import SOBOL_INDICES
+    from squealstudy.study.sweeps import SOBOL_INDICES
 
     found = face.open_results(results)
     if csv:

@@ -26,7 +26,7 @@ from squealstudy.study.design import DesignPoint, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.source import SourceText
-from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.toml_text import KeyPath
 from squealstudy.system.design_state import ModeKey
 
 if TYPE_CHECKING:

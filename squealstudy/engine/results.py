@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 from squealstudy.engine.pictures import Plots, pictures, save_figure
 from squealstudy.engine.store import onset_parameter, read_history, read_manifest
 from squealstudy.errors import ResultsError
-from squealstudy.study.design_rules import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.study.kinds import screen_of
+from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import parameter_columns, point_codes, selection
 from squealstudy.tables.stability import uncertain_points

@@ -1,14 +1,21 @@
-"""The cheapest combination of tried settings that meets a tolerance."""
+"""The cheapest combination of tried settings that meets a tolerance; kept for the next run."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
+from squealstudy.engine.store import write_json
 from squealstudy.fidelity.ladders import Rung
+from squealstudy.fidelity.scene import Scene
+from squealstudy.paths import cache_directory
 
+CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
 WORTH = 2.0  # times its own cost that a try must promise to save
 SMALLER = 0.5  # of the cost of the points, that one rung down may save
 
@@ -185,3 +192,32 @@ def _front(combinations: Sequence[Combination]) -> list[Combination]:
         if not front or one.error < front[-1].error:
             front.append(one)
     return front
+
+
+def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
+    """The choice of a scene, read where an earlier run made it, made and kept where not."""
+    path = _path(scene)
+    if path.is_file():
+        return _read(json.loads(path.read_text(encoding="utf-8")))
+    choice = make()
+    write_json(path, asdict(choice))
+    return choice
+
+
+def _path(scene: Scene) -> Path:
+    ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
+    content = [source_hash(CODE), scene.base.tables, ids, scene.tolerance, scene.jobs]
+    return cache_directory() / "fidelity" / f"{content_hash(content)}.json"
+
+
+def _read(found: dict[str, Any]) -> Choice:
+    cheaper, dearer = (_neighbour(found[name]) for name in ("cheaper", "dearer"))
+    return Choice(_combination(found["chosen"]), cheaper, dearer, found["reason"])
+
+
+def _neighbour(part: dict[str, Any]) -> Neighbour:
+    return _combination(part) if "labels" in part else Untried(**part)
+
+
+def _combination(part: dict[str, Any]) -> Combination:
+    return Combination(**(part | {"labels": tuple(part["labels"])}))

@@ -12,9 +12,8 @@ from squealstudy.engine.runner import RunReport, run_study
 from squealstudy.engine.store import write_manifest
 from squealstudy.engine.workers import Progress
 from squealstudy.fidelity.audit import Audit, audit, drawn_points
-from squealstudy.fidelity.choice import Choice, Neighbour, Untried
+from squealstudy.fidelity.choice import Choice, Neighbour, Untried, kept_choice
 from squealstudy.fidelity.frequency_search import search_modes
-from squealstudy.fidelity.kept import kept_choice
 from squealstudy.fidelity.scene import Scene
 from squealstudy.fidelity.time_search import search_runs
 from squealstudy.study.definition import Study

@@ -14,7 +14,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study
-from squealstudy.study.fidelity_section import FidelitySection
+from squealstudy.study.sections import FidelitySection
 from squealstudy.study.source import SourceText, parse_toml
 from squealstudy.study.variants import BaseStudy
 from squealstudy.tables.finding_errors import (

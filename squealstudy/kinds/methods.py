@@ -13,7 +13,7 @@ from squealstudy.engine.kind import Kind
 from squealstudy.errors import StudyFileError
 from squealstudy.study.section import Section
 from squealstudy.study.source import SourceText
-from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.toml_text import KeyPath
 
 Definition = TypeVar("Definition", bound=BaseModel)
 

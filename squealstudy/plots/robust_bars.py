@@ -25,7 +25,7 @@ from squealstudy.plots.style import (
     new_figure,
     reach,
 )
-from squealstudy.study.design_rules import RANDOM_DESIGNS, SOBOL_INDICES
+from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.wording import in_digits, plural
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from squealstudy.study.source import (
     validate,
 )
 from squealstudy.study.sweeps import Sweep, resolve_sweeps
-from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.toml_text import KeyPath
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
     from squealstudy.engine.model_kind import ModelKind

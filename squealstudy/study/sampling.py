@@ -10,18 +10,17 @@ import numpy as np
 from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
 from squealstudy.study.source import SourceText
-from squealstudy.study.sweeps import beyond
+from squealstudy.study.sweeps import SOBOL_INDICES, beyond
 from squealstudy.tables.robust.saltelli import saltelli_rows
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
-INDICES = "sobol_indices"
 
 
 def count_points(study: Study) -> int:
     """Number of design points, without making them; of a boundary design those it begins with."""
     design = study.definition.design
     if design.samples is not None:
-        groups = len(study.sweeps) + 2 if design.type == INDICES else 1
+        groups = len(study.sweeps) + 2 if design.type == SOBOL_INDICES else 1
         return design.samples * groups
     lengths = [len(sweep.values) for sweep in study.sweeps]
     return math.prod(lengths) if design.type in GRIDS else max(lengths, default=1)
@@ -88,7 +87,9 @@ def _unit_points(study: Study) -> np.ndarray:
     if design.type == "latin_hypercube":
         return np.asarray(qmc.LatinHypercube(d, seed=rng).random(n))
     bits = (n - 1).bit_length()
-    if design.type == INDICES:  # one sequence of twice the dimension: its halves are independent
+    if (
+        design.type == SOBOL_INDICES
+    ):  # one sequence of twice the dimension: its halves are independent
         both = np.asarray(qmc.Sobol(2 * d, scramble=True, seed=rng).random_base2(bits))
         return saltelli_rows(both[:, :d], both[:, d:])
     # a power of two is drawn, and its beginning taken: the sequence is the same

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from squealstudy.modes.rungs import rung_names
-from squealstudy.study.fidelity_section import FidelitySection
-from squealstudy.study.matrix_section import TermSection
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
 from squealstudy.study.source import shown
@@ -23,6 +23,78 @@ MOST_LEVELS = 1_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+DURATION = re.compile(r"\s*([0-9.]+)\s*(s|min|h)\s*")
+
+
+def _seconds(value: object) -> object:
+    """``"5 min"`` in seconds."""
+    if not isinstance(value, str):
+        return value
+    found = DURATION.fullmatch(value)
+    if found is None or found[1].count(".") > 1 or found[1] == ".":
+        raise ValueError(f"expected a time like '90 s', '5 min' or '2 h', got '{value}'")
+    return float(found[1]) * SECONDS[found[2]]
+
+
+class FidelitySection(Section):
+    """How accurate results must be: the engine chooses the settings that the file leaves out."""
+
+    tolerance: float = Field(
+        gt=0,
+        le=0.5,
+        description="largest error: of complex modes relative in frequency and absolute in damping "
+        "ratio of light modes; in time relative in growth rate, level, mean torque and line",
+    )
+    budget: Annotated[float, BeforeValidator(_seconds)] | None = Field(
+        default=None,
+        gt=0,
+        description="longest run, '90 s', '5 min' or '2 h': where the tolerance would take longer, "
+        "the settings of least error within it",
+    )
+    pilots: int = Field(
+        default=2, ge=1, le=16, description="design points on which settings are tried"
+    )
+    audit: int = Field(
+        default=2,
+        ge=0,
+        le=1000,
+        description="design points, chosen at random, solved once more by better settings at the "
+        "end; where they miss the tolerance the study is run again with better ones",
+    )
+
+
+def _as_text(value: Any) -> str:
+    """A coefficient as the text of an expression, whether given as one or as a number."""
+    if isinstance(value, str):
+        return value
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not math.isfinite(value):
+        raise ValueError(f"expected a number or an expression in quotes, got {shown(value)}")
+    return repr(value)
+
+
+Coefficient = Annotated[str, BeforeValidator(_as_text)]
+
+
+class TermSection(Section):
+    """One summand of the mass, damping or stiffness: a matrix times its coefficient."""
+
+    matrix: Literal["M", "C", "K"] = Field(description="mass, damping or stiffness")
+    file: str = Field(
+        min_length=1,
+        description="Matrix Market, MATLAB, Harwell-Boeing or SciPy npz file, in the model's "
+        "folder or absolute",
+    )
+    variable: str | None = Field(
+        default=None, description="which matrix, where the file holds several"
+    )
+    coefficient: Coefficient = Field(
+        default="1.0",
+        description="number, or expression of parameters: + - * / ** brackets pi e sin cos tan "
+        "asin acos atan sqrt exp log log10 abs min max",
+        json_schema_extra={"type": ["string", "number"]},
+    )
 
 
 class StudySection(Section):

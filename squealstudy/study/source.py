@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.toml_lines import KeyLines, KeyPath, key_lines
+from squealstudy.study.toml_text import KeyLines, KeyPath, key_lines
 
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")

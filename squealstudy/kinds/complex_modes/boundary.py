@@ -24,8 +24,8 @@ from squealstudy.engine.plan import Plan
 from squealstudy.kinds.complex_modes.rows import damping_ratios, read_roots, unstable_roots
 from squealstudy.root_pairs import partners
 from squealstudy.study.definition import Study
-from squealstudy.study.design_rules import BOUNDARY
 from squealstudy.study.sampling import count_points
+from squealstudy.study.sweeps import BOUNDARY
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from squealstudy.kinds.complex_modes.rows import damping_ratios
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
-from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.crossings import (
     BELOW_RANGE,
     BRACKETED,

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, grid, notes
-from squealstudy.study.design_rules import RANDOM_DESIGNS
+from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
 from squealstudy.tables.mode_ranking import (
     UNTRACKED,

@@ -17,7 +17,6 @@ from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.store import POINTS, SENSITIVITIES
 from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.errors import ParameterError
-from squealstudy.kinds.sensitivity import rows
 from squealstudy.kinds.sensitivity.parameters import (
     Asked,
     asked_parameters,
@@ -27,7 +26,7 @@ from squealstudy.kinds.sensitivity.parameters import (
     structural_names,
 )
 from squealstudy.kinds.sensitivity.section import SensitivityDefinition
-from squealstudy.kinds.sensitivity.tables import build_tables
+from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, failed_row
 from squealstudy.kinds.sensitivity.worker import (
     Request,
     SensitivityTask,
@@ -56,7 +55,7 @@ class Sensitivities(ModelKind):
     section = "sensitivity"
     definition = SensitivityDefinition
     tables: tuple[str, ...] = (POINTS, SENSITIVITIES)
-    schema: pa.Schema = rows.SCHEMA
+    schema: pa.Schema = SCHEMA
 
     def identity(self, plan: Plan) -> list[Any]:
         """What is asked; StudyFileError for a name unknown."""
@@ -93,7 +92,7 @@ class Sensitivities(ModelKind):
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
-        return rows.failed_row(point_id, 0.0, status, message)
+        return failed_row(point_id, 0.0, status, message)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers

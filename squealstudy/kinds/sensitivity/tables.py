@@ -1,4 +1,4 @@
-"""The two tables of a sensitivity study, built from its chunk files: points and sensitivities."""
+"""Rows of a sensitivity study, and the two tables built from them: points and sensitivities."""
 
 from __future__ import annotations
 
@@ -12,12 +12,46 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FLAG, REAL, TEXT, WHOLE, planned_rows, points_table
+from squealstudy.engine.rows import FLAG, HEAD, REAL, TEXT, WHOLE, head, planned_rows, points_table
 from squealstudy.engine.store import POINTS, SENSITIVITIES, write_parquet
 from squealstudy.engine.validity import validity_arrow
-from squealstudy.kinds.sensitivity.rows import SCHEMA, WORKING_POINT_FIELDS
-from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
+from squealstudy.modes.sensitivity.mode_sensitivities import (
+    ModeSensitivities,
+    Sensitivity,
+    figure_slopes,
+    figures,
+)
+from squealstudy.reduction.working_point import WorkingPoint
 
+WORKING_POINT_FIELDS = (("working_point_residual", REAL), ("open_share", REAL))
+SENSITIVITY_FIELDS = (
+    ("parameter", TEXT),
+    ("value", REAL),
+    ("reference", REAL),
+    ("change", REAL),
+    ("component_frequency_hz", REAL),
+    ("slope_re", REAL),
+    ("slope_im", REAL),
+    ("finite_re", REAL),
+    ("finite_im", REAL),
+    ("match", REAL),
+    ("validity_range", REAL),
+    ("near_coalescence", FLAG),
+    ("reason", TEXT),
+)
+MODE_FIELDS = (
+    ("re", REAL),
+    ("im", REAL),
+    ("condition", REAL),
+    ("residual", REAL),
+    ("biorthogonality", REAL),
+    ("energies", pa.list_(REAL)),
+    ("sensitivities", pa.list_(pa.struct(list(SENSITIVITY_FIELDS)))),
+)
+SCHEMA = pa.schema(
+    [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
+    + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
+)
 PERCENT = 0.01
 NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
@@ -130,3 +164,56 @@ def _disagreement(lam: np.ndarray, predicted: np.ndarray, finite: np.ndarray) ->
 def _arrow(table: pd.DataFrame) -> pa.Table:
     schema = pa.schema([(name, TYPES.get(name, REAL)) for name in table.columns])
     return pa.Table.from_pandas(table, schema=schema, preserve_index=False)
+
+
+def solved_row(
+    point_id: str, wall_s: float, point: WorkingPoint, modes: Sequence[ModeSensitivities]
+) -> dict[str, Any]:
+    """Chunk row of a solved point."""
+    return {
+        **head(point_id, wall_s),
+        "working_point_residual": point.residual,
+        "open_share": point.open_share,
+        "modes": [_mode(mode) for mode in modes],
+    }
+
+
+def _mode(mode: ModeSensitivities) -> dict[str, Any]:
+    return {
+        "re": mode.lam.real,
+        "im": mode.lam.imag,
+        "condition": mode.family.condition,
+        "residual": mode.family.residual,
+        "biorthogonality": mode.biorthogonality,
+        "energies": mode.energies.tolist(),
+        "sensitivities": [_sensitivity(s, mode.near_coalescence(s)) for s in mode.sensitivities],
+    }
+
+
+def _sensitivity(s: Sensitivity, near_coalescence: bool) -> dict[str, Any]:
+    finite = complex(np.nan, np.nan) if s.finite is None else s.finite.change
+    return {
+        "parameter": s.step.name,
+        "value": s.step.value,
+        "reference": s.step.reference,
+        "change": s.step.size,
+        "component_frequency_hz": s.step.component_hz,
+        "slope_re": s.derivative.real,
+        "slope_im": s.derivative.imag,
+        "finite_re": finite.real,
+        "finite_im": finite.imag,
+        "match": np.nan if s.finite is None else s.finite.match,
+        "validity_range": s.validity,
+        "near_coalescence": near_coalescence,
+        "reason": s.reason,
+    }
+
+
+def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
+    """Chunk row of a point that has no modes."""
+    return {
+        **head(point_id, wall_s, status, message),
+        "working_point_residual": np.nan,
+        "open_share": np.nan,
+        "modes": [],
+    }

@@ -12,7 +12,7 @@ from squealstudy.engine.cache import known_gap, prepared_model
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import Solved
 from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
-from squealstudy.kinds.sensitivity.rows import failed_row, solved_row
+from squealstudy.kinds.sensitivity.tables import failed_row, solved_row
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities

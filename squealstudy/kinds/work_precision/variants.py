@@ -26,7 +26,7 @@ from squealstudy.motion.integrator import integrator
 from squealstudy.study.definition import Study
 from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.study.sampling import design_points
-from squealstudy.study.toml_lines import KeyPath
+from squealstudy.study.toml_text import KeyPath
 from squealstudy.study.variants import BaseStudy
 
 REFERENCE = "reference"
