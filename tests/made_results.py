@@ -1,6 +1,9 @@
-"""Results made of tables, as pictures and screens take them; nothing is read."""
+"""Results made of tables, as pictures and screens take them, and what a picture says."""
 
 from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from squealstudy.engine.results import Results
 
@@ -22,3 +25,10 @@ def made(kind="complex_modes", units=None, directory=Path("made"), history=None,
     if history is not None:
         object.__setattr__(results, "history", lambda point: history)
     return results
+
+
+def drawn(figure):
+    """Render as a file would be; all texts that show."""
+    FigureCanvasAgg(figure)
+    figure.draw_without_rendering()
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]

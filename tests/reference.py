@@ -106,6 +106,25 @@ def hulten_flutter(w1, w2):
     return abs(w1**2 - w2**2) / (2 * w1 * w2), math.sqrt((w1**2 + w2**2) / 2)
 
 
+W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0  # rad/s, of the catalogue
+MU_C = hulten_flutter(W1, W2)[0]
+
+
+def hulten_stiffness(mu, w1=W1, w2=W2):
+    """K of Hulten's model, whose mass is one."""
+    return np.array([[w1**2, -mu * w2**2], [mu * w1**2, w2**2]])
+
+
+def oscillating_modes(C, K):
+    """Roots of lam^2 + lam C + K above the real axis and unit shapes, ascending in |lambda|."""
+    n = len(K)
+    lam, z = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
+    kept = np.flatnonzero(lam.imag > 0)
+    kept = kept[np.argsort(np.abs(lam[kept]))]
+    shapes = z[:n, kept].T
+    return lam[kept], shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
+
+
 def free_beam_frequency(mode, E, inertia, rho_A, length):
     """Bending of a slender free-free beam (Euler-Bernoulli), Hz; mode from 1."""
     guess = (mode + 0.5) * math.pi

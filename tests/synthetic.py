@@ -125,6 +125,11 @@ def random_brake(n, dimension, seed, top_hz=3000.0, coupling=0.1, damping=0.002)
     return SyntheticProblem(stiffness, dampers, dimension, (300.0, 0.8 * top_hz))
 
 
+def random_points(count, dimension, seed=0):
+    """Points (count, dimension) of the whole box."""
+    return np.random.default_rng(seed).uniform(-1, 1, (count, dimension))
+
+
 def whole_box(dimension):
     """[-1, 1]^d."""
     return Box(-np.ones(dimension), np.ones(dimension))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,10 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_runs import command, comparable, plan_of, solved
 
 import squealstudy
-from squealstudy.cli.app import main
 from squealstudy.engine.pictures import save_figure
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.complex_modes.boundary import (
@@ -28,7 +26,6 @@ from squealstudy.kinds.complex_modes.boundary import (
 )
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.rows import read_unstable_counts
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import rank_modes
 
@@ -314,15 +311,6 @@ GRID = (
 )
 
 
-def plan_of(text: str) -> Plan:
-    return Plan(parse_study(text, Path("map.toml")))
-
-
-def comparable(directory: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    results = squealstudy.open_results(directory)
-    return results.points.drop(columns="wall_s"), results.modes
-
-
 @pytest.fixture(scope="module")
 def directories(tmp_path_factory) -> tuple[Path, Path]:
     """Results of the boundary study and of the grid study."""
@@ -424,8 +412,7 @@ def test_a_structural_parameter_is_built_round_by_round(tmp_path):
         '"damping_ratio"\nstart = 0.001\nstop = 0.2\nnum = 4\nscale = "log"', F2
     )
     text = text.replace("levels = 3", "levels = 2")
-    run_study(plan_of(text), tmp_path / "r", jobs=1)
-    results = squealstudy.open_results(tmp_path / "r")
+    results = solved(text, tmp_path / "r")
     nodes, _ = results.nodes
     w1, w2 = 100.0, nodes["frequency_2"]
     flutters = nodes["friction"] > (w1**2 - w2**2).abs() / (2 * w1 * w2) + 1e-12
@@ -466,27 +453,20 @@ def test_the_map_is_drawn_with_its_cells_and_nodes(directories, tmp_path):
     save_figure(figure, tmp_path / "map.png")
 
 
-def command(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    return int(caught.value.code or 0)
-
-
 def test_check_gives_a_range_and_plot_draws(directories, monkeypatch, capsys, tmp_path):
     study = tmp_path / "map.toml"
     study.write_text(BOUNDARY)
     monkeypatch.chdir(tmp_path)
-    assert command(monkeypatch, "check", "map.toml") == 0
+    assert command("check", "map.toml") == 0
     screen = " ".join(capsys.readouterr().out.split())
     assert "24 points, 24 of them not yet" in screen
     assert "1,025 at most (full grid)" in screen
     assert " s to " in screen
-    assert command(monkeypatch, "check", "map.toml", "-o", str(directories[0])) == 0
+    assert command("check", "map.toml", "-o", str(directories[0])) == 0
     assert ", 0 of them not yet" in capsys.readouterr().out
-    assert command(monkeypatch, "plot", str(directories[0]), "-o", str(tmp_path)) == 0
+    assert command("plot", str(directories[0]), "-o", str(tmp_path)) == 0
     assert (tmp_path / "stability_map_count.png").is_file()
-    assert command(monkeypatch, "rank", str(directories[0])) == 0
+    assert command("rank", str(directories[0])) == 0
 
 
 @pytest.mark.parametrize("sweeps", [1, 3])
@@ -499,7 +479,7 @@ def test_one_and_three_sweeps_run_and_are_drawn(sweeps, monkeypatch, capsys, tmp
     study = tmp_path / "map.toml"
     study.write_text(text[:first] + middle + text[design:])
     monkeypatch.chdir(tmp_path)
-    assert command(monkeypatch, "run", "map.toml", "-j", "1") == 0
+    assert command("run", "map.toml", "-j", "1") == 0
     results = squealstudy.open_results(tmp_path / "results" / "map")
     nodes, _ = results.nodes
     assert len(nodes) == (11 if sweeps == 1 else 11 * 5 * 3)

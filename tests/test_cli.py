@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from study_runs import command
 
 from squealstudy import open_results
-from squealstudy.cli.app import main
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import solve_point
 
@@ -33,14 +33,6 @@ num = 13
 [modes]
 band = [1.0, 1000.0]
 """
-
-
-def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    code = caught.value.code
-    return code if isinstance(code, int) else 0 if code is None else 1
 
 
 @pytest.fixture
@@ -70,11 +62,9 @@ BAD = [
 
 @pytest.mark.parametrize(("old", "new", "line", "key", "expected"), BAD)
 @pytest.mark.parametrize("verb", ["run", "check"])
-def test_bad_study_is_one_message(
-    study, monkeypatch, capsys, tmp_path, verb, old, new, line, key, expected
-):
+def test_bad_study_is_one_message(study, capsys, tmp_path, verb, old, new, line, key, expected):
     study.write_text(STUDY.replace(old, new, 1))
-    assert command(monkeypatch, verb, "study.toml") == 2
+    assert command(verb, "study.toml") == 2
     screen = capsys.readouterr()
     assert screen.err.count("\n") == 1
     assert screen.err.startswith("squealstudy: study.toml")
@@ -85,9 +75,9 @@ def test_bad_study_is_one_message(
     assert [p.name for p in tmp_path.iterdir()] == ["study.toml"]
 
 
-def test_the_name_that_others_have_for_a_design_is_told_apart(study, monkeypatch, capsys):
+def test_the_name_that_others_have_for_a_design_is_told_apart(study, capsys):
     study.write_text(STUDY + '[design]\ntype = "saltelli"\nsamples = 8\n')
-    assert command(monkeypatch, "check", "study.toml") == 2
+    assert command("check", "study.toml") == 2
     message = capsys.readouterr().err
     assert "line 20, key 'design.type'" in message
     assert "named 'sobol_indices' here" in message
@@ -95,10 +85,10 @@ def test_the_name_that_others_have_for_a_design_is_told_apart(study, monkeypatch
 
 @pytest.mark.parametrize("verb", ["run", "check"])
 @pytest.mark.parametrize("kind", ["complex_modes", "sensitivity"])
-def test_a_mode_that_the_assembly_lacks_is_one_message(study, monkeypatch, capsys, verb, kind):
+def test_a_mode_that_the_assembly_lacks_is_one_message(study, capsys, verb, kind):
     text = STUDY.replace("friction = 0.5", '"modes[9].damping_ratio" = 0.01', 1)
     study.write_text(text.replace("complex_modes", kind))
-    assert command(monkeypatch, verb, "study.toml", "-j", "1") == 2
+    assert command(verb, "study.toml", "-j", "1") == 2
     message = capsys.readouterr().err
     assert (
         "line 9, key 'parameters.modes[9].damping_ratio': the assembly has modes 1 to 2" in message
@@ -112,7 +102,7 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
 
     monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail)
     for _ in range(2):
-        assert command(monkeypatch, "run", "study.toml", "-j", "1") == 2
+        assert command("run", "study.toml", "-j", "1") == 2
         screen = capsys.readouterr()
         assert "every design point failed (13 not_converged), the first with: no luck" in screen.err
         assert "nothing to do" not in screen.out
@@ -126,7 +116,7 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
 
     monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail_above)
     for _ in range(2):
-        assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+        assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
         assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out
     results = open_results("results/lockin")
     assert repr(results) == (
@@ -136,60 +126,60 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
 
 
 @pytest.mark.parametrize("place", ["study.toml/below", "/proc/nowhere"])
-def test_a_place_that_cannot_be_written_is_one_message(study, monkeypatch, capsys, place):
-    assert command(monkeypatch, "run", "study.toml", "-j", "1", "-o", place) == 2
+def test_a_place_that_cannot_be_written_is_one_message(study, capsys, place):
+    assert command("run", "study.toml", "-j", "1", "-o", place) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert place in message
     assert "internal error" not in message
 
 
-def test_damaged_results_are_made_again_or_refused(study, monkeypatch, capsys):
+def test_damaged_results_are_made_again_or_refused(study, capsys):
     run = ("run", "study.toml", "-j", "1", "--no-pictures")
-    assert command(monkeypatch, *run) == 0
+    assert command(*run) == 0
     Path("results/lockin/points.parquet").write_text("x")
-    assert command(monkeypatch, *run) == 0
+    assert command(*run) == 0
     assert len(open_results("results/lockin").points) == 13
     capsys.readouterr()
     for content in ("[]", "{}"):
         Path("results/lockin/manifest.json").write_text(content)
         for verb in (run, ("rank", "results/lockin")):
-            assert command(monkeypatch, *verb) == 2
+            assert command(*verb) == 2
             assert "manifest.json: not a manifest of squealstudy" in capsys.readouterr().err
 
 
-def test_screens_of_a_study_without_modes_in_its_band(study, monkeypatch, capsys):
+def test_screens_of_a_study_without_modes_in_its_band(study, capsys):
     study.write_text(STUDY.replace("[1.0, 1000.0]", "[300.0, 400.0]"))
-    assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+    assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
     screen = capsys.readouterr().out
     assert "No mode lies between 300 and 400 Hz at any design point." in screen
     assert "the full-order model has no mode in the band either, at 2 points" in screen
-    assert command(monkeypatch, "check", "study.toml", "-j", "1") == 0
+    assert command("check", "study.toml", "-j", "1") == 0
     assert "nothing is left to solve" in capsys.readouterr().out
-    assert command(monkeypatch, "rank", "study.toml") == 2
+    assert command("rank", "study.toml") == 2
     assert "expected a results directory such as results/NAME" in capsys.readouterr().err
 
 
-def test_missing_and_unreadable_files(study, monkeypatch, capsys, tmp_path):
+def test_missing_and_unreadable_files(study, capsys, tmp_path):
     for name in ("nowhere.toml", "."):
-        assert command(monkeypatch, "run", name) == 2
+        assert command("run", name) == 2
         assert capsys.readouterr().err.count("\n") == 1
     study.write_bytes(b"\xff\xfe\x00")
-    assert command(monkeypatch, "run", "study.toml") == 2
+    assert command("run", "study.toml") == 2
     assert "study.toml" in capsys.readouterr().err
     assert not (tmp_path / "results").exists()
 
 
-def test_large_design_needs_yes(study, monkeypatch, capsys, tmp_path):
+def test_large_design_needs_yes(study, capsys, tmp_path):
     study.write_text(STUDY.replace("num = 13", "num = 13\n[design]\nlimit = 12"))
-    assert command(monkeypatch, "run", "study.toml") == 2
+    assert command("run", "study.toml") == 2
     assert "--yes" in capsys.readouterr().err
     assert not (tmp_path / "results").exists()
-    assert command(monkeypatch, "run", "study.toml", "--yes", "--no-pictures", "-j", "1") == 0
+    assert command("run", "study.toml", "--yes", "--no-pictures", "-j", "1") == 0
 
 
-def test_run_rank_and_plot(study, monkeypatch, capsys, tmp_path):
-    assert command(monkeypatch, "run", "study.toml", "-j", "1") == 0
+def test_run_rank_and_plot(study, capsys, tmp_path):
+    assert command("run", "study.toml", "-j", "1") == 0
     screen = capsys.readouterr().out
     assert "points.parquet" in screen
     assert "51.2 %" not in screen
@@ -197,13 +187,13 @@ def test_run_rank_and_plot(study, monkeypatch, capsys, tmp_path):
     pictures = sorted(p.name for p in (tmp_path / "results" / "lockin").glob("*.png"))
     assert "stability_diagram.png" in pictures
     assert all(name in screen for name in pictures)
-    assert command(monkeypatch, "rank", "results/lockin", "--csv", "--by", "growth") == 0
+    assert command("rank", "results/lockin", "--csv", "--by", "growth") == 0
     rows = capsys.readouterr().out.splitlines()
     assert rows[0].startswith("track,kind,frequency_hz")
     assert len(rows) == 2
-    assert command(monkeypatch, "plot", "results/lockin", "-o", "pictures") == 0
+    assert command("plot", "results/lockin", "-o", "pictures") == 0
     assert sorted(p.name for p in (tmp_path / "pictures").glob("*.png")) == pictures
-    assert command(monkeypatch, "run", "study.toml", "-j", "1") == 0
+    assert command("run", "study.toml", "-j", "1") == 0
     assert "nothing to do" in capsys.readouterr().out
 
 
@@ -215,23 +205,23 @@ def test_run_rank_and_plot(study, monkeypatch, capsys, tmp_path):
         (["--where", "colour > 1"], "colour"),
     ],
 )
-def test_bad_rank_is_one_message(study, monkeypatch, capsys, arguments, expected):
-    assert command(monkeypatch, "run", "study.toml", "-j", "1", "--no-pictures") == 0
+def test_bad_rank_is_one_message(study, capsys, arguments, expected):
+    assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
     capsys.readouterr()
-    assert command(monkeypatch, "rank", "results/lockin", *arguments) == 2
+    assert command("rank", "results/lockin", *arguments) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert expected in message
 
 
-def test_results_that_are_none(study, monkeypatch, capsys, tmp_path):
+def test_results_that_are_none(study, capsys, tmp_path):
     for verb in ("rank", "plot"):
-        assert command(monkeypatch, verb, str(tmp_path)) == 2
+        assert command(verb, str(tmp_path)) == 2
         assert "manifest" in capsys.readouterr().err
 
 
-def test_check_counts_and_estimates(study, monkeypatch, capsys, tmp_path):
-    assert command(monkeypatch, "check", "study.toml") == 0
+def test_check_counts_and_estimates(study, capsys, tmp_path):
+    assert command("check", "study.toml") == 0
     screen = capsys.readouterr().out
     assert "13 points" in screen
     assert "an exact point takes" in screen
@@ -241,7 +231,7 @@ def test_check_counts_and_estimates(study, monkeypatch, capsys, tmp_path):
 def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
     study.write_text(STUDY.replace('"hulten"', '"disc_brake"').replace("1000.0", "8000.0"))
-    assert command(monkeypatch, "check", "study.toml") == 0
+    assert command("check", "study.toml") == 0
     assert "--build" in capsys.readouterr().out
 
 
@@ -263,7 +253,7 @@ def test_a_part_that_vanishes_is_told_before_anything_is_built(
     )
     text = text.replace('parameter = "friction"', f'parameter = "{parameter}"')
     study.write_text(text.replace("start = 0.0\nstop = 0.6\nnum = 13", f"values = {values}"))
-    assert command(monkeypatch, verb, "study.toml") == 2
+    assert command(verb, "study.toml") == 2
     message = capsys.readouterr().err
     assert message.startswith(f"squealstudy: study.toml, line {line}, key '{key}")
     assert "expected" in message
@@ -278,23 +268,23 @@ def test_geometries_that_cannot_be_built_are_counted(study, monkeypatch, capsys,
     study.write_text(
         text.replace("start = 0.0\nstop = 0.6\nnum = 13", "values = [0.05, 0.03, 0.07]")
     )
-    assert command(monkeypatch, "check", "study.toml") == 0
+    assert command("check", "study.toml") == 0
     assert "2 of 3 geometries cannot be built" in capsys.readouterr().err
 
 
-def test_models_lists_units_and_defaults(monkeypatch, capsys):
-    assert command(monkeypatch, "models") == 0
+def test_models_lists_units_and_defaults(capsys):
+    assert command("models") == 0
     assert "disc_brake" in capsys.readouterr().out
-    assert command(monkeypatch, "models", "disc_brake", "--no-modes") == 0
+    assert command("models", "disc_brake", "--no-modes") == 0
     screen = capsys.readouterr().out
     assert "disc.young_modulus" in screen
     assert "1.2e+11" in screen
-    assert command(monkeypatch, "models", "hoffman") == 2
+    assert command("models", "hoffman") == 2
     assert "hoffmann" in capsys.readouterr().err
 
 
-def test_schema_is_json_schema(monkeypatch, capsys):
-    assert command(monkeypatch, "schema") == 0
+def test_schema_is_json_schema(capsys):
+    assert command("schema") == 0
     schema = json.loads(capsys.readouterr().out)
     assert {"study", "model", "sweep", "modes"} <= set(schema["properties"])
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from reference import MU_C, W1, W2
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.band_roots import roots_in_band
@@ -22,8 +23,6 @@ from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
-W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-MU_C = abs(W1**2 - W2**2) / (2 * W1 * W2)
 LOW, HIGH = 2 * np.pi, 40 * np.pi
 
 

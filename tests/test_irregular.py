@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_runs import plan_of
 
 import squealstudy
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.kinds.work_precision.variants import make_variants
 from squealstudy.motion.outcome.levels import mean_interval, pooled_interval
-from squealstudy.study.definition import load_any, load_plan, parse_study
+from squealstudy.study.definition import load_any, load_plan
 
 STUDIES = Path(__file__).parents[1] / "studies"
 NEIGHBOURS = """
@@ -83,7 +83,7 @@ def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
     text = (STUDIES / "irregular_cycle.toml").read_text()
     text = re.sub(r"duration = \S+", "duration = 0.08", text).replace("= 1e-4", "= 1e-2")
     text = text.replace("8000.0", "4000.0")  # its motion is below
-    run_study(Plan(parse_study(text + NEIGHBOURS, STUDIES / "irregular_cycle.toml")), tmp_path, 1)
+    run_study(plan_of(text + NEIGHBOURS, STUDIES / "irregular_cycle.toml"), tmp_path, 1)
     points = squealstudy.open_results(tmp_path).points
     for name, spread in (("torque_rms", 0.02), ("torque_mean", 0.01)):
         value, low, high = (points[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))

@@ -11,6 +11,8 @@ import pytest
 import reference
 import scipy.io
 import scipy.sparse as sp
+from reference import MU_C, W1, W2
+from study_runs import plan_of, solved
 
 import squealstudy
 from squealstudy.cli import app as cli
@@ -30,9 +32,6 @@ from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
 from squealstudy.study.schema import study_schema
-
-W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-MU_C = abs(W1**2 - W2**2) / (2 * W1 * W2)  # flutter of Hulten's model
 
 HULTEN = """
 [study]
@@ -336,7 +335,7 @@ def test_a_family_equals_the_hulten_model(tmp_path):
     head = '[study]\nname = "hulten"\nkind = "complex_modes"\n[model]\nname = "hulten"\n'
     plans = {
         "family": Plan(load_study(write_hulten(tmp_path))),
-        "hulten": Plan(parse_study(head + hulten, tmp_path / "hulten.toml")),
+        "hulten": plan_of(head + hulten, tmp_path / "hulten.toml"),
     }
     for name, plan in plans.items():
         report = run_study(plan, tmp_path / name, jobs=1)
@@ -351,7 +350,7 @@ def test_a_family_equals_the_hulten_model(tmp_path):
         assert found.rank()["threshold"].iloc[0] == pytest.approx(MU_C, abs=1e-4)
 
 
-def test_a_study_end_to_end(tmp_path, monkeypatch, capsys):
+def test_a_study_end_to_end(tmp_path, capsys):
     path = write_hulten(tmp_path)
     cli.run(path, tmp_path / "r", 1)
     printed = capsys.readouterr().out
@@ -379,8 +378,7 @@ def test_a_study_end_to_end(tmp_path, monkeypatch, capsys):
 def test_a_point_without_value_is_a_failed_row(tmp_path):
     path = write_hulten(tmp_path)
     path.write_text(HULTEN.replace('coefficient = "mu"', 'coefficient = "1/(10*mu)"'))
-    run_study(Plan(load_study(path)), tmp_path / "r", jobs=1)
-    points = squealstudy.open_results(tmp_path / "r").points
+    points = solved(Plan(load_study(path)), tmp_path / "r").points
     assert points["status"].tolist() == ["undefined"] + ["ok"] * 12
     assert "division by zero" in points["message"].iloc[0]
 
@@ -392,8 +390,7 @@ def test_other_designs(design, tmp_path):
     text = text.replace("num = 13\n", "num = 4\n" if design == "boundary" else "")
     path = tmp_path / "designed.toml"
     path.write_text(f'{text}[design]\ntype = "{design}"\n{samples}')
-    run_study(Plan(load_study(path)), tmp_path / "r", jobs=1)
-    results = squealstudy.open_results(tmp_path / "r")
+    results = solved(Plan(load_study(path)), tmp_path / "r")
     points = results.points
     assert len(points) >= 7
     assert (points["n_unstable"] == (points["mu"] > MU_C)).all()

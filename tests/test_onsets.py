@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reference import MU_C, W1, W2, hulten_stiffness, oscillating_modes
+from study_runs import plan_of, solved
 
 import squealstudy
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.plan import Plan
-from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.between import Neighbourhoods
@@ -22,12 +22,9 @@ from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.stability_boundary import stability_boundary
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.crossings import line_crossings
 
 HZ = 2 * np.pi
-W1, W2 = 100 * HZ, 75 * HZ
-MU_C = (W1**2 - W2**2) / (2 * W1 * W2)
 STUDY = """
 [study]
 name = "onset"
@@ -50,23 +47,12 @@ def study(model: str = "hulten", stop: float = 0.6, num: int = 4, start: float =
 
 
 def run(text: str, directory: Path, jobs: int = 1) -> squealstudy.Results:
-    run_study(Plan(parse_study(text, Path("study.toml"))), directory, jobs=jobs)
-    return squealstudy.open_results(directory)
-
-
-def modes_of(C: np.ndarray, K: np.ndarray) -> Modes:
-    """Oscillating modes of lam^2 + lam C + K, ascending in |lambda|."""
-    n = len(K)
-    lam, z = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
-    kept = np.flatnonzero(lam.imag > 0)
-    kept = kept[np.argsort(np.abs(lam[kept]))]
-    shapes = z[:n, kept].T
-    return Modes(lam[kept], shapes / np.linalg.norm(shapes, axis=1, keepdims=True))
+    return solved(text, directory, jobs=jobs)
 
 
 def hulten(mu: float, zeta: tuple[float, float] = (0.0, 0.0)) -> Modes:
-    K = np.array([[W1**2, -mu * W2**2], [mu * W1**2, W2**2]])
-    return modes_of(np.diag([2 * zeta[0] * W1, 2 * zeta[1] * W2]), K)
+    C = np.diag([2 * zeta[0] * W1, 2 * zeta[1] * W2])
+    return Modes(*oscillating_modes(C, hulten_stiffness(mu)))
 
 
 def damped_threshold(c1: float, c2: float) -> float:
@@ -387,7 +373,7 @@ def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
     both = []
     for method in ("full", "dense"):
         text = study() + f'method = "{method}"\n'
-        plan = Plan(parse_study(text, Path("study.toml")))
+        plan = plan_of(text)
         build_structures(plan, Workers())
         both.append(Neighbourhoods(plan).of(1))
     full, dense = both
@@ -402,7 +388,7 @@ def test_between_its_points_a_study_by_perturbation_is_solved_so_too(tmp_path):
     for method in ("perturbation", "dense"):
         text = study() + f'method = "{method}"\ntrack = false\n'
         growth = run(text, tmp_path / method).modes.groupby("point_id")["growth_rate"].max()
-        plan = Plan(parse_study(text, Path("study.toml")))
+        plan = plan_of(text)
         at = Neighbourhoods(plan).of(0).solve(plan.coordinates[2])
         found[method] = at.lam.real.max()
         assert found[method] == pytest.approx(growth[plan.tasks[2].point_id], rel=1e-9)

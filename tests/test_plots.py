@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_results import made
+from made_results import drawn, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
@@ -107,13 +107,6 @@ def stable(tables):
         growth_rate=-1.0 - modes["growth_rate"].abs(),
         unstable=False,
     )
-
-
-def drawn(figure):
-    """Render as a file would be; all texts that show."""
-    FigureCanvasAgg(figure)
-    figure.draw_without_rendering()
-    return [text.get_text() for text in figure.findobj(Text)]
 
 
 def dots(axes):

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reference import MU_C, hulten_stiffness
+from study_runs import plan_of, solved
 
-from squealstudy import open_results
 from squealstudy.engine.estimate import Estimate, _timed, run_seconds
 from squealstudy.engine.model_kind import build_structures
-from squealstudy.engine.plan import Plan
-from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.kinds.complex_modes import problems, reference
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.problems import chart_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import solve_points, solve_tasks, split_boxes
-from squealstudy.study.definition import parse_study
 
 HULTEN = """
 [study]
@@ -66,26 +63,15 @@ scale = "log"
 
 [modes]
 """
-W1, W2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-MU_C = (W1**2 - W2**2) / (2 * W1 * W2)
-
-
-def plan_of(text, tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
-    return Plan(parse_study(text, path))
 
 
 def run(text, tmp_path, name="results"):
-    plan = plan_of(text, tmp_path)
-    run_study(plan, tmp_path / name, jobs=1)
-    return open_results(tmp_path / name)
+    return solved(text, tmp_path / name)
 
 
 def closed_form(mu):
     """Both roots of Hulten's model of imaginary part >= 0, or of either sign of a pair."""
-    K = np.array([[W1**2, -mu * W2**2], [mu * W1**2, W2**2]])
-    lam = np.sqrt(-np.linalg.eigvals(K).astype(complex))
+    lam = np.sqrt(-np.linalg.eigvals(hulten_stiffness(mu)).astype(complex))
     return np.concatenate([lam, -lam, lam.conj(), -lam.conj()])
 
 
@@ -139,10 +125,10 @@ def test_an_audit_compares_estimates_with_full_order(tmp_path):
 
 
 def test_another_tolerance_is_another_point(tmp_path):
-    one = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-4\n', tmp_path)
-    two = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-5\n', tmp_path)
-    exact = plan_of(HULTEN + 'method = "dense"\ntolerance = 1e-5\n', tmp_path)
-    auto = plan_of(HULTEN, tmp_path)
+    one = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-4\n')
+    two = plan_of(HULTEN + 'method = "windows"\ntolerance = 1e-5\n')
+    exact = plan_of(HULTEN + 'method = "dense"\ntolerance = 1e-5\n')
+    auto = plan_of(HULTEN)
     assert one.tasks[0].point_id != two.tasks[0].point_id
     assert exact.tasks[0].point_id == auto.tasks[0].point_id  # exact results serve any tolerance
 
@@ -156,7 +142,7 @@ def test_auto_takes_windows_where_there_are_points_enough(tmp_path, friction, pr
     if pressure == 1:
         ends = 'start = 2e5\nstop = 30e5\nnum = 1\nscale = "log"'
         text = text.replace(ends, "values = [2e5]")
-    plan = plan_of(text, tmp_path)
+    plan = plan_of(text)
     assert plan.method.name == method
     assert "points" in plan.method.reason
 
@@ -169,7 +155,7 @@ def test_time_is_estimated_by_the_method_that_serves_the_points(tmp_path, method
     """820 points of 1 s exactly, two workers."""
     text = BRAKE.format(friction=41, pressure=20) + f'method = "{method}"\n'
     cost = Estimate(0, None, 1.0, None, None, "")
-    low, high = run_seconds(plan_of(text, tmp_path), cost, 820, 2)
+    low, high = run_seconds(plan_of(text), cost, 820, 2)
     assert least < low < high < longest
 
 
@@ -181,7 +167,7 @@ def test_the_first_timed_point_is_timed_without_imports(tmp_path):
             self.calls += 1
             return 0.5 if self.calls == 1 else 1e-3
 
-    plan = plan_of(HULTEN, tmp_path)
+    plan = plan_of(HULTEN)
     assert _timed(Slow(), plan, plan.tasks[:3]) == [1e-3, 1e-3, 1e-3]
 
 
@@ -192,7 +178,7 @@ DAMPED = "\n[parameters]\n{name} = 0.02\n"
     ("name", "method"), [("damping_ratio", "windows"), ('"modes[3].damping_ratio"', "dense")]
 )
 def test_auto_keeps_to_dense_with_damping_of_single_assembly_modes(tmp_path, name, method):
-    plan = plan_of(BRAKE.format(friction=41, pressure=20) + DAMPED.format(name=name), tmp_path)
+    plan = plan_of(BRAKE.format(friction=41, pressure=20) + DAMPED.format(name=name))
     assert plan.method.name == method
     assert (name.strip('"') in plan.method.reason) == (method == "dense")
 
@@ -202,18 +188,18 @@ def test_auto_keeps_to_dense_with_modal_damping_over_many_parameters(tmp_path):
     sweeps = more.format("contact.lambda", 4e5, 6e5) + more.format("sliding_speed", 0.5, 1.0)
     text = BRAKE.format(friction=41, pressure=20).replace("[modes]", sweeps + "[modes]")
     undamped = DAMPED.format(name="damping_ratio").replace("0.02", "0.0")
-    assert plan_of(text + undamped, tmp_path).method.name == "sweep_basis"
-    plan = plan_of(text + DAMPED.format(name="damping_ratio"), tmp_path)
+    assert plan_of(text + undamped).method.name == "sweep_basis"
+    plan = plan_of(text + DAMPED.format(name="damping_ratio"))
     assert plan.method.name == "dense"
     assert "damping_ratio" in plan.method.reason
 
 
 def test_a_single_mode_without_the_damping_of_all_is_seen(tmp_path):
     text = BRAKE.format(friction=41, pressure=20) + DAMPED.format(name="damping_ratio")
-    assert plan_of(text, tmp_path).method.name == "windows"
-    same = plan_of(text + '"modes[1].damping_ratio" = 0.02\n', tmp_path)
+    assert plan_of(text).method.name == "windows"
+    same = plan_of(text + '"modes[1].damping_ratio" = 0.02\n')
     assert same.method.name == "windows"
-    other = plan_of(text + '"modes[1].damping_ratio" = 0.0\n', tmp_path)
+    other = plan_of(text + '"modes[1].damping_ratio" = 0.0\n')
     assert other.method.name == "dense"
     assert "modes[1].damping_ratio" in other.method.reason
 
@@ -272,7 +258,7 @@ def test_windows_with_damping_of_single_assembly_modes_are_refused(tmp_path):
     text = BRAKE.format(friction=4, pressure=2)
     text += 'method = "windows"\n' + DAMPED.format(name='"modes[3].damping_ratio"')
     with pytest.raises(StudyFileError, match=r"study.toml, line \d+, key 'modes.method': .*single"):
-        plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
+        plan_of(text).tasks  # noqa: B018 - the method is looked at with the points
 
 
 @given(mu=st.floats(0.0, 0.7), pressure=st.floats(2e5, 30e5), speed=st.floats(0.1, 3.0))
@@ -280,7 +266,7 @@ def test_a_chart_gives_back_the_design(mu, pressure, speed):
     text = BRAKE.format(friction=3, pressure=3).replace(
         "[modes]", '[[sweep]]\nparameter = "sliding_speed"\nvalues = [0.1, 0.5, 3.0]\n[modes]'
     )
-    plan = Plan(parse_study(text, Path("study.toml")))
+    plan = plan_of(text)
     chart = chart_of(plan.designs, ["friction", "pressure", "sliding_speed"])
     assert chart.scalings == ("linear", "log", "reciprocal")
     values = {**plan.designs[0].values, "friction": mu, "pressure": pressure}
@@ -313,7 +299,7 @@ def test_a_failure_of_the_method_leaves_its_points_to_the_exact_rung(tmp_path, m
         raise ConvergenceError("not_converged", "no anchor")
 
     monkeypatch.setattr("squealstudy.modes.rungs.perturbation.make_anchor", fail)
-    plan = plan_of(HULTEN + 'method = "perturbation"\n', tmp_path)
+    plan = plan_of(HULTEN + 'method = "perturbation"\n')
     (task, *_) = solve_tasks(plan, plan.tasks, 1)
     build_structures(plan, Workers())
     rows = solve_points(task).rows
@@ -333,12 +319,12 @@ def test_a_box_without_a_basis_names_the_way_out(tmp_path, monkeypatch):
 def test_a_method_in_another_kind_of_study_is_refused(tmp_path):
     text = HULTEN.replace('"complex_modes"', '"transient"') + 'method = "windows"\n'
     with pytest.raises(StudyFileError, match=r"key 'modes.method': a transient study"):
-        plan_of(text, tmp_path).tasks  # noqa: B018 - the method is looked at with the points
+        plan_of(text).tasks  # noqa: B018 - the method is looked at with the points
 
 
 def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     """Its points are failed rows already; the others get theirs."""
-    plan = plan_of(HULTEN + 'method = "windows"\ntolerance = 3.9e-5\n', tmp_path)
+    plan = plan_of(HULTEN + 'method = "windows"\ntolerance = 3.9e-5\n')
     (task,) = swept_structures(plan)
     unbuilt = replace(task, key="0" * 16)
     with pytest.MonkeyPatch.context() as patch:

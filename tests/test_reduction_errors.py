@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy.sparse as sp
+from chunk_rows import drifting_modes, grid, random_modes, write_chunks
 from conftest import full_order
-from test_tables import drifting, modes_of, plan_of, write
+from study_runs import plan_of
 
 from squealstudy.engine.cache import load_prepared, save_prepared
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction
 from squealstudy.kinds.complex_modes.columns import read_columns
@@ -40,7 +39,6 @@ from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.working_point import working_point_result
 from squealstudy.root_pairs import partner_distances
-from squealstudy.study.definition import parse_study
 from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies
@@ -309,8 +307,8 @@ def test_a_sample_point_has_its_own_errors_and_others_lie_between():
 
 def test_missing_and_zero_errors_of_a_reduction(tmp_path, monkeypatch):
     """A complete basis has none: zero; a reduced one without any sample: not known."""
-    plan = plan_of(3, 1)
-    write(tmp_path, plan, drifting(plan, 4))
+    plan = grid(3, 1)
+    write_chunks(tmp_path, plan, drifting_modes(plan, 4))
     table = _tables(plan, tmp_path)
     assert (table["error_reduction"] == 0).all()
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
@@ -326,12 +324,12 @@ def _tables(plan, directory, samples=()):
 
 def test_errors_add_up_and_only_the_rungs_decides_on_status_and_sign(tmp_path, monkeypatch):
     """A reduction far beyond the tolerance: points stay ok, no mode is turned stable by it."""
-    plan = plan_of(3, 1)
-    modes = {i: modes_of(np.random.default_rng(i), 5) for i in range(3)}
+    plan = grid(3, 1)
+    modes = {i: random_modes(np.random.default_rng(i), 5) for i in range(3)}
     for one in modes.values():
         object.__setattr__(one, "error_rung", np.full(5, 0.01))
         one.lam.real[:] = [5.0, 1e5, -5.0, -1e5, 0.005]
-    write(tmp_path, plan, modes)
+    write_chunks(tmp_path, plan, modes)
     samples = [(i, Sample(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()]
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
     points, facts = build_tables(plan, tmp_path, Workers(), samples)
@@ -360,11 +358,11 @@ def reference_of(lam):
 
 
 def test_full_order_solutions_widen_errors_and_never_narrow_them(tmp_path, monkeypatch):
-    plan = plan_of(2, 1)
-    modes = {i: modes_of(np.random.default_rng(i), 40) for i in range(2)}
+    plan = grid(2, 1)
+    modes = {i: random_modes(np.random.default_rng(i), 40) for i in range(2)}
     for one in modes.values():
         object.__setattr__(one, "error_rung", np.full(40, 1e-9))
-    write(tmp_path, plan, modes)
+    write_chunks(tmp_path, plan, modes)
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
     samples = [(i, Sample(m.lam, np.full(40, 1e-3) / np.abs(m.lam))) for i, m in modes.items()]
@@ -401,7 +399,7 @@ band = [500.0, 4000.0]
 def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_tolerance(
     worst, is_enriched, monkeypatch
 ):
-    plan = Plan(parse_study(BRAKE, Path("study.toml")))
+    plan = plan_of(BRAKE)
     heavy = Sample(np.array([-50.0 + 100.0j, 100.0j]), np.array([1.0, worst]))
     monkeypatch.setattr(reduction, "make_samples", lambda *_: [(0, heavy)])
     kind = ComplexModes()
@@ -427,7 +425,7 @@ def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_toleranc
 )
 def test_which_bases_have_residual_responses(section, kind, enriching):
     text = BRAKE.replace("complex_modes", kind) + section
-    plan = Plan(parse_study(text, Path("study.toml")))
+    plan = plan_of(text)
     assert plan.enriching == enriching
     assert (plan.judged_to_hz is None) == (kind == "transient" and not enriching)
 
@@ -436,7 +434,7 @@ def test_sample_points_are_spread_over_each_structure():
     text = BRAKE.replace("num = 5", "num = 41").replace(
         "[modes]", '[[sweep]]\nparameter = "disc.thickness"\nvalues = [0.011, 0.012]\n[modes]'
     )
-    plan = Plan(parse_study(text, Path("study.toml")))
+    plan = plan_of(text)
     chosen = reduction.sample_points(plan)
     friction = plan.coordinates[chosen, 0].reshape(2, -1)
     assert friction.shape == (2, reduction.LEAST)

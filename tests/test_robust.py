@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,15 @@ import pandas as pd
 import pytest
 from scipy import stats
 from scipy.stats import qmc
+from study_runs import command, plan_of, solved
 
 import squealstudy
 from squealstudy import screen as screens
-from squealstudy.cli.app import main
 from squealstudy.engine.pictures import save_figure
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.robust.probability import probability_interval, robust_table
 from squealstudy.tables.robust.saltelli import saltelli_rows
@@ -281,8 +278,7 @@ def run(
     directory: Path, kind: str, samples: int, study: str = STUDY
 ) -> squealstudy.engine.results.Results:
     text = study.replace("TYPE", kind).replace("SAMPLES", str(samples))
-    run_study(Plan(parse_study(text, Path("s.toml"))), directory, jobs=1)
-    return squealstudy.open_results(directory)
+    return solved(text, directory)
 
 
 @pytest.fixture(scope="module")
@@ -302,7 +298,7 @@ def test_probability_of_flutter_is_that_of_friction_above_its_threshold(sampled)
 
 
 @pytest.mark.parametrize("kind", ["sobol_indices", "latin_hypercube"])
-def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path, monkeypatch):
+def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path):
     """Scatter far below the spacing of floating point: all points are equal."""
     narrow = STUDY.replace(f"std = {STD}", "std = 1e-20").replace("sigma = 0.5", "sigma = 1e-20")
     results = run(tmp_path / "r", kind, 8, narrow)
@@ -314,11 +310,9 @@ def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path, monkeypatch):
     drawn = 16 if kind == "sobol_indices" else 8
     assert (row["points"], row["unstable_points"]) == (drawn, drawn)  # MEAN > CRITICAL
     assert results.rank()["points"].tolist() == [len(points)]
-    again = run_study(
-        Plan(parse_study(results.manifest["study"], Path("s.toml"))), tmp_path / "r", 1
-    )
+    again = run_study(plan_of(results.manifest["study"]), tmp_path / "r", 1)
     assert again.n_solved == 0
-    assert command(monkeypatch, "plot", str(tmp_path / "r")) == 0
+    assert command("plot", str(tmp_path / "r")) == 0
 
 
 def test_growth_scatters_with_friction_alone(sampled):
@@ -351,16 +345,9 @@ def test_a_grid_has_no_probability(tmp_path):
     start, stop = text.index("[[sweep]]"), text.index("[design]")
     sweep = '[[sweep]]\nparameter = "friction"\nvalues = [0.2, 0.4]\n'
     text = text[:start] + sweep + text[stop:]
-    run_study(Plan(parse_study(text, Path("s.toml"))), tmp_path / "r", jobs=1)
+    run_study(plan_of(text), tmp_path / "r", jobs=1)
     with pytest.raises(ResultsError, match=r"probability of instability needs .* random design"):
         squealstudy.open_results(tmp_path / "r").robust()
-
-
-def command(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    return int(caught.value.code or 0)
 
 
 def test_modes_without_indices_are_named_on_the_screen(capsys):
@@ -372,22 +359,22 @@ def test_modes_without_indices_are_named_on_the_screen(capsys):
     assert screen.count("x1") == 1
 
 
-def test_robust_on_the_screen_and_as_csv(sampled, monkeypatch, capsys, tmp_path):
+def test_robust_on_the_screen_and_as_csv(sampled, capsys, tmp_path):
     directory = str(sampled.directory)
-    assert command(monkeypatch, "robust", directory) == 0
+    assert command("robust", directory) == 0
     screen = capsys.readouterr().out
     assert "of 128 points of the two independent samples, none failed" in screen
     assert "Clopper-Pearson" in screen
     assert "from 64 groups" in screen
-    assert command(monkeypatch, "robust", directory, "--csv") == 0
+    assert command("robust", directory, "--csv") == 0
     assert capsys.readouterr().out.startswith("quantity,track,frequency_hz,points")
-    assert command(monkeypatch, "robust", directory, "--csv", "--indices") == 0
+    assert command("robust", directory, "--csv", "--indices") == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + len(sampled.sobol_indices())
     assert lines[1].startswith("largest,0,")
-    assert command(monkeypatch, "rank", directory, "--by", "probability") == 0
+    assert command("rank", directory, "--by", "probability") == 0
     capsys.readouterr()
-    assert command(monkeypatch, "plot", directory, "-o", str(tmp_path)) == 0
+    assert command("plot", directory, "-o", str(tmp_path)) == 0
     assert (tmp_path / "robust.png").stat().st_size > 10_000
 
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from conftest import benchmark
 from rich.console import Console
+from study_runs import plan_of, solved
 
 from squealstudy import screen
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.study.definition import parse_study
 
-BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 BELT = """
 [study]
 name = "belt"
@@ -52,8 +48,7 @@ def results_of(
     more: str = "",
 ) -> Results:
     text = BELT.format(speeds=speeds, damping=damping, duration=duration, kick=kick, more=more)
-    run_study(Plan(parse_study(text, Path("study.toml"))), directory, jobs=1)
-    return Results.open(directory)
+    return solved(text, directory)
 
 
 @pytest.fixture(scope="module")
@@ -120,21 +115,11 @@ def test_the_scale_of_mass_does_not_matter(tmp_path):
     structure = f"mass = {mass}\nstiffness = {stiffness}\nnormal_force = {force}\n"
     found = []
     for name, more in (("one", ""), ("other", structure + "contact_stiffness = 0.1\n")):
-        plan = Plan(parse_study(text.replace("[[sweep]]", more + "[[sweep]]"), Path("study.toml")))
+        plan = plan_of(text.replace("[[sweep]]", more + "[[sweep]]"))
         run_study(plan, tmp_path / name, jobs=1)
         found.append(Results.open(tmp_path / name).points)
     assert found[0]["class"].tolist() == found[1]["class"].tolist()
     np.testing.assert_allclose(found[1]["growth_rate"], found[0]["growth_rate"], rtol=1e-4)
-
-
-def benchmark() -> ModuleType:
-    """The table of truth as a module."""
-    path = BENCHMARKS / "class_truth.py"
-    spec = importlib.util.spec_from_file_location("class_truth", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["class_truth"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_classes_are_those_of_runs_ten_times_longer():
@@ -142,7 +127,7 @@ def test_classes_are_those_of_runs_ten_times_longer():
 
     At twice the step the belt's sticking friction alternates, which hides how flat its level is.
     """
-    truth = benchmark()
+    truth = benchmark("class_truth")
     families = (
         replace(truth.BELT, kicks=(1e-3, 8.0), count=8, duration=1.0, step=5e-5),
         replace(truth.HOFFMANN, kicks=(3e-2,), count=4, duration=1.0, step=1e-4),

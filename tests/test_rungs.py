@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from conftest import NOMINAL
-from test_family_reanalysis import MU_C, W1, closed_form, dense_roots, distance, hulten, machine
+from reference import MU_C, W1
+from test_family_reanalysis import closed_form, dense_roots, distance, hulten, machine
 
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.point import state_working_point

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from study_runs import comparable, plan_of, solved
 
 import squealstudy
 from squealstudy.engine import store
@@ -20,7 +21,6 @@ from squealstudy.engine.plan import Plan, reference_choice
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import split_chunks
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
-from squealstudy.study.definition import parse_study
 
 HULTEN = """
 [study]
@@ -60,17 +60,8 @@ enrichment = false
 """
 
 
-def plan_of(text: str) -> Plan:
-    return Plan(parse_study(text, Path("study.toml")))
-
-
 def hulten(stop: float = 0.6, num: int = 13) -> Plan:
     return plan_of(HULTEN.format(stop=stop, num=num))
-
-
-def comparable(directory: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    results = squealstudy.open_results(directory)
-    return results.points.drop(columns="wall_s"), results.modes
 
 
 def test_tables_hold_every_point_and_the_flutter(tmp_path: Path) -> None:
@@ -219,8 +210,7 @@ def test_rigid_body_noise_is_never_counted(tmp_path: Path) -> None:
     """A mass that is hardly held in one direction: far below the top of the band is no mode."""
     text = HULTEN.format(stop=0.1, num=3).replace("[1.0, 1000.0]", "[0.0, 1e5]")
     text += "[parameters]\nfrequency_1 = 1.5\nfrequency_2 = 0.9\n"
-    run_study(plan_of(text), tmp_path / "r", jobs=1)
-    results = squealstudy.open_results(tmp_path / "r")
+    results = solved(text, tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     assert results.modes["frequency_hz"].min() > 1.0
     assert not results.modes["unstable"].any()
@@ -289,8 +279,7 @@ def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
     text = text.replace("start = 0.1", "start = 1.2e11").replace("stop = 0.6", "stop = 1.22e11")
     plan = plan_of(text)
     assert len(plan.structures) == 2
-    run_study(plan, tmp_path / "r", jobs=1)
-    results = squealstudy.open_results(tmp_path / "r")
+    results = solved(plan, tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     followed = results.modes[results.modes["track_mac"].notna() & ~results.modes["overdamped"]]
     assert followed["track_mac"].median() > 0.98

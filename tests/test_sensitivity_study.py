@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import io
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from study_runs import command, plan_of, solved
 
 import squealstudy
-from squealstudy.cli.app import main
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import write_rows
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, failed_row
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.sensitivity_ranking import (
     mode_sensitivities,
     rank_sensitivities,
@@ -57,15 +54,10 @@ parameters = ["friction"]
 """
 
 
-def plan(text: str) -> Plan:
-    return Plan(parse_study(text, Path("study.toml")))
-
-
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     directory = tmp_path_factory.mktemp("slopes") / "r"
-    run_study(plan(HULTEN), directory, jobs=1)
-    return squealstudy.open_results(directory)
+    return solved(plan_of(HULTEN), directory)
 
 
 def test_tables(results):
@@ -107,14 +99,14 @@ def test_columns_agree_with_each_other(results):
 
 
 def test_a_second_run_has_nothing_to_do(results):
-    report = run_study(plan(HULTEN), results.directory, jobs=1)
+    report = run_study(plan_of(HULTEN), results.directory, jobs=1)
     assert report.n_solved == 0
-    other = run_study(plan(HULTEN.replace("num = 5", "num = 9")), results.directory, jobs=1)
+    other = run_study(plan_of(HULTEN.replace("num = 5", "num = 9")), results.directory, jobs=1)
     assert other.n_reused == 5
     assert other.n_solved == 4
     changed = HULTEN + "change = 0.02\n"  # a step is part of what a point is
-    assert run_study(plan(changed), results.directory, jobs=1).n_reused == 0
-    run_study(plan(HULTEN), results.directory, jobs=1)
+    assert run_study(plan_of(changed), results.directory, jobs=1).n_reused == 0
+    run_study(plan_of(HULTEN), results.directory, jobs=1)
 
 
 def test_ranking_of_one_mode(results):
@@ -141,7 +133,7 @@ def test_other_tables_and_rankings_are_refused(results):
 
 
 def test_a_failed_point_has_no_count_of_modes(tmp_path):
-    study = plan(HULTEN)
+    study = plan_of(HULTEN)
     rows = [failed_row(task.point_id, 0.0, "working_point", "lost") for task in study.tasks]
     write_rows(tmp_path, rows, SCHEMA)
     build_tables(study, tmp_path)
@@ -152,8 +144,7 @@ def test_a_failed_point_has_no_count_of_modes(tmp_path):
 
 def test_stable_design_gives_no_rows(tmp_path):
     text = HULTEN.replace("modes = 2\n", "").replace("stop = 0.5", "stop = 0.2")
-    run_study(plan(text), tmp_path / "r", jobs=1)
-    found = squealstudy.open_results(tmp_path / "r")
+    found = solved(text, tmp_path / "r")
     assert len(found.sensitivities) == 0
     assert (found.points["n_modes"] == 0).all()
     assert found.points["max_growth_rate"].isna().all()
@@ -162,11 +153,11 @@ def test_stable_design_gives_no_rows(tmp_path):
 
 def test_defaults_and_families_of_component_modes():
     """Operating point, contact law and every elastic component mode."""
-    asked = plan(BRAKE.replace('parameters = ["friction"]', "")).identity[1]
+    asked = plan_of(BRAKE.replace('parameters = ["friction"]', "")).identity[1]
     assert asked[:4] == ["friction", "pressure", "contact.lambda", "sliding_speed"]
     assert "caliper.modes[*].frequency_scale" in asked
     assert "disc.modes[*].damping_ratio" in asked
-    assert plan(HULTEN.replace("modes = 2\nparameters", "modes = 2\n#")).identity[1] == [
+    assert plan_of(HULTEN.replace("modes = 2\nparameters", "modes = 2\n#")).identity[1] == [
         "friction",
         "sliding_speed",
         "mass.modes[*].frequency_scale",
@@ -195,7 +186,7 @@ def test_defaults_and_families_of_component_modes():
 )
 def test_bad_section_names_its_place(old, new, key, expected):
     with pytest.raises(StudyFileError) as caught:
-        assert plan(BRAKE.replace(old, new, 1)).tasks
+        assert plan_of(BRAKE.replace(old, new, 1)).tasks
     assert caught.value.key.startswith(key)
     assert expected in str(caught.value)
     assert caught.value.line is not None or not key
@@ -204,33 +195,26 @@ def test_bad_section_names_its_place(old, new, key, expected):
 def test_modes_beyond_the_basis_are_refused(tmp_path):
     text = HULTEN.replace('"modes[1].damping_ratio"', '"mass.modes[3].damping_ratio"')
     with pytest.raises(StudyFileError, match="mass has modes 1 to 2 in this basis, got 3"):
-        run_study(plan(text), tmp_path / "r", jobs=1)
+        run_study(plan_of(text), tmp_path / "r", jobs=1)
     text = HULTEN.replace('"modes[1].damping_ratio"', '"modes[3].damping_ratio"')
     with pytest.raises(StudyFileError, match="the assembly has modes 1 to 2"):
-        run_study(plan(text), tmp_path / "r", jobs=1)
+        run_study(plan_of(text), tmp_path / "r", jobs=1)
     assert not (tmp_path / "r").exists()
 
 
 # -- commands and picture -------------------------------------------------------------------------
-def command(monkeypatch, *arguments: str) -> None:
-    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    assert not caught.value.code, arguments
-
-
 def test_commands(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     Path("study.toml").write_text(HULTEN)
-    command(monkeypatch, "run", "study.toml", "-j", "1")
+    assert command("run", "study.toml", "-j", "1") == 0
     screen = capsys.readouterr().out
     assert "sensitivities.parquet" in screen
     assert "frequency_1" in screen
     pictures = list(Path("results/slopes").glob("sensitivity_*.png"))
     assert len(pictures) == 2
-    command(monkeypatch, "sensitivity", "results/slopes", "--top", "2")
+    assert command("sensitivity", "results/slopes", "--top", "2") == 0
     assert "first 2 of 5 parameters" in capsys.readouterr().out
-    command(monkeypatch, "sensitivity", "study.toml", "--csv", "--mode", "100", "-j", "1")
+    assert command("sensitivity", "study.toml", "--csv", "--mode", "100", "-j", "1") == 0
     table = pd.read_csv(io.StringIO(capsys.readouterr().out))
     assert len(table) == 5
     assert table["growth_per_percent"].abs().is_monotonic_decreasing
@@ -241,7 +225,7 @@ def test_a_study_of_complex_modes_gives_its_nominal_sensitivities(monkeypatch, c
     text = HULTEN.split("[sensitivity]")[0].replace('"sensitivity"', '"complex_modes"')
     text = text.replace("[parameters]", "[parameters]\nfriction = 0.4")
     Path("study.toml").write_text(text)
-    command(monkeypatch, "sensitivity", "study.toml", "-j", "1")
+    assert command("sensitivity", "study.toml", "-j", "1") == 0
     assert "sliding_speed" in capsys.readouterr().out
     found = squealstudy.open_results("results/slopes_sensitivity")
     assert len(found.points) == 1

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_runs import plan_of, solved
 
-import squealstudy
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
-from squealstudy.engine.runner import run_study
 from squealstudy.modes.point import solve_point
-from squealstudy.study.definition import load_any, parse_study
+from squealstudy.study.definition import load_any
 
 SHIPPED = Path(__file__).parents[1] / "studies"
 STUDIES = sorted(SHIPPED.glob("*.toml"))
@@ -36,12 +35,11 @@ def reduced(name: str, num: int, *changes: tuple[str, str]) -> Plan:
     text = text.replace("[modes]", "[reduction]\nenrichment = false\n\n[modes]")
     for old, new in changes:
         text = text.replace(old, new)
-    return Plan(parse_study(text, path))
+    return plan_of(text, path)
 
 
 def results_of(plan: Plan, directory: Path) -> Results:
-    run_study(plan, directory, jobs=1)
-    results = squealstudy.open_results(directory)
+    results = solved(plan, directory)
     assert (results.points["status"] == "ok").all()
     assert (results.points["working_point_residual"] < 1e-10).all()
     assert (results.modes["residual"] < 1e-13).all()
@@ -87,8 +85,7 @@ def test_friction_pressure(tmp_path: Path) -> None:
 
 def test_friction_pressure_map(tmp_path: Path) -> None:
     plan = reduced("friction_pressure_map", 23, QUICK)
-    run_study(plan, tmp_path / "r", jobs=1)
-    results = squealstudy.open_results(tmp_path / "r")
+    results = solved(plan, tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     assert (results.points["working_point_residual"] < 1e-8).all()
     served = results.manifest["method"]["points"]
@@ -161,8 +158,7 @@ def test_sensitivity(tmp_path: Path) -> None:
         ('    "caliper.density",\n', ""),
         ('    "disc.young_modulus",\n', ""),
     )
-    run_study(plan, tmp_path / "r", jobs=1)
-    table = squealstudy.open_results(tmp_path / "r").sensitivities
+    table = solved(plan, tmp_path / "r").sensitivities
     assert table["frequency_hz"].nunique() == 1
     assert table["frequency_hz"].between(3000.0, 3600.0).all()  # the first lock-in
     assert (table["residual"] < 1e-9).all()

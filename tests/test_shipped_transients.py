@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_runs import plan_of, solved
 
 from squealstudy.engine.comparison import compare_results
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError
-from squealstudy.study.definition import parse_study
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -27,12 +27,11 @@ def reduced(name: str, duration: float, **changes: str) -> Plan:
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
-    return Plan(parse_study(text, STUDIES / f"{name}.toml"))
+    return plan_of(text, STUDIES / f"{name}.toml")
 
 
 def results_of(plan: Plan, directory: Path) -> Results:
-    run_study(plan, directory, jobs=1)
-    results = Results.open(directory)
+    results = solved(plan, directory)
     assert (results.points["status"] == "ok").all()
     return results
 
@@ -111,7 +110,7 @@ def test_compare_with_complex_modes(nominal, tmp_path):
 def test_belt_oscillator(tmp_path):
     """Stick-slip below the speed ln(10)/2 = 1.151293 m/s, steady sliding above."""
     text = (STUDIES / "belt_oscillator.toml").read_text().replace("= 2.0 ", "= 1.0 ")
-    plan = Plan(parse_study(text, STUDIES / "belt_oscillator.toml"))
+    plan = plan_of(text, STUDIES / "belt_oscillator.toml")
     points = results_of(plan, tmp_path / "belt").points
     stable = points["sliding_speed"] > np.log(10) / 2
     assert (points.loc[stable, "class"] == "stable").all()

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from motions import started
+from study_runs import command, plan_of, solved
 from test_newmark import KICK, random_system
 
-from squealstudy.cli.app import main
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
@@ -30,7 +29,6 @@ from squealstudy.models.operating import REGULARISATION_SHARE, REGULARISATION_SP
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
-from squealstudy.study.definition import parse_study
 
 NAME = REGULARISATION_SPEED.name
 PRESSURE = 200 * np.pi / (1e8 / 5e11)  # of the belt's contact, Pa; its static friction is 1
@@ -57,16 +55,11 @@ save_every = 0
 """
 
 
-def plan_of(speeds, values="", duration=0.05, kick=4.0, more="") -> Plan:
+def belt(speeds, values="", duration=0.05, kick=4.0, more="") -> Plan:
     parameters = f"[parameters]\n{values}" if values else ""
     text = BELT.format(kind="transient", parameters=parameters, speeds=list(speeds))
     text += TIME.format(duration=duration, kick=kick, more=more)
-    return Plan(parse_study(text, Path("study.toml")))
-
-
-def solved(plan: Plan, directory: Path) -> Results:
-    run_study(plan, directory, jobs=1)
-    return Results.open(directory)
+    return plan_of(text)
 
 
 NEVER = 'slope_pilot = "never"'
@@ -78,7 +71,7 @@ def test_a_design_point_is_the_same_in_any_sweep_of_the_same_slowest_speed(tmp_p
     rows = {}
     sweeps = {"two": [0.5, 1.2], "three": [0.5, 0.8, 1.2]}
     for name, speeds in sweeps.items():
-        plan = plan_of(speeds, more=f"batch = 1\n{NEVER}")
+        plan = belt(speeds, more=f"batch = 1\n{NEVER}")
         rows[name] = solved(plan, tmp_path / name).points.drop(columns="wall_s")
     same = rows["three"].query("sliding_speed != 0.8").reset_index(drop=True)
     assert same.equals(rows["two"])
@@ -86,18 +79,18 @@ def test_a_design_point_is_the_same_in_any_sweep_of_the_same_slowest_speed(tmp_p
 
 
 def test_a_slower_design_point_changes_every_row_and_every_identity():
-    ids = [{t.point_id for t in plan_of(s).tasks} for s in ([0.5, 1.0], [0.5, 1.0, 0.25])]
+    ids = [{t.point_id for t in belt(s).tasks} for s in ([0.5, 1.0], [0.5, 1.0, 0.25])]
     assert not ids[0] & ids[1]
-    known = plan_of([0.5, 1.0, 0.25], f'"{NAME}" = {REGULARISATION_SHARE * 0.5!r}')
+    known = belt([0.5, 1.0, 0.25], f'"{NAME}" = {REGULARISATION_SHARE * 0.5!r}')
     assert ids[0] < {t.point_id for t in known.tasks}
     slope = '"contact.kt" = 1e9'
-    given = [{t.point_id for t in plan_of(s, slope).tasks} for s in ([0.5, 1.0], [0.5, 1.0, 0.25])]
+    given = [{t.point_id for t in belt(s, slope).tasks} for s in ([0.5, 1.0], [0.5, 1.0, 0.25])]
     assert given[0] < given[1]
 
 
 def test_the_whole_study_decides_at_whatever_points_it_is_tried():
     """Pilots of fidelity and measured points of charts are solved as the study itself."""
-    whole = plan_of([0.25, 0.5, 1.0])
+    whole = belt([0.25, 0.5, 1.0])
     part = Plan(whole.study, whole.swept[1:])
     assert part.tasks[0].point_id == whole.tasks[1].point_id
     trained = {d.values[NAME] for d in training_designs(whole)}
@@ -106,7 +99,7 @@ def test_the_whole_study_decides_at_whatever_points_it_is_tried():
 
 def test_complex_modes_do_not_depend_on_it():
     text = [BELT.format(kind="complex_modes", parameters="", speeds=s) for s in ([0.5], [0.5, 0.1])]
-    first, second = (Plan(parse_study(t, Path("study.toml"))) for t in text)
+    first, second = (plan_of(t) for t in text)
     assert first.tasks[0].point_id == second.tasks[0].point_id
 
 
@@ -116,7 +109,7 @@ def test_fold_and_level_of_the_belt_are_those_of_a_far_larger_slope(tmp_path):
     stiff = f'"contact.kt" = {PRESSURE / (0.001 * 1.1)!r}'
     level = {}
     for name, values in (("own", ""), ("stiff", stiff)):
-        results = solved(plan_of(speeds, values, 0.5, more=NEVER), tmp_path / name)
+        results = solved(belt(speeds, values, 0.5, more=NEVER), tmp_path / name)
         level[name] = results.points.set_index("sliding_speed")["torque_rms"]
     for own, far in zip(level["own"][[1.1, 1.3, 1.82]], level["stiff"], strict=False):
         assert own == pytest.approx(far, rel=0.01)
@@ -135,13 +128,13 @@ def test_fold_and_level_of_the_belt_are_those_of_a_far_larger_slope(tmp_path):
 )
 def test_bad_speeds(tmp_path, values, message):
     with pytest.raises(Exception, match=message) as caught:
-        solved(plan_of([0.5], values), tmp_path / "belt")
+        solved(belt([0.5], values), tmp_path / "belt")
     assert NAME in str(caught.value)
 
 
 def test_without_any_sliding_there_is_no_study():
     with pytest.raises(StudyFileError, match="expected a positive value m/s, got 0"):
-        plan_of([0.0])
+        belt([0.0])
 
 
 # -- stick_creep ---------------------------------------------------------------------------------
@@ -175,7 +168,7 @@ def test_creep_is_the_largest_sliding_speed_of_what_sticks(method, count):
 
 def test_creep_of_a_study(tmp_path):
     """Below the regularisation speed on the belt, whose pressure is constant; NaN where none."""
-    results = solved(plan_of([0.8, 1.9], duration=0.3, more=NEVER), tmp_path / "belt")
+    results = solved(belt([0.8, 1.9], duration=0.3, more=NEVER), tmp_path / "belt")
     creep = results.points.set_index("sliding_speed")["stick_creep"]
     assert 0.5 * REGULARISATION_SHARE < creep[0.8] <= REGULARISATION_SHARE
     assert np.isnan(creep[1.9])
@@ -192,7 +185,7 @@ SOFT = f'"{NAME}" = 0.02'  # of a slope that errs
 @pytest.fixture(scope="module")
 def cycles(tmp_path_factory):
     """Stick-slip at 0.9 m/s, grown from steady sliding, and a point that stays silent."""
-    return solved(plan_of([0.9, 1.9], SOFT, 1.0, 1.0), tmp_path_factory.mktemp("slope") / "belt")
+    return solved(belt([0.9, 1.9], SOFT, 1.0, 1.0), tmp_path_factory.mktemp("slope") / "belt")
 
 
 def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
@@ -202,7 +195,7 @@ def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
     assert points["sliding_speed"][pilot["point_id"]] == 0.9
     told = pilot["errors"]["torque_rms"]
     assert told["value"] == points["torque_rms"][pilot["point_id"]]
-    far = solved(plan_of([0.9], f'"{NAME}" = 5e-4', 1.0, 1.0, NEVER), tmp_path / "far").points
+    far = solved(belt([0.9], f'"{NAME}" = 5e-4', 1.0, 1.0, NEVER), tmp_path / "far").points
     true = abs(told["value"] / float(far["torque_rms"].iloc[0]) - 1)
     assert true > 0.02
     assert 0.5 * true < told["error"] < 1.5 * true
@@ -210,7 +203,7 @@ def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
 
 def test_the_pilot_is_not_part_of_a_point(cycles, tmp_path):
     """Switched off it says so, and the points are the same ones."""
-    again = plan_of([0.9, 1.9], SOFT, 1.0, 1.0, NEVER)
+    again = belt([0.9, 1.9], SOFT, 1.0, 1.0, NEVER)
     report = run_study(again, cycles.directory, jobs=1)
     assert report.n_reused == 2
     assert report.manifest["regularisation"]["pilot"]["status"] == "skipped"
@@ -218,7 +211,7 @@ def test_the_pilot_is_not_part_of_a_point(cycles, tmp_path):
 
 def test_of_few_points_of_a_meshed_model_there_is_none(monkeypatch):
     monkeypatch.setattr(pilot_module, "has_mesh", lambda study: True)
-    found = pilot_module.slope_pilot(plan_of([0.5, 0.9]), Path(), None, lambda *_: None)
+    found = pilot_module.slope_pilot(belt([0.5, 0.9]), Path(), None, lambda *_: None)
     assert found == {
         "status": "skipped",
         "message": 'fewer than 8 design points; slope_pilot = "always" would tell',
@@ -257,25 +250,21 @@ def test_verdicts(own, double, status, words):
 
 
 def test_a_slope_that_is_given_has_no_pilot(tmp_path):
-    results = solved(plan_of([0.9], '"contact.kt" = 1e8'), tmp_path / "belt")
+    results = solved(belt([0.9], '"contact.kt" = 1e8'), tmp_path / "belt")
     assert results.manifest["regularisation"] is None
 
 
 # -- what is said --------------------------------------------------------------------------------
 def test_screens(tmp_path, monkeypatch, capsys):
-    plan = plan_of([0.9, 1.9])
+    plan = belt([0.9, 1.9])
     monkeypatch.chdir(tmp_path)
     Path("belt.toml").write_text(plan.study.text)
     printed = {}
-    for command, more in (("check", ()), ("run", ("--no-pictures",))):
-        argv = ["squealstudy", command, "belt.toml", "--jobs", "1", "--output", "here", *more]
-        monkeypatch.setattr(sys, "argv", argv)
-        with pytest.raises(SystemExit) as caught:
-            main()
-        assert not caught.value.code
-        printed[command] = " ".join(capsys.readouterr().out.split())
-        assert "points stick below 0.0018 m/s, 0.2 % of the study's slowest" in printed[command]
-        assert "0.9 m/s: a slower design point changes every row" in printed[command]
+    for verb, more in (("check", ()), ("run", ("--no-pictures",))):
+        assert command(verb, "belt.toml", "--jobs", "1", "--output", "here", *more) == 0
+        printed[verb] = " ".join(capsys.readouterr().out.split())
+        assert "points stick below 0.0018 m/s, 0.2 % of the study's slowest" in printed[verb]
+        assert "0.9 m/s: a slower design point changes every row" in printed[verb]
     assert "by one design point at 2 k_t" in printed["run"]
     told = json.loads(Path("here/manifest.json").read_text())["regularisation"]
     assert told["speed"] == told["speed_highest"] == pytest.approx(0.0018)
@@ -284,11 +273,11 @@ def test_screens(tmp_path, monkeypatch, capsys):
 
 
 def test_the_warning_names_the_speed_that_would_do():
-    plan = plan_of([0.5], f'"{NAME}" = 1e-6')
+    plan = belt([0.5], f'"{NAME}" = 1e-6')
     build_structures(plan, Workers())
     (text,) = [w for w in forecast.warnings(plan) if "too stiff" in w]
     speed = float(re.search(rf"{NAME} of (\S+) would do", text).group(1))
-    kept = plan_of([0.5], f'"{NAME}" = {1.1 * speed!r}')
+    kept = belt([0.5], f'"{NAME}" = {1.1 * speed!r}')
     assert not [w for w in forecast.warnings(kept) if "too stiff" in w]
 
 
@@ -297,7 +286,7 @@ FIDELITY = "[fidelity]\ntolerance = 0.03\naudit = 0\npilots = 1\n"
 
 
 def ladders_of(values=""):
-    return free_ladders(plan_of([0.6, 0.9], values).study)
+    return free_ladders(belt([0.6, 0.9], values).study)
 
 
 def test_the_slope_is_a_ladder_of_fidelity():
@@ -308,7 +297,7 @@ def test_the_slope_is_a_ladder_of_fidelity():
 
 
 def test_fidelity_chooses_the_slope_by_its_pilots():
-    plan = plan_of([0.6, 0.9], duration=0.3, kick=1.0, more=FIDELITY)
+    plan = belt([0.6, 0.9], duration=0.3, kick=1.0, more=FIDELITY)
     search = RunSearch(Scene(plan.study, 1, lambda *_: None))
     search.try_slopes(search.ladders["slope of friction"])
     softest, *_, last = search.tried["slope of friction"]
@@ -320,6 +309,6 @@ def test_fidelity_chooses_the_slope_by_its_pilots():
 
 
 def test_a_variant_changes_a_speed_whose_name_the_file_quotes():
-    scene = Scene(plan_of([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
+    scene = Scene(belt([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
     changed = scene.variant({f"parameters.{NAME}": 1e-3}, None)
     assert [d.values[NAME] for d in changed.designs] == [1e-3]

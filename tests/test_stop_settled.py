@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from motions import changed, growing, made_up, started
+from study_runs import command, plan_of
 
-from squealstudy.cli.app import main
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
@@ -29,7 +27,6 @@ from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
-from squealstudy.study.definition import parse_study
 
 SHORT = MotionSettings(duration=1.2e-3, step=2e-6, save_every=5)
 N = 10
@@ -454,15 +451,11 @@ save_every = 20
 EARLY = 'stop = "settled"\nsettle_tolerance = 0.05\n'
 
 
-def plan_of(more: str, text: str = BELT) -> Plan:
-    return Plan(parse_study(text + more, Path("study.toml")))
-
-
 def test_a_study_ends_runs_early_and_says_so(tmp_path):
     """Stick-slip settles, 1.1 m/s grows on, 1.3 m/s decays, too soft a friction has no start."""
     points, facts = {}, {}
     for name, more in (("end", ""), ("settled", EARLY)):
-        report = run_study(plan_of(more), tmp_path / name, jobs=1)
+        report = run_study(plan_of(BELT + more), tmp_path / name, jobs=1)
         points[name] = Results.open(report.directory).points.set_index("sliding_speed")
         facts[name] = report.manifest.get("simulated_time")
     assert facts["end"] is None
@@ -488,7 +481,7 @@ def test_a_study_ends_runs_early_and_says_so(tmp_path):
 
 
 def test_points_that_may_end_early_are_other_points():
-    ids = [{t.point_id for t in plan_of(more).tasks} for more in
+    ids = [{t.point_id for t in plan_of(BELT + more).tasks} for more in
            ("", EARLY, 'stop = "settled"\n', 'stop = "end"\n')]  # fmt: skip
     assert len(ids[0] | ids[1] | ids[2]) == 3 * len(ids[0])
     assert ids[3] == ids[0]
@@ -501,13 +494,10 @@ def test_screens(tmp_path, monkeypatch, capsys):
     for name, more in (("end", ""), ("settled", EARLY)):
         Path(f"{name}.toml").write_text(text + more)
         printed = {}
-        for command in ("check", "run"):
-            argv = ["squealstudy", command, f"{name}.toml", "--jobs", "1", "--output", name]
-            monkeypatch.setattr(sys, "argv", argv + ["--no-pictures"] * (command == "run"))
-            with pytest.raises(SystemExit) as caught:
-                main()
-            assert not caught.value.code
-            printed[command] = " ".join(capsys.readouterr().out.split())
+        for verb, options in (("check", ()), ("run", ("--no-pictures",))):
+            study = (f"{name}.toml", "--jobs", "1", "--output", name)
+            assert command(verb, *study, *options) == 0
+            printed[verb] = " ".join(capsys.readouterr().out.split())
         assert ("end once their outcome is known" in printed["check"]) == (name == "settled")
         assert ("0 runs had settled, 1 had decayed" in printed["run"]) == (name == "settled")
     saved = json.loads(Path("settled/manifest.json").read_text())["simulated_time"]["saved_s"]
@@ -526,6 +516,6 @@ def test_screens(tmp_path, monkeypatch, capsys):
 )
 def test_bad_values(more, message):
     with pytest.raises(StudyFileError, match=message) as caught:
-        plan_of(more)
+        plan_of(BELT + more)
     assert str(caught.value).startswith("study.toml, line ")
     assert "\n" not in str(caught.value)

@@ -1,16 +1,13 @@
 """One mode keeps one number from structure to structure, whatever their meshes."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from conftest import TOP
+from study_runs import plan_of, solved
 
-import squealstudy
-from squealstudy.engine.plan import Plan
-from squealstudy.engine.runner import run_study
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
 from squealstudy.models.assembly import Assembly
@@ -30,7 +27,6 @@ from squealstudy.models.parameter import ModelDefinition, structural
 from squealstudy.modes.tracking.labels import TrackTree, join_tracks, track
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
-from squealstudy.study.definition import parse_study
 
 HZ = 2 * np.pi
 PLACES = (np.arange(30) + 0.5) / 30  # along a string, from end to end
@@ -117,9 +113,8 @@ def strings(monkeypatch, tmp_path):
     monkeypatch.setitem(catalogue.MODELS, "strings", STRINGS)
 
     def run(sweeps, more=""):
-        plan = Plan(parse_study(STUDY.format(sweeps=sweeps) + more, Path("study.toml")))
-        run_study(plan, tmp_path / "results", jobs=1)
-        results = squealstudy.open_results(tmp_path / "results")
+        plan = plan_of(STUDY.format(sweeps=sweeps) + more)
+        results = solved(plan, tmp_path / "results")
         assert (results.points["status"] == "ok").all()
         return results.modes.merge(results.points, on="point_id")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import NOMINAL
-from synthetic import SyntheticProblem, constant, in_order, random_brake, whole_box
+from synthetic import SyntheticProblem, constant, in_order, random_brake, random_points, whole_box
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law, friction_curve
@@ -65,10 +65,6 @@ def lifting_off(middle, half):
         return DesignState(replace(NOMINAL, friction=friction, pressure=6e5, law=law))
 
     return state_at
-
-
-def random_points(count, dimension, seed=0):
-    return np.random.default_rng(seed).uniform(-1, 1, (count, dimension))
 
 
 def dense(prepared, state):

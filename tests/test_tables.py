@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from chunk_rows import GRID, drifting_modes, grid, random_modes, write_chunks
+from study_runs import plan_of
 
 import squealstudy
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import CHUNKS, finished_points, read_chunks, write_rows
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ResultsError
@@ -22,107 +22,24 @@ from squealstudy.kinds.complex_modes.errors import ModeErrors
 from squealstudy.kinds.complex_modes.follow import Follower
 from squealstudy.kinds.complex_modes.rows import (
     SCHEMA,
-    failed_row,
     read_unstable_counts,
     solved_row,
 )
 from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
-from squealstudy.modes.point import PointModes
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.stability import stability_names
-
-GRID = """
-[study]
-name = "grid"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = {num}
-[[sweep]]
-parameter = "damping_ratio"
-start = 0.0
-stop = 0.02
-num = {lines}
-[modes]
-refine_tracking = false
-refine_onsets = false
-reference_points = 0
-"""
-HZ = 2 * np.pi
-
-
-def plan_of(num: int = 4, lines: int = 3) -> Plan:
-    return Plan(parse_study(GRID.format(num=num, lines=lines), Path("study.toml")))
-
-
-def modes_of(rng: np.random.Generator, m: int, k: int = 6, real: int = 0, **more) -> PointModes:
-    """Random modes, the last `real` of them overdamped; no working point, as of matrix families."""
-    lam = HZ * np.sort(rng.uniform(500, 8000, m)) * (1j - rng.uniform(-0.01, 0.02, m))
-    lam[m - real :] = -rng.uniform(10, 100, real)
-    shapes = rng.normal(size=(m, k)) + 1j * rng.normal(size=(m, k))
-    modes = PointModes(
-        lam,
-        np.arange(m) >= m - real,
-        rng.uniform(size=m),
-        rng.dirichlet(np.ones(2), m).T,
-        shapes.astype(np.complex64),
-        None,
-        np.full(m, np.nan),
-    )
-    for name, value in more.items():
-        object.__setattr__(modes, name, value)
-    return modes
-
-
-def write(directory: Path, plan: Plan, modes: dict[int, PointModes | None], size: int = 3) -> None:
-    """Chunk files of `size` points in reverse order; points of None failed."""
-    ids = [task.point_id for task in plan.tasks]
-    rows = [
-        failed_row(ids[i], 0.5, "lift_off", "opened") if m is None else solved_row(ids[i], 0.1, m)
-        for i, m in sorted(modes.items(), reverse=True)
-    ]
-    for start in range(0, len(rows), size):
-        write_rows(directory, rows[start : start + size], SCHEMA)
-
-
-def drifting(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, PointModes]:
-    """Modes of a study whose frequencies cross, growth with friction; then overdamped ones."""
-    rng = np.random.default_rng(5)
-    base, drift, shapes = rng.uniform(600, 6000, m), rng.normal(size=(m, 2)), modes_of(rng, m, k)
-    found = {}
-    for i, x in enumerate(plan.coordinates * [1.0, 50.0]):
-        lam = HZ * base * (1 + 0.05 * drift @ x) * (1j + 0.01 * drift[:, 0] * x[0] - 0.001)
-        order = np.argsort(np.abs(lam))
-        noise = 0.05 * modes_of(rng, m, k).shapes
-        overdamped = modes_of(rng, real, k, real)
-        found[i] = PointModes(
-            np.concatenate([lam[order], overdamped.lam]),
-            np.arange(m + real) >= m,
-            np.zeros(m + real),
-            np.full((2, m + real), 0.5),
-            np.vstack([(shapes.shapes + noise)[order], overdamped.shapes]),
-            None,
-            np.full(m + real, np.nan),
-        )
-    return found
-
 
 # -- columns
 
 
 def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
-    rng, plan = np.random.default_rng(0), plan_of()
+    rng, plan = np.random.default_rng(0), grid()
     modes = {
-        i: modes_of(rng, int(rng.integers(1, 9)), k=int(rng.integers(2, 7))) for i in range(12)
+        i: random_modes(rng, int(rng.integers(1, 9)), k=int(rng.integers(2, 7))) for i in range(12)
     }
-    modes[4] = modes_of(rng, 5, real=2, error_rung=np.arange(5.0), method="windows")
+    modes[4] = random_modes(rng, 5, real=2, error_rung=np.arange(5.0), method="windows")
     modes[7] = None
-    write(tmp_path, plan, modes)
+    write_chunks(tmp_path, plan, modes)
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
     assert columns.counts.tolist() == [0 if m is None else len(m.lam) for m in modes.values()]
     solved = [m for m in modes.values() if m is not None]
@@ -144,8 +61,10 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
 
 
 def test_columns_without_shapes_or_energies(tmp_path):
-    rng, plan = np.random.default_rng(1), plan_of(2, 1)
-    write(tmp_path, plan, {i: modes_of(rng, 3, energies=np.zeros((0, 3))) for i in range(2)})
+    rng, plan = np.random.default_rng(1), grid(2, 1)
+    write_chunks(
+        tmp_path, plan, {i: random_modes(rng, 3, energies=np.zeros((0, 3))) for i in range(2)}
+    )
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
     assert columns.shapes is None
     assert columns.energies.shape == (6, 0)
@@ -160,8 +79,8 @@ def test_columns_without_shapes_or_energies(tmp_path):
 
 
 def test_nothing_but_failed_points_are_columns_too(tmp_path):
-    plan = plan_of(2, 1)
-    write(tmp_path, plan, {0: None, 1: None})
+    plan = grid(2, 1)
+    write_chunks(tmp_path, plan, {0: None, 1: None})
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
     assert columns.lam.size == 0
     assert [len(lam) for lam in columns.oscillating()] == [0, 0]
@@ -169,17 +88,17 @@ def test_nothing_but_failed_points_are_columns_too(tmp_path):
 
 
 def test_a_point_in_no_chunk_is_said_so_and_nothing_is_left(tmp_path):
-    plan = plan_of(2, 2)
-    write(tmp_path, plan, {0: modes_of(np.random.default_rng(2), 2)})
+    plan = grid(2, 2)
+    write_chunks(tmp_path, plan, {0: random_modes(np.random.default_rng(2), 2)})
     with pytest.raises(ResultsError, match="3 of 4 design points are not solved"):
         read_columns(tmp_path, [t.point_id for t in plan.tasks])
     assert [p.name for p in tmp_path.iterdir()] == [CHUNKS]
 
 
 def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_over(tmp_path):
-    plan = plan_of(2, 1)
-    first, second = (modes_of(np.random.default_rng(i), 2) for i in range(2))
-    write(tmp_path, plan, {0: first, 1: first})
+    plan = grid(2, 1)
+    first, second = (random_modes(np.random.default_rng(i), 2) for i in range(2))
+    write_chunks(tmp_path, plan, {0: first, 1: first})
     again = pa.Table.from_pylist([solved_row(plan.tasks[0].point_id, 0.1, second)], schema=SCHEMA)
     pq.write_table(again, tmp_path / CHUNKS / "z.parquet")  # read after the others
     old = SCHEMA.remove(SCHEMA.get_field_index("method"))
@@ -196,10 +115,10 @@ def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_ov
 
 
 def test_tables_of_a_study(tmp_path):
-    plan = plan_of()
+    plan = grid()
     rng = np.random.default_rng(3)
-    modes = {i: modes_of(rng, 4, real=1) for i in range(12)} | {5: None}
-    write(tmp_path, plan, modes)
+    modes = {i: random_modes(rng, 4, real=1) for i in range(12)} | {5: None}
+    write_chunks(tmp_path, plan, modes)
     points, facts = build_tables(plan, tmp_path, Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert points["status"].tolist() == ["lift_off" if i == 5 else "ok" for i in range(12)]
@@ -224,8 +143,8 @@ def test_tables_of_a_study(tmp_path):
 def test_growth_within_its_error_is_no_instability(tmp_path):
     """The raw growth rate stays in the table; without an estimate its sign counts, and beyond the
     tolerance, where the point is inaccurate and has no count."""
-    plan = plan_of(2, 1)
-    modes, beyond = (modes_of(np.random.default_rng(4), 5) for _ in range(2))
+    plan = grid(2, 1)
+    modes, beyond = (random_modes(np.random.default_rng(4), 5) for _ in range(2))
     errors = np.array([0.2, 0.05, np.nan, 0.2, 0.05])
     object.__setattr__(modes, "error_rung", errors)
     errors = errors.copy()
@@ -233,7 +152,7 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     object.__setattr__(beyond, "error_rung", errors)
     for one in (modes, beyond):
         one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
-    write(tmp_path, plan, {0: modes, 1: beyond})
+    write_chunks(tmp_path, plan, {0: modes, 1: beyond})
     points, _ = build_tables(plan, tmp_path, Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["unstable"].tolist() == 2 * [False, True, True, False, True]
@@ -246,13 +165,13 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
 
 
 def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
-    plan = plan_of(4, 1)
-    base = modes_of(np.random.default_rng(6), 1, error_rung=np.array([0.2]))
+    plan = grid(4, 1)
+    base = random_modes(np.random.default_rng(6), 1, error_rung=np.array([0.2]))
     base.lam.imag[:] = 2 * np.pi * 1000.0
     modes = {}
     for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):
         modes[i] = replace(base, lam=growth + 1j * base.lam.imag)
-    write(tmp_path, plan, modes)
+    write_chunks(tmp_path, plan, modes)
     build_tables(plan, tmp_path, Workers())
     (row,) = pq.read_table(tmp_path / "onsets.parquet").to_pandas().to_dict("records")
     x = plan.coordinates[:, 0].tolist()
@@ -263,8 +182,8 @@ def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, jobs):
-    plan = plan_of(6, 5)
-    write(tmp_path, plan, drifting(plan, 9, real=2))
+    plan = grid(6, 5)
+    write_chunks(tmp_path, plan, drifting_modes(plan, 9, real=2))
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
     one, _ = Follower(plan, columns, Workers()).follow(False)
     monkeypatch.setattr(follow, "PARALLEL", 2)
@@ -283,7 +202,7 @@ def test_refined_studies_have_the_same_tables_on_any_number_of_workers(tmp_path)
     from squealstudy.engine.runner import run_study
 
     for jobs in (1, 2):
-        plan = Plan(parse_study(text, Path("study.toml")))
+        plan = plan_of(text)
         run_study(plan, tmp_path / str(jobs), jobs=jobs)
     one, two = (squealstudy.open_results(tmp_path / str(jobs)) for jobs in (1, 2))
     pd.testing.assert_frame_equal(one.modes, two.modes)

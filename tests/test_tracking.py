@@ -1,6 +1,5 @@
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,19 +7,17 @@ import scipy.linalg as la
 from conftest import NOMINAL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference import W1, W2, hulten_stiffness, oscillating_modes
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
+from study_runs import plan_of, solved
 
-import squealstudy
-from squealstudy.engine.plan import Plan
-from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.labels import TrackTree, expected_roots, track
 from squealstudy.modes.tracking.pairing import mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, Refinement
 from squealstudy.modes.tracking.tree import levels, tracking_tree
-from squealstudy.study.definition import parse_study
 from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
@@ -32,20 +29,8 @@ def random_shapes(rng, m, k):
     return a / np.linalg.norm(a, axis=1, keepdims=True)
 
 
-def complex_modes(C, K):
-    """Oscillating roots and unit shapes of lam^2 + lam C + K, ascending in |lambda|."""
-    n = len(K)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
-    lam, z = np.linalg.eig(A)
-    kept = np.flatnonzero(lam.imag > 0)
-    kept = kept[np.argsort(np.abs(lam[kept]))]
-    shapes = z[:n, kept].T
-    return lam[kept], shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
-
-
-def hulten(mu, w1=100 * HZ, w2=75 * HZ, zeta=0.0):
-    K = np.array([[w1**2, -mu * w2**2], [mu * w1**2, w2**2]])
-    return complex_modes(np.diag([2 * zeta * w1, 2 * zeta * w2]), K)
+def hulten(mu, w1=W1, w2=W2, zeta=0.0):
+    return oscillating_modes(2 * zeta * np.diag([w1, w2]), hulten_stiffness(mu, w1, w2))
 
 
 def line(states, coordinates=None):
@@ -214,7 +199,7 @@ def test_the_step_into_an_undamped_lock_in_is_ambiguous_and_no_other():
 def coupled_pair(t, coupling):
     a, b = (1000 * HZ) ** 2 * (1 + 0.1 * t), (1000 * HZ) ** 2 * (1 - 0.1 * t)
     c = coupling * (1000 * HZ) ** 2
-    return complex_modes(0.002 * 1000 * HZ * np.eye(2), np.array([[a, c], [c, b]]))
+    return oscillating_modes(0.002 * 1000 * HZ * np.eye(2), np.array([[a, c], [c, b]]))
 
 
 def test_labels_follow_frequencies_through_a_resolved_veering():
@@ -511,7 +496,7 @@ def friction_chain(seed, n=10):
     K0 = np.diag(w2) + (coupling + coupling.T) / 2 * scale
     Kf = friction * scale
     C = np.diag(2 * 0.005 * np.sqrt(w2))
-    return lambda mu: complex_modes(C, K0 + mu * Kf)
+    return lambda mu: oscillating_modes(C, K0 + mu * Kf)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 6, 7, 8, 11, 13])
@@ -581,9 +566,8 @@ def test_no_label_of_the_whole_coarse_brake_is_wrong(tmp_path):
     """Steps of 0.05 against steps of 0.002, working points and all; some ten minutes."""
     found = {}
     for num in (15, 351):
-        plan = Plan(parse_study(SWEEP.format(num=num), Path("study.toml")))
-        run_study(plan, tmp_path / str(num), jobs=2)
-        modes = squealstudy.open_results(tmp_path / str(num)).modes
+        plan = plan_of(SWEEP.format(num=num))
+        modes = solved(plan, tmp_path / str(num), jobs=2).modes
         modes = modes[~modes["overdamped"]]
         by_point = dict(list(modes.groupby("point_id")))
         found[num] = [by_point[task.point_id] for task in plan.tasks]

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
-import os
 import re
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from made_results import made
+from study_runs import command
 from transient_tables import modes_table, points_table
 
 from squealstudy import screen as screens
-from squealstudy.cli.app import main
 
 BELT = """[study]
 name = "belt"
@@ -43,14 +42,6 @@ HULTEN = BELT.replace('name = "belt"\n\n[[', 'name = "hulten"\n\n[[')
 BOUNDARY = 1.151293  # m/s, the speed above which steady sliding is stable
 
 
-def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["squealstudy", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    code = caught.value.code
-    return code if isinstance(code, int) else 0 if code is None else 1
-
-
 def one_line(screen) -> str:
     assert screen.err.count("\n") == 1
     assert screen.err.startswith("squealstudy: ")
@@ -72,18 +63,10 @@ def home(tmp_path_factory):
     directory = tmp_path_factory.mktemp("belt")
     (directory / "belt.toml").write_text(BELT)
     (directory / "modes.toml").write_text(PREDICTED)
-    before, stdout, argv = Path.cwd(), sys.stdout, sys.argv
-    os.chdir(directory)
-    sys.stdout = printed = io.StringIO()
-    try:
+    printed = io.StringIO()
+    with contextlib.chdir(directory), contextlib.redirect_stdout(printed):
         for study in ("modes", "belt"):
-            sys.argv = ["squealstudy", "run", f"{study}.toml", "--jobs", "1"]
-            with pytest.raises(SystemExit) as caught:
-                main()
-            assert caught.value.code in (0, None)
-    finally:
-        sys.stdout, sys.argv = stdout, argv
-        os.chdir(before)
+            assert command("run", f"{study}.toml", "--jobs", "1") == 0
     return directory, printed.getvalue()
 
 
@@ -140,46 +123,46 @@ def test_run_prints_each_point_and_the_pictures(home):
         assert (home[0] / drawn).stat().st_size > 5000
 
 
-def test_a_second_run_finds_everything(there, monkeypatch, capsys):
+def test_a_second_run_finds_everything(there, capsys):
     tables = {p: p.stat().st_mtime_ns for p in (there / "results/belt").glob("*.parquet")}
-    assert command(monkeypatch, "run", "belt.toml", "--jobs", "1", "--no-pictures") == 0
+    assert command("run", "belt.toml", "--jobs", "1", "--no-pictures") == 0
     assert "nothing to do" in capsys.readouterr().out
     assert {p: p.stat().st_mtime_ns for p in tables} == tables
 
 
-def test_a_broken_off_run_goes_on(study, monkeypatch, capsys):
+def test_a_broken_off_run_goes_on(study, capsys):
     """One chunk is lost, a temporary file is left, as a kill leaves them."""
     name = study(
         ("save_every = 5", "save_every = 5\nbatch = 1"), ("duration = 0.5", "duration = 0.05")
     )
-    assert command(monkeypatch, "run", name, "--jobs", "1", "--no-pictures") == 0
+    assert command("run", name, "--jobs", "1", "--no-pictures") == 0
     whole = pd.read_parquet("results/belt/points.parquet").drop(columns="wall_s")
     lost = sorted(Path("results/belt/chunks").glob("*.parquet"))[0]
     lost.rename(lost.with_name(f".{lost.name}.x.tmp"))
     for table in ("points", "modes", "growth"):
         Path(f"results/belt/{table}.parquet").unlink()
     capsys.readouterr()
-    assert command(monkeypatch, "rank", "results/belt") == 2
+    assert command("rank", "results/belt") == 2
     assert "not finished" in one_line(capsys.readouterr())
-    assert command(monkeypatch, "run", name, "--jobs", "1", "--no-pictures") == 0
+    assert command("run", name, "--jobs", "1", "--no-pictures") == 0
     assert "1 solved now, 2 found" in capsys.readouterr().out
     again = pd.read_parquet("results/belt/points.parquet").drop(columns="wall_s")
     pd.testing.assert_frame_equal(again, whole)
     assert not list(Path("results").rglob("*.tmp"))
 
 
-def test_another_study_is_not_overwritten(there, study, home, monkeypatch, capsys):
+def test_another_study_is_not_overwritten(there, study, home, capsys):
     name = study(('name = "belt"\nkind', 'name = "other"\nkind'))
     target = str(home[0] / "results/belt")
     before = files_below(home[0])
-    assert command(monkeypatch, "run", name, "--output", target) == 2
+    assert command("run", name, "--output", target) == 2
     assert "belongs to study 'belt'" in one_line(capsys.readouterr())
     assert files_below(home[0]) == before
 
 
 # -- rank, compare, plot -------------------------------------------------------------------------
-def test_rank_names_the_mode_that_vibrates(there, monkeypatch, capsys):
-    assert command(monkeypatch, "rank", "results/belt", "--csv") == 0
+def test_rank_names_the_mode_that_vibrates(there, capsys):
+    assert command("rank", "results/belt", "--csv") == 0
     table = as_table(capsys.readouterr())
     assert table["mode"].iloc[0] == 1
     assert table["frequency_hz"].iloc[0] == pytest.approx(100.0, abs=0.01)
@@ -187,12 +170,10 @@ def test_rank_names_the_mode_that_vibrates(there, monkeypatch, capsys):
     assert table["points"].iloc[0] == 2  # the third is stable
 
 
-def test_rank_where_chooses_points(there, monkeypatch, capsys):
-    assert (
-        command(monkeypatch, "rank", "results/belt", "--where", "sliding_speed < 0.9", "--csv") == 0
-    )
+def test_rank_where_chooses_points(there, capsys):
+    assert command("rank", "results/belt", "--where", "sliding_speed < 0.9", "--csv") == 0
     assert as_table(capsys.readouterr())["points"].iloc[0] == 1
-    assert command(monkeypatch, "rank", "results/belt", "--where", "sliding_speed > 1.2") == 0
+    assert command("rank", "results/belt", "--where", "sliding_speed > 1.2") == 0
     assert "No design point keeps vibrating" in capsys.readouterr().out
 
 
@@ -216,15 +197,15 @@ def test_rank_says_which_runs_may_yet_vibrate(capsys, kinds, told):
 @pytest.mark.parametrize(
     ("where", "told"), [("speed < 1", "unknown column"), ("sliding_speed <", "cannot be used")]
 )
-def test_rank_tells_what_is_wrong_with_a_condition(there, monkeypatch, capsys, where, told):
-    assert command(monkeypatch, "rank", "results/belt", "--where", where) == 2
+def test_rank_tells_what_is_wrong_with_a_condition(there, capsys, where, told):
+    assert command("rank", "results/belt", "--where", where) == 2
     assert told in one_line(capsys.readouterr())
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_compare_joins_prediction_and_motion(there, monkeypatch, capsys, swapped):
+def test_compare_joins_prediction_and_motion(there, capsys, swapped):
     pair = ["results/modes", "results/belt"]
-    assert command(monkeypatch, "compare", *(pair[::-1] if swapped else pair), "--csv") == 0
+    assert command("compare", *(pair[::-1] if swapped else pair), "--csv") == 0
     table = as_table(capsys.readouterr())
     found = table[table["track"] > 0]
     assert found["sliding_speed"].tolist() == [0.6, 1.0]
@@ -245,22 +226,22 @@ def test_compare_joins_prediction_and_motion(there, monkeypatch, capsys, swapped
         ("results", "results/belt", "no manifest.json"),
     ],
 )
-def test_compare_of_the_wrong_directories(there, monkeypatch, capsys, first, second, told):
-    assert command(monkeypatch, "compare", first, second) == 2
+def test_compare_of_the_wrong_directories(there, capsys, first, second, told):
+    assert command("compare", first, second) == 2
     assert told in one_line(capsys.readouterr())
 
 
-def test_plot_draws_elsewhere(there, tmp_path, monkeypatch):
-    assert command(monkeypatch, "plot", "results/belt", "--output", str(tmp_path / "p")) == 0
+def test_plot_draws_elsewhere(there, tmp_path):
+    assert command("plot", "results/belt", "--output", str(tmp_path / "p")) == 0
     drawn = {p.stem for p in (tmp_path / "p").glob("*.png")}
     assert {"growth_comparison", "levels_sliding_speed", "torque_history_1"} <= drawn
     assert {"modal_energies_3", "spectrogram_3"} <= drawn
 
 
 # -- check ---------------------------------------------------------------------------------------
-def test_check_counts_and_writes_nothing(study, tmp_path, monkeypatch, capsys):
+def test_check_counts_and_writes_nothing(study, tmp_path, capsys):
     name = study()
-    assert command(monkeypatch, "check", name, "--jobs", "1") == 0
+    assert command("check", name, "--jobs", "1") == 0
     screen = capsys.readouterr()
     assert "3 points, 3 of them not yet in" in screen.out
     assert "an exact point takes" in screen.out
@@ -268,9 +249,9 @@ def test_check_counts_and_writes_nothing(study, tmp_path, monkeypatch, capsys):
     assert files_below(tmp_path) == {name}
 
 
-def test_check_warns_of_friction_too_stiff_for_the_step(study, monkeypatch, capsys):
+def test_check_warns_of_friction_too_stiff_for_the_step(study, capsys):
     name = study(("[[sweep]]", "[parameters]\ncontact.kt = 1e14\n\n[[sweep]]"))
-    assert command(monkeypatch, "check", name, "--jobs", "1") == 0
+    assert command("check", name, "--jobs", "1") == 0
     told = " ".join(capsys.readouterr().err.split())
     assert "friction is too stiff for the step" in told
     step = float(re.search(r"a step of (\S+) s or", told).group(1))
@@ -279,14 +260,14 @@ def test_check_warns_of_friction_too_stiff_for_the_step(study, monkeypatch, caps
     assert 0 < slope < 1e14
 
 
-def test_check_warns_of_growth_above_the_band(study, monkeypatch, capsys):
+def test_check_warns_of_growth_above_the_band(study, capsys):
     name = study(
         ("[10.0, 1000.0]", "[10.0, 80.0]"),
         ("sliding_speed", "friction"),
         ("[0.6, 1.0, 1.3]", "[0.1, 0.5]"),
         text=HULTEN,
     )
-    assert command(monkeypatch, "check", name, "--jobs", "1") == 0
+    assert command("check", name, "--jobs", "1") == 0
     told = " ".join(capsys.readouterr().err.split())
     assert "a mode above the band of 80 Hz is unstable too" in told
 
@@ -323,10 +304,10 @@ BAD = [
 
 @pytest.mark.parametrize(("old", "new", "line", "key", "expected"), BAD)
 def test_a_bad_study_is_one_message_and_leaves_nothing(
-    study, tmp_path, monkeypatch, capsys, old, new, line, key, expected
+    study, tmp_path, capsys, old, new, line, key, expected
 ):
     name = study((old, new))
-    assert command(monkeypatch, "run", name, "--jobs", "1") == 2
+    assert command("run", name, "--jobs", "1") == 2
     told = one_line(capsys.readouterr())
     assert told.startswith(f"squealstudy: {name}, line {line}")
     assert key in told
@@ -340,7 +321,7 @@ def continued(home: Path, point: str = "") -> tuple[str, str]:
     return "save_every = 5\n", more + (f'start_point = "{point}"\n' if point else "")
 
 
-def test_a_continued_run_goes_on_where_the_other_ended(home, study, monkeypatch):
+def test_a_continued_run_goes_on_where_the_other_ended(home, study):
     points = pd.read_parquet(home[0] / "results/belt/points.parquet")
     first = points.iloc[0]
     name = study(
@@ -349,7 +330,7 @@ def test_a_continued_run_goes_on_where_the_other_ended(home, study, monkeypatch)
         ("values = [0.6, 1.0, 1.3]", "values = [0.6]"),
         ('name = "belt"\nkind', 'name = "more"\nkind'),
     )
-    assert command(monkeypatch, "run", name, "--jobs", "1", "--no-pictures") == 0
+    assert command("run", name, "--jobs", "1", "--no-pictures") == 0
     more = pd.read_parquet("results/more/points.parquet").iloc[0]
     assert more["perturbation"] == 0.0
     assert more["class"] == "limit_cycle"
@@ -370,34 +351,34 @@ def test_a_continued_run_goes_on_where_the_other_ended(home, study, monkeypatch)
         ("first", ("[[sweep]]", "[parameters]\nmass = 2.0\n\n[[sweep]]"), "of another model"),
     ],
 )
-def test_a_start_that_does_not_fit(home, study, monkeypatch, capsys, tmp_path, point, change, told):
+def test_a_start_that_does_not_fit(home, study, capsys, tmp_path, point, change, told):
     ids = pd.read_parquet(home[0] / "results/belt/points.parquet")["point_id"]
     chosen = str(ids.iloc[0]) if point == "first" else point
     name = study(continued(home[0], chosen), *([change] if change else []))
-    assert command(monkeypatch, "run", name, "--jobs", "1") == 2
+    assert command("run", name, "--jobs", "1") == 2
     assert told in one_line(capsys.readouterr())
     assert files_below(tmp_path) == {name}
 
 
-def test_a_start_from_complex_modes(home, study, monkeypatch, capsys):
+def test_a_start_from_complex_modes(home, study, capsys):
     old, new = continued(home[0])
     name = study((old, new.replace("results/belt", "results/modes")))
-    assert command(monkeypatch, "check", name) == 2
+    assert command("check", name) == 2
     assert "complex_modes study, which has no final state" in one_line(capsys.readouterr())
 
 
 # -- little is kept, nothing moves -----------------------------------------------------------------
-def test_a_run_without_histories_keeps_its_summary(study, monkeypatch, capsys):
+def test_a_run_without_histories_keeps_its_summary(study, capsys):
     name = study(("save_every = 5", "save_every = 0"), ("duration = 0.5", "duration = 0.2"))
-    assert command(monkeypatch, "run", name, "--jobs", "1") == 0
+    assert command("run", name, "--jobs", "1") == 0
     assert "torque_history" not in capsys.readouterr().out
     assert not Path("results/belt/histories").exists()
     assert pd.read_parquet("results/belt/points.parquet")["torque_rms"].notna().all()
 
 
-def test_without_a_perturbation_nothing_moves(study, monkeypatch):
+def test_without_a_perturbation_nothing_moves(study):
     name = study(("perturbation = 1e-3", "perturbation = 0.0"), ("[0.6, 1.0, 1.3]", "[1.3]"))
-    assert command(monkeypatch, "run", name, "--jobs", "1", "--no-pictures") == 0
+    assert command("run", name, "--jobs", "1", "--no-pictures") == 0
     point = pd.read_parquet("results/belt/points.parquet").iloc[0]
     assert (point["status"], point["class"], point["perturbation"]) == ("ok", "stable", 0.0)
     assert point["torque_rms"] == 0.0

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_results import made
+from made_results import drawn, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
@@ -84,13 +84,6 @@ def growth_comparison(growth, points):
 def levels(points, modes, along=None, fixed=None, units=None):
     results = made("transient", units=units, points=points, modes=modes, growth=GROWTH)
     return results.plot.levels(along=along, fixed=fixed)
-
-
-def drawn(figure):
-    """Render as a file would be; all texts that show."""
-    FigureCanvasAgg(figure)
-    figure.draw_without_rendering()
-    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
 def said(figure):

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.signal
+from study_runs import plan_of, solved
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
@@ -17,7 +18,6 @@ from squealstudy.engine.store import HISTORIES, STATES
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.transient.batch import sampling, training_path
 from squealstudy.kinds.transient.section import TransientSection
-from squealstudy.study.definition import parse_study
 
 BELT = """
 [study]
@@ -39,10 +39,6 @@ save_every = {save_every}
 """
 
 
-def plan_of(text: str) -> Plan:
-    return Plan(parse_study(text, Path("study.toml")))
-
-
 def belt(duration=0.5, save_every=20, more="") -> Plan:
     return plan_of(BELT.format(duration=duration, save_every=save_every, more=more))
 
@@ -50,8 +46,7 @@ def belt(duration=0.5, save_every=20, more="") -> Plan:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     directory = tmp_path_factory.mktemp("belt") / "belt"
-    run_study(belt(), directory, jobs=2)
-    return Results.open(directory)
+    return solved(belt(), directory, jobs=2)
 
 
 # -- bad input -----------------------------------------------------------------------------------
@@ -197,8 +192,7 @@ def test_nothing_is_kept_where_nothing_is_asked_for(tmp_path, finished):
 
 
 def test_tables_do_not_depend_on_batches_or_workers(tmp_path, finished):
-    run_study(belt(more="batch = 2"), tmp_path / "belt", jobs=1)
-    points = Results.open(tmp_path / "belt").points
+    points = solved(belt(more="batch = 2"), tmp_path / "belt").points
     assert points["point_id"].tolist() == finished.points["point_id"].tolist()
     for name in points.select_dtypes("number").columns.drop("wall_s"):
         np.testing.assert_allclose(points[name], finished.points[name], rtol=1e-6, err_msg=name)
@@ -280,8 +274,7 @@ def test_start_of_a_complex_mode_study(tmp_path):
 def test_no_perturbation_at_a_stable_point(tmp_path):
     """Allowed, and reported: nothing moves."""
     text = BELT.format(duration=0.1, save_every=20, more="").replace("1e-5", "0.0")
-    run_study(plan_of(text.replace("0.5, 0.9, 1.1, ", "")), tmp_path / "belt", jobs=1)
-    points = Results.open(tmp_path / "belt").points
+    points = solved(plan_of(text.replace("0.5, 0.9, 1.1, ", "")), tmp_path / "belt").points
     assert (points["class"] == "stable").all()
     assert (points["perturbation"] == 0.0).all()
     assert points["growth_rate"].isna().all()
@@ -293,8 +286,7 @@ def test_a_failed_point_is_a_row_and_the_others_go_on(tmp_path):
     text = text.replace(
         "[modes]", '[[sweep]]\nparameter = "contact.kt"\nvalues = [0, 1e3]\n[modes]'
     )
-    run_study(plan_of(text), tmp_path / "belt", jobs=1)
-    points = Results.open(tmp_path / "belt").points
+    points = solved(text, tmp_path / "belt").points
     soft = points["contact.kt"] == 1e3
     assert (points.loc[~soft, "status"] == "ok").all()
     assert (points.loc[soft, "status"] == "parameter").all()

@@ -9,15 +9,14 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from study_runs import plan_of
 
-import squealstudy
 from squealstudy.cli import app as cli
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.validity import open_reason, parameter_reasons, with_validity
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
-from squealstudy.study.definition import parse_study
 from squealstudy.tables.validity import validity_counts
 
 STUDY = """
@@ -48,13 +47,12 @@ def text_of(model: str, more: str, kind: str = "complex_modes") -> str:
     return STUDY.format(kind=kind, model=model, more=more)
 
 
-def plan_of(model: str, more: str, kind: str = "complex_modes") -> Plan:
-    return Plan(parse_study(text_of(model, more, kind), Path("study.toml")))
+def planned(model: str, more: str, kind: str = "complex_modes") -> Plan:
+    return plan_of(text_of(model, more, kind))
 
 
 def solved(tmp_path: Path, *args: str) -> pd.DataFrame:
-    run_study(plan_of(*args), tmp_path / "r", jobs=1)
-    return squealstudy.open_results(tmp_path / "r").points
+    return solved(planned(*args), tmp_path / "r").points
 
 
 # -- inputs that no physics allows
@@ -80,7 +78,7 @@ def test_what_no_physics_allows_is_an_error_at_its_key(model, name, value, expec
     if swept:
         more = f'[[sweep]]\nparameter = "{name}"\nvalues = [{value}]'
     with pytest.raises(StudyFileError) as error:
-        plan_of(model, more)
+        planned(model, more)
     message = str(error.value)
     assert message.startswith("study.toml, line ")
     assert name in message
@@ -94,12 +92,12 @@ def test_parameters_with_units_have_no_bound_but_zero():
             if p.unit not in ("", "deg"):
                 assert np.isinf([p.maximum, p.below]).all(), p.name
                 assert p.minimum in (0.0, -np.inf), p.name
-    assert plan_of("hulten", "[parameters]\nstiffness_damping = 1e6").designs
+    assert planned("hulten", "[parameters]\nstiffness_damping = 1e6").designs
 
 
 def test_materials_that_contract_or_swell_sideways_are_allowed():
-    assert plan_of("disc_brake", '[parameters]\n"disc.poisson_ratio" = -0.2').designs
-    assert plan_of("disc_brake", '[parameters]\n"pad.lining_poisson_ratio_z" = 0').designs
+    assert planned("disc_brake", '[parameters]\n"disc.poisson_ratio" = -0.2').designs
+    assert planned("disc_brake", '[parameters]\n"pad.lining_poisson_ratio_z" = 0').designs
 
 
 # -- points outside
@@ -121,12 +119,12 @@ def test_friction_above_one_is_outside_hultens_model(tmp_path):
 def test_hultens_bound_is_that_of_the_friction_at_its_sliding_speed():
     """1.0 itself unloads one contact; friction that has fallen with speed counts as it is."""
     law = '[parameters]\nfriction = 0.6\n"friction_law.static_ratio" = 2.0\nsliding_speed = {}'
-    at_rest, fast = (parameter_reasons(plan_of("hulten", law.format(v))) for v in (1e-3, 5.0))
+    at_rest, fast = (parameter_reasons(planned("hulten", law.format(v))) for v in (1e-3, 5.0))
     assert at_rest == [["both contacts press only for friction below 1: 1.199"]]
     assert fast == [[]]
-    assert parameter_reasons(plan_of("hulten", "[parameters]\nfriction = 1.0"))[0]
-    assert parameter_reasons(plan_of("hoffmann", "[parameters]\nfriction = 1.2")) == [[]]
-    dry = parameter_reasons(plan_of("hoffmann", "[parameters]\nfriction = 2.5"))[0]
+    assert parameter_reasons(planned("hulten", "[parameters]\nfriction = 1.0"))[0]
+    assert parameter_reasons(planned("hoffmann", "[parameters]\nfriction = 1.2")) == [[]]
+    dry = parameter_reasons(planned("hoffmann", "[parameters]\nfriction = 2.5"))[0]
     assert dry == ["static friction of dry contacts is at most 2: 2.5"]
 
 
@@ -157,12 +155,12 @@ def test_critical_damping_is_where_the_highest_mode_of_the_band_has_it(tmp_path,
     ],
 )
 def test_dubious_parameters_of_the_brake(name, value, rule):
-    found = parameter_reasons(plan_of("disc_brake", f'[parameters]\n"{name}" = {value}'))
+    found = parameter_reasons(planned("disc_brake", f'[parameters]\n"{name}" = {value}'))
     assert found == [[rule] if rule else []]
 
 
 def test_a_contact_mostly_open_and_points_that_failed():
-    plan = plan_of("disc_brake", FRICTION)
+    plan = planned("disc_brake", FRICTION)
     table = pd.DataFrame({"status": ["ok", "inaccurate", "working_point"]})
     found = with_validity(plan, table.assign(open_share=[0.5, 0.51, np.nan]))
     assert found["valid"].tolist() == [True, False, pd.NA]
@@ -175,7 +173,7 @@ def test_a_contact_mostly_open_and_points_that_failed():
 
 
 def test_in_time_a_bilateral_contact_that_pulls_and_a_far_kick():
-    plan = plan_of("hoffmann", "[parameters]\nsliding_speed = 0.08" + FRICTION + TIME, "transient")
+    plan = planned("hoffmann", "[parameters]\nsliding_speed = 0.08" + FRICTION + TIME, "transient")
     table = pd.DataFrame({"status": "ok", "class": "limit_cycle"}, index=range(3))
     table = table.assign(open_share=0.1, open_share_max=[0.0, 1.0, 0.0])
     table = table.assign(perturbation=[0.1, 0.1, 1.0], invalid_reason=["", "", "a step: long"])
@@ -214,7 +212,7 @@ def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
         "1 of 3 points will be outside: 1 break 'both contacts press only for friction below 1'"
     )
     assert wanted in said
-    run_study(plan_of("hulten", FRICTION), tmp_path / "r", jobs=1)
+    run_study(planned("hulten", FRICTION), tmp_path / "r", jobs=1)
     cli.rank(tmp_path / "r")
     said = " ".join(capsys.readouterr().out.split())
     assert "1 of 3 solved design points are outside validity: 1 break 'both contacts" in said
@@ -227,7 +225,7 @@ def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
 def test_robust_says_it_too(tmp_path, capsys):
     more = '[design]\ntype = "sobol"\nsamples = 16\n[[sweep]]\nparameter = "friction"\n'
     more += "start = 0.5\nstop = 1.5"
-    run_study(plan_of("hulten", more), tmp_path / "r", jobs=1)
+    run_study(planned("hulten", more), tmp_path / "r", jobs=1)
     cli.robust(tmp_path / "r")
     said = " ".join(capsys.readouterr().out.split())
     assert "8 break 'both contacts press only for friction below 1'" in said

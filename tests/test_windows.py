@@ -15,6 +15,7 @@ from synthetic import (
     in_order,
     matched,
     random_brake,
+    random_points,
     solved,
     whole_box,
 )
@@ -32,10 +33,6 @@ from squealstudy.modes.rungs.windows import Windows
 def line(count, ends=1.0):
     """Points (count, 1) over [-ends, ends]."""
     return np.linspace(-ends, ends, count)[:, None]
-
-
-def random_points(count, dimension, seed=0):
-    return np.random.default_rng(seed).uniform(-1, 1, (count, dimension))
 
 
 def audited(problem, theta, tolerance, box=None):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import NOMINAL
+from synthetic import random_points
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law
@@ -38,10 +39,6 @@ def with_components(theta):
     operating = replace(NOMINAL, friction=0.35 + 0.35 * theta[0])
     scale = {ENERGETIC: 1 + 0.5 * theta[1], ("disc", 8): 1 - 0.5 * theta[1]}
     return DesignState(operating, scale)
-
-
-def random_points(count, dimension, seed=0):
-    return np.random.default_rng(seed).uniform(-1, 1, (count, dimension))
 
 
 def own_residual(problem, state, point):
