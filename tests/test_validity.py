@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from study_runs import plan_of
+from study_runs import plan_of, solved
 
 from squealstudy.cli import app as cli
 from squealstudy.engine.plan import Plan
@@ -51,7 +51,7 @@ def planned(model: str, more: str, kind: str = "complex_modes") -> Plan:
     return plan_of(text_of(model, more, kind))
 
 
-def solved(tmp_path: Path, *args: str) -> pd.DataFrame:
+def points_of(tmp_path: Path, *args: str) -> pd.DataFrame:
     return solved(planned(*args), tmp_path / "r").points
 
 
@@ -104,7 +104,7 @@ def test_materials_that_contract_or_swell_sideways_are_allowed():
 
 
 def test_friction_above_one_is_outside_hultens_model(tmp_path):
-    points = solved(tmp_path, "hulten", FRICTION)
+    points = points_of(tmp_path, "hulten", FRICTION)
     assert (points["status"] == "ok").all()
     assert points["valid"].dtype == "boolean"
     assert points["valid"].tolist() == [True, True, False]
@@ -130,7 +130,7 @@ def test_hultens_bound_is_that_of_the_friction_at_its_sliding_speed():
 
 def test_overdamped_modes_are_no_quiet_design(tmp_path):
     """beta = 1 s is a damping ratio of pi f = 314 at 100 Hz: nothing oscillates."""
-    points = solved(tmp_path, "hulten", "[parameters]\nstiffness_damping = 1.0")
+    points = points_of(tmp_path, "hulten", "[parameters]\nstiffness_damping = 1.0")
     assert points["n_modes"].fillna(0).tolist() == [0]
     assert points["valid"].tolist() == [False]
     reason = "modes of the band are damped below critical, damping ratio: 314.2"
@@ -139,7 +139,7 @@ def test_overdamped_modes_are_no_quiet_design(tmp_path):
 
 @pytest.mark.parametrize(("beta", "valid"), [(3.1e-3, True), (3.2e-3, False)])
 def test_critical_damping_is_where_the_highest_mode_of_the_band_has_it(tmp_path, beta, valid):
-    points = solved(tmp_path, "hulten", f"[parameters]\nstiffness_damping = {beta}")
+    points = points_of(tmp_path, "hulten", f"[parameters]\nstiffness_damping = {beta}")
     assert points["valid"].tolist() == [valid]  # pi beta 100 Hz = 1 at 3.183e-3 s
 
 
@@ -196,7 +196,7 @@ def test_matrices_have_no_contact_to_judge(tmp_path):
         f'[[model.term]]\nmatrix = "{name.upper()}"\nfile = "{tmp_path / name}.mtx"\n'
         for name in ("m", "k")
     )
-    points = solved(tmp_path, "matrices", terms)
+    points = points_of(tmp_path, "matrices", terms)
     assert points["valid"].tolist() == [True]
 
 
