@@ -16,7 +16,7 @@ from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study, parse_study
 from squealstudy.study.distributions import Distribution
 from squealstudy.study.sampling import count_points, design_points
-from squealstudy.tables.robust.saltelli import base_rows, grouped, is_saltelli, saltelli_rows
+from squealstudy.tables.sobol import base_rows, grouped, is_saltelli, saltelli_rows
 
 U = np.linspace(0.001, 0.999, 41)
 HEAD = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "disc_brake"\n'

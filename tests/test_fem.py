@@ -12,9 +12,8 @@ from skfem import MeshHex, MeshHex2
 from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.fem.grid import Block, Interval, cylindrical_mesh, graded_lines
-from squealstudy.models.fem.material import Isotropic, TransverselyIsotropic
 from squealstudy.models.fem.sampling import facing_surface, sample_surface
-from squealstudy.models.fem.solid import assemble_solid
+from squealstudy.models.fem.solid import Isotropic, TransverselyIsotropic, assemble_solid
 
 STEEL = Isotropic(210e9, 0.3, 7800.0)
 TURN = (0.0, 2 * np.pi)

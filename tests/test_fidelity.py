@@ -31,7 +31,7 @@ from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pil
 from squealstudy.kinds.complex_modes.measuring import _solved
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
-from squealstudy.tables.finding_errors import FoundError, Miscount
+from squealstudy.tables.method_quality import FoundError, Miscount
 
 BELT = """
 [study]

@@ -6,12 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.tables.finding_errors import (
+from squealstudy.tables.method_quality import (
+    at_tolerances,
+    on_front,
     onset_errors,
     root_errors,
     run_errors,
 )
-from squealstudy.tables.fronts import at_tolerances, on_front
 
 TRUE = [-3.0 + 1000j, 20.0 + 2000j, -900.0 + 3000j]
 

@@ -204,13 +204,12 @@ def family_of(*terms: tuple[int, sp.spmatrix, str]) -> MatrixFamily:
     )
 
 
-def test_weights_and_matrices_and_their_derivatives():
+def test_weights_and_matrices():
     A, B, D = (random_matrix(seed=s) for s in range(3))
     family = family_of((2, A, "1"), (1, B, "x*y"), (0, D, "x**2"), (0, A, "1/y"))
     at = {"x": 3.0, "y": 2.0}
     assert family.names == ("x", "y")
     assert family.weights(at) == (1.0, 6.0, 9.0, 0.5)
-    assert family.weight_derivatives(at, "y") == (0.0, 3.0, 0.0, -0.25)
     M, C, K = (X.toarray() for X in family.matrices(at))
     np.testing.assert_allclose(M, A.toarray())
     np.testing.assert_allclose(C, 6 * B.toarray())

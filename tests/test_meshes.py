@@ -15,9 +15,14 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.catalogue.disc_brake.density import COARSE, DENSITIES, FINE, MEDIUM
 from squealstudy.models.catalogue.disc_brake.parameters import ASCENDING
-from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.solids import (
+    COARSE,
+    DENSITIES,
+    FINE,
+    MEDIUM,
+    BrakeMesher,
+)
 from squealstudy.models.fem.grid import cylindrical_mesh
 from squealstudy.models.fem.sampling import shape_functions
 from squealstudy.models.fem.solid import FULL

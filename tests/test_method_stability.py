@@ -15,7 +15,7 @@ from squealstudy.cli.app import app
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.study.definition import load_plan
-from squealstudy.tables.agreement import agreement
+from squealstudy.tables.method_quality import agreement
 
 SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))
 CAUTIOUS = ("tracking_step",)  # the prediction is where labels may go wrong, not where they do

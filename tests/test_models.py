@@ -13,12 +13,16 @@ from conftest import benchmark, build_model
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.models.assembly import Assembly, expand_rows
+from squealstudy.models.assembly import (
+    Assembly,
+    Component,
+    ContactInterface,
+    SpringInterface,
+    expand_rows,
+)
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.component import Component
-from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.operating import OperatingPoint
-from squealstudy.models.surface import Surface
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness

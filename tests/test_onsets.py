@@ -22,7 +22,7 @@ from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.stability_boundary import stability_boundary
-from squealstudy.tables.crossings import line_crossings
+from squealstudy.tables.stability import line_crossings
 
 HZ = 2 * np.pi
 STUDY = """

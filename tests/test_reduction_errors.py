@@ -22,9 +22,7 @@ from squealstudy.kinds.complex_modes.reduction import CARRIED, Sample, carried
 from squealstudy.kinds.complex_modes.rows import uncertain_roots
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
-from squealstudy.models.assembly import Assembly
-from squealstudy.models.component import Component
-from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes import point as point_module
 from squealstudy.modes.full_order import finer_model

@@ -20,9 +20,8 @@ from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.tables.mode_ranking import rank_modes
-from squealstudy.tables.robust.probability import probability_interval, robust_table
-from squealstudy.tables.robust.saltelli import saltelli_rows
-from squealstudy.tables.robust.sobol_table import saltelli_estimate, sobol_table
+from squealstudy.tables.robustness import probability_interval, robust_table
+from squealstudy.tables.sobol import saltelli_estimate, saltelli_rows, sobol_table
 
 NAMES = ("x1", "x2", "x3")
 

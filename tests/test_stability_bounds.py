@@ -12,7 +12,7 @@ from test_robust import tables
 from squealstudy import screen
 from squealstudy.kinds.complex_modes import screen as modes_screen
 from squealstudy.tables.mode_ranking import rank_modes
-from squealstudy.tables.robust.probability import robust_table
+from squealstudy.tables.robustness import robust_table
 from squealstudy.tables.stability import is_uncertain
 
 

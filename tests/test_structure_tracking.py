@@ -10,11 +10,9 @@ from study_runs import plan_of, solved
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
-from squealstudy.models.assembly import Assembly
-from squealstudy.models.catalogue.disc_brake.density import COARSE, MEDIUM
-from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
-from squealstudy.models.component import Component
-from squealstudy.models.fem.correspondence import corresponding_rows
+from squealstudy.models.assembly import Assembly, Component
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, MEDIUM, BrakeMesher
+from squealstudy.models.fem.sampling import corresponding_rows
 from squealstudy.models.minimal_parts import bilateral_points
 from squealstudy.models.operating import (
     DAMPING,

@@ -8,8 +8,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.face import Model
-from squealstudy.models.matrices.expression import CONSTANTS
-from squealstudy.models.matrices.expression_tree import FUNCTIONS
+from squealstudy.models.matrices.expression import CONSTANTS, FUNCTIONS
 from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import grid
 from squealstudy.wording import in_digits

@@ -387,7 +387,7 @@ class Results:
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.
 
-        The points of a random design count as draws (tables.robust.probability.robust_table);
+        The points of a random design count as draws (tables.robustness.robust_table);
         of a sobol_indices design its two independent samples alone.
 
         Raises
@@ -401,8 +401,8 @@ class Results:
                 f"design ({', '.join(RANDOM_DESIGNS)}), this is {self.kind} of a {self.design} "
                 "design"
             )
-        from squealstudy.tables.robust.probability import robust_table
-        from squealstudy.tables.robust.saltelli import base_rows
+        from squealstudy.tables.robustness import robust_table
+        from squealstudy.tables.sobol import base_rows
 
         n, d = len(self.points), len(self.swept)
         drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
@@ -411,7 +411,7 @@ class Results:
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
 
-        See tables.robust.sobol_table.sobol_table.
+        See tables.sobol.sobol_table.
 
         Raises
         ------
@@ -423,7 +423,7 @@ class Results:
                 f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
                 f"this is {self.design}"
             )
-        from squealstudy.tables.robust.sobol_table import sobol_table
+        from squealstudy.tables.sobol import sobol_table
 
         found = sobol_table(self.points, self.modes, self.swept, top, confidence)
         return self._give_units(found, {})

@@ -17,7 +17,7 @@ from squealstudy.study.definition import Study
 from squealstudy.study.sections import FidelitySection
 from squealstudy.study.source import SourceText, parse_toml
 from squealstudy.study.variants import BaseStudy
-from squealstudy.tables.finding_errors import (
+from squealstudy.tables.method_quality import (
     FoundError,
     Miscount,
 )

@@ -1,17 +1,188 @@
-"""An assembly: disjoint components, the interfaces between them, and loads (THEORY.md eq. (23))."""
+"""An assembly: disjoint components, the interfaces between them, and loads (THEORY.md eq. (23)).
+
+Interfaces are observation matrices and point weights, never only assembled matrices: stiffness,
+pressure, friction and law so stay parameters (THEORY.md eq. (1), (2)).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.component import Component
-from squealstudy.models.interface import ContactInterface, SpringInterface
+from squealstudy.laws import ContactLaw
+
+
+@dataclass(frozen=True)
+class Component:
+    """One elastic (or rigid) body of an assembly.
+
+    Attributes
+    ----------
+    name : str
+        Used in parameter names and in the columns ``energy_<name>``.
+    M, K : csr_matrix (n, n)
+        Mass [kg], positive definite, and elastic stiffness [N/m], positive semi-definite.
+    coordinates : ndarray (n_nodes, 3)
+        Node coordinates, m; n = 3 n_nodes where there are any, empty for minimal models.
+    surfaces : dict of name -> ndarray
+        Node numbers of named surfaces, for plots and selections.
+    correspondence : csr_matrix (s, n) or None
+        Rows that observe the same places of the component whatever the values of the model's
+        parameters, weighted by the square root of the mass that each stands for: mode shapes of
+        two structures are compared there. None: the degrees of freedom themselves.
+
+    Raises
+    ------
+    ModelError
+        Wrong shapes, non-finite values, asymmetry, a diagonal that rules out definiteness.
+    """
+
+    name: str
+    M: sp.csr_matrix
+    K: sp.csr_matrix
+    coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    surfaces: dict[str, np.ndarray] = field(default_factory=dict)
+    correspondence: sp.csr_matrix | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise ModelError(f"component name '{self.name}' must be an identifier")
+        for label, A in (("mass", self.M), ("stiffness", self.K)):
+            check_symmetric(f"component '{self.name}': {label} matrix", A, self.n_dof)
+        if (self.M.diagonal() <= 0).any():
+            raise ModelError(f"component '{self.name}': mass matrix is not positive definite")
+        if (self.K.diagonal() < 0).any():
+            raise ModelError(f"component '{self.name}': stiffness is not positive semi-definite")
+        if self.correspondence is not None and self.correspondence.shape[1] != self.n_dof:
+            raise ModelError(
+                f"component '{self.name}': its correspondence does not have {self.n_dof} columns"
+            )
+        if len(self.coordinates) and 3 * len(self.coordinates) != self.n_dof:
+            raise ModelError(
+                f"component '{self.name}': {len(self.coordinates)} nodes do not match "
+                f"{self.n_dof} degrees of freedom"
+            )
+
+    @property
+    def n_dof(self) -> int:
+        """Number of degrees of freedom."""
+        return int(self.M.shape[0])
+
+    @property
+    def seen(self) -> sp.csr_matrix:
+        """The rows of `correspondence`, whether given or not."""
+        if self.correspondence is not None:
+            return self.correspondence
+        return sp.diags(np.sqrt(self.M.diagonal())).tocsr()
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg], from a unit translation along x (3-D components)."""
+        t = np.zeros(self.n_dof)
+        t[::3] = 1.0
+        return float(t @ (self.M @ t))
+
+
+def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
+    """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
+    if A.shape != (n, n):
+        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
+    if not np.isfinite(A.data).all():
+        raise ModelError(f"{what} has values that are not finite")
+    skew = abs(A - A.T)
+    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
+        raise ModelError(f"{what} is not symmetric")
+
+
+@dataclass(frozen=True)
+class ContactInterface:
+    """Contact points with friction; degrees of freedom are those of the whole assembly.
+
+    Attributes
+    ----------
+    N : csr_matrix (n_points, n_dof)
+        Gap g = gap0 + N q, positive when open.
+    T : csr_matrix (n_points, n_dof)
+        Relative displacement of the sliding body under the other, along the sliding direction.
+    T_perp : csr_matrix (n_points, n_dof)
+        The same across the sliding direction (both in the contact plane).
+    area : ndarray (n_points,)
+        m2, positive.
+    gap0 : ndarray (n_points,)
+        Initial gap, m.
+    radius : ndarray (n_points,)
+        Arm of the friction force about the axis of rotation, m.
+    law : ContactLaw
+        Default law.
+    frictional : ndarray (n_points,)
+        Factor on the friction coefficient: 1, or 0 for contact without friction.
+    """
+
+    N: sp.csr_matrix
+    T: sp.csr_matrix
+    T_perp: sp.csr_matrix
+    area: np.ndarray
+    gap0: np.ndarray
+    radius: np.ndarray
+    law: ContactLaw
+    frictional: np.ndarray
+
+    def __post_init__(self) -> None:
+        n = self.n_points
+        for name in ("area", "gap0", "radius", "frictional"):
+            value = getattr(self, name)
+            if value.shape != (n,) or not np.isfinite(value).all():
+                raise ModelError(f"contact interface: '{name}' needs {n} finite values")
+        for name in ("N", "T", "T_perp"):
+            if getattr(self, name).shape != self.N.shape:
+                raise ModelError(f"contact interface: '{name}' differs in shape from N")
+            if not np.isfinite(getattr(self, name).data).all():
+                raise ModelError(f"contact interface: '{name}' has values that are not finite")
+        if not (self.area > 0).all():
+            raise ModelError("contact interface: every area must be positive")
+
+    @property
+    def n_points(self) -> int:
+        """Number of contact points."""
+        return int(self.N.shape[0])
+
+
+@dataclass(frozen=True)
+class SpringInterface:
+    """Linear springs, tied layers and points to ground: force = -B^T diag(stiffness) B q.
+
+    Attributes
+    ----------
+    name : str
+        For messages and tables.
+    B : csr_matrix (n_springs, n_dof)
+        Elongations from the assembly's degrees of freedom.
+    stiffness : ndarray (n_springs,)
+        N/m (stiffness per area times area for layers), not negative.
+    in_static : bool
+        False for a spring that is there in vibration only: the piston, whose hydraulic force pair
+        it would absorb in the static solve.
+    """
+
+    name: str
+    B: sp.csr_matrix
+    stiffness: np.ndarray
+    in_static: bool = True
+
+    def __post_init__(self) -> None:
+        if self.stiffness.shape != (self.B.shape[0],):
+            raise ModelError(f"interface '{self.name}': one stiffness a row of B is needed")
+        if not (np.isfinite(self.stiffness).all() and (self.stiffness >= 0).all()):
+            raise ModelError(f"interface '{self.name}': stiffness must be finite, not negative")
+
+    def matrix(self) -> sp.csr_matrix:
+        """Assembled stiffness (n_dof, n_dof), N/m."""
+        return (self.B.T @ sp.diags(self.stiffness) @ self.B).tocsr()
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ import scipy.sparse as sp
 
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
-from squealstudy.models.component import Component
-from squealstudy.models.interface import ContactInterface
+from squealstudy.models.assembly import Component, ContactInterface
 
 ARM = 1.0  # m: the torque of a minimal model is its friction force
 LAW = contact_law("bilateral")  # the areas of the points carry their stiffness

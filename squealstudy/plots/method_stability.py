@@ -32,7 +32,7 @@ from squealstudy.plots.style import (
     set_scales,
     set_ticks,
 )
-from squealstudy.tables.agreement import WORKS
+from squealstudy.tables.method_quality import WORKS
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.plots.plane import StudyPlane
-from squealstudy.tables.crossings import INTO
 from squealstudy.tables.mode_ranking import CUBIC, REFINED
+from squealstudy.tables.stability import INTO
 
 ROUNDING = 1e-9  # of the growing mode's damping ratio: below it a stable point has no damping
 Edge = tuple[int, int]  # of the plane's design points: first the stable, then the unstable one

@@ -23,7 +23,7 @@ from squealstudy.plots.style import (
     legend_below,
     new_figure,
 )
-from squealstudy.tables.fronts import cost_of, on_front, usable
+from squealstudy.tables.method_quality import cost_of, on_front, usable
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results

@@ -72,7 +72,7 @@ class ReducedModel:
     K_springs : ndarray (n, n)
         Linear interfaces, symmetric.
     N, T, T_perp : ndarray (nc, n)
-        Contact observation (models.interface.ContactInterface).
+        Contact observation (models.assembly.ContactInterface).
     area, frictional, radius : ndarray (nc,)
     damped_to : float
         Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond

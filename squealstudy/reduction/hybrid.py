@@ -61,7 +61,7 @@ class HybridModel:
     M, K : csr_matrix (n, n)
         Symmetric; K holds the contact tangent of the reference, N^T diag(k_ref) N.
     N, T, T_perp : csr_matrix (nc, n)
-        Contact observation (models.interface.ContactInterface).
+        Contact observation (models.assembly.ContactInterface).
     area, frictional, radius, gap, k_ref : ndarray (nc,)
         gap [m] and contact tangent [N/m] are those of the reference.
     force : ndarray (nc, 3)

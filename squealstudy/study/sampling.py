@@ -11,7 +11,6 @@ from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
 from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import SOBOL_INDICES, beyond
-from squealstudy.tables.robust.saltelli import saltelli_rows
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
 
@@ -91,6 +90,8 @@ def _unit_points(study: Study) -> np.ndarray:
         design.type == SOBOL_INDICES
     ):  # one sequence of twice the dimension: its halves are independent
         both = np.asarray(qmc.Sobol(2 * d, scramble=True, seed=rng).random_base2(bits))
+        from squealstudy.tables.sobol import saltelli_rows  # imports pandas, which is slow
+
         return saltelli_rows(both[:, :d], both[:, d:])
     # a power of two is drawn, and its beginning taken: the sequence is the same
     sobol = qmc.Sobol(d, scramble=True, seed=rng)

@@ -128,7 +128,7 @@ class ContactStructure:
     springs : matrix (n, n) or None
         None where there are none, or where `elastic` holds them.
     N, T, T_perp : matrix (nc, n)
-        Contact observation (models.interface.ContactInterface).
+        Contact observation (models.assembly.ContactInterface).
     area, frictional : ndarray (nc,)
     frequencies : mapping of (component, mode) -> float
         Component modes that a design point may change or damp, rad/s.

@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.crossings import (
+from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
     CROSSING,
     INTO,
     line_crossings,
+    unstable_bounds,
 )
-from squealstudy.tables.stability import unstable_bounds
 from squealstudy.wording import in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters

@@ -1,4 +1,4 @@
-"""What a mode is within its error: unstable, stable, or uncertain."""
+"""What a mode is within its error, and where tracks turn unstable between the points of lines."""
 
 from __future__ import annotations
 
@@ -72,3 +72,83 @@ def _own_group(modes: pd.DataFrame, group: np.ndarray) -> np.ndarray:
 def uncertain_points(modes: pd.DataFrame, code: np.ndarray, counted: np.ndarray) -> int:
     """Number of design points that count at which some mode is uncertain."""
     return len(np.unique(code[is_uncertain(modes) & counted]))
+
+
+ROUNDING = 1e-9
+INTO, OUT_OF = "in", "out"  # of instability
+BELOW_RANGE, FIRST_SEEN, CROSSING = "below range", "first seen", "crossing"
+BRACKETED = "bracketed"
+
+
+def line_crossings(
+    group: np.ndarray,
+    line: np.ndarray,
+    x: np.ndarray,
+    start: np.ndarray,
+    zeta: np.ndarray,
+    unstable: np.ndarray,
+) -> pd.DataFrame:
+    """Every change between stable and unstable of each track on each line.
+
+    Parameters
+    ----------
+    group : ndarray (n,) of int
+        Track of each mode; negative numbers gather modes that are no track, whose order along a
+        line means nothing.
+    line : ndarray (n,) of int
+        Line of its point.
+    x, start : ndarray (n,)
+        Value of the parameter along the line at its point, and where the swept range begins on
+        the line, whether that point was solved or not; NaN for lines of one point, and for random
+        designs, whose lines begin nowhere.
+    zeta : ndarray (n,)
+        Damping ratio.
+    unstable : ndarray (n,) of bool
+
+    Returns
+    -------
+    DataFrame
+        ``track``, ``line``, ``value`` (zeta interpolated to zero between both ends; where its
+        first value is unstable, that one), ``kind`` ("crossing"; "bracketed" where no point of the
+        stable stretch has damping: there may be none up to a coalescence anywhere between both
+        ends, ``value`` is the unstable one; "below range" where the track is unstable at the
+        beginning of a line, "first seen" where it begins unstable elsewhere),
+        ``direction`` ("in" or "out" of instability as x ascends), and ``before``, ``after``: the
+        rows in the arrays of both ends, -1 where there is none before.
+    """
+    order = np.lexsort((x, line, group))
+    group, line, x, start, zeta, unstable = (
+        a[order] for a in (group, line, x, start, zeta, unstable)
+    )
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (np.diff(group) != 0) | (np.diff(line) != 0) | (group[1:] < 0)
+    previous = np.roll(unstable, 1)
+    into = unstable & (first | ~previous)
+    out = ~unstable & ~first & previous
+    at = np.flatnonzero(into | out)
+    x0, z0, x1, z1 = np.roll(x, 1)[at], np.roll(zeta, 1)[at], x[at], zeta[at]
+    stable = np.maximum(np.where(out[at], z1, z0), 0.0)
+    growing = np.where(out[at], z0, z1)
+    part = np.clip(stable / np.maximum(stable - growing, np.finfo(float).tiny), 0.0, 1.0)
+    part[part < ROUNDING] = 0.0  # the damping is zero but for round-off
+    run = np.cumsum(first | into | out)  # of points alike, from one change to the next
+    highest = np.full(run[-1] + 1 if len(run) else 1, -np.inf)
+    np.maximum.at(highest, run, zeta)
+    calm = highest[run[np.where(out[at], at, at - 1)]] <= ROUNDING * np.abs(growing)
+    undamped = (part == 0) & calm
+    part[undamped] = 1.0
+    value = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))
+    below = first[at] & (x1 == start[at]) & (group[at] > 0)
+    return pd.DataFrame(
+        {
+            "track": group[at],
+            "line": line[at],
+            "value": np.where(first[at], x1, value),
+            "kind": np.select(
+                [below, first[at], undamped], [BELOW_RANGE, FIRST_SEEN, BRACKETED], CROSSING
+            ),
+            "direction": np.where(out[at], OUT_OF, INTO),
+            "before": np.where(first[at], -1, np.roll(order, 1)[at]),
+            "after": order[at],
+        }
+    )

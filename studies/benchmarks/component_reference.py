@@ -17,10 +17,9 @@ import scipy.sparse as sp
 from skfem import Basis, ElementLinePp, MeshLine
 
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
-from squealstudy.models.catalogue.disc_brake.density import COARSE
-from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.fem.grid import Interval, graded_lines
-from squealstudy.models.fem.material import Material
+from squealstudy.models.fem.solid import Material
 
 logging.getLogger("skfem").setLevel(logging.ERROR)
 RATIO = 0.15  # of one layer's distance from a corner to the next one's

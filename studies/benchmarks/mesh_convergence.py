@@ -29,8 +29,7 @@ from mesh_chart import mesh_chart
 from squealstudy.laws import contact_law
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.catalogue.disc_brake.density import DENSITIES, MEDIUM
-from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
+from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, MEDIUM, BrakeMesher
 from squealstudy.models.fem.solid import FULL, REDUCED
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.point import solve_point

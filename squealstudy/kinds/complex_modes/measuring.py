@@ -33,8 +33,8 @@ from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
-from squealstudy.tables.crossings import FIRST_SEEN, INTO
-from squealstudy.tables.finding_errors import onset_errors, root_errors
+from squealstudy.tables.method_quality import onset_errors, root_errors
+from squealstudy.tables.stability import FIRST_SEEN, INTO
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 

@@ -18,19 +18,19 @@ from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
-from squealstudy.tables.crossings import (
-    BELOW_RANGE,
-    BRACKETED,
-    FIRST_SEEN,
-    INTO,
-    line_crossings,
-)
 from squealstudy.tables.mode_ranking import (
     CUBIC,
     REFINED,
     RENUMBERED,
     line_codes,
     parameter_columns,
+)
+from squealstudy.tables.stability import (
+    BELOW_RANGE,
+    BRACKETED,
+    FIRST_SEEN,
+    INTO,
+    line_crossings,
 )
 
 PRECISION = 1e-4

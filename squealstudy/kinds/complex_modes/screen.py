@@ -12,7 +12,6 @@ from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
-from squealstudy.tables.crossings import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
 from squealstudy.tables.mode_ranking import (
     UNTRACKED,
     frequency_text,
@@ -20,6 +19,7 @@ from squealstudy.tables.mode_ranking import (
     rank_modes,
     settings_of,
 )
+from squealstudy.tables.stability import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
 from squealstudy.wording import in_digits, percent, plural
 
 if TYPE_CHECKING:
@@ -258,7 +258,7 @@ SCREEN = ComplexModesScreen()
 
 
 def probabilities(table: pd.DataFrame, sampled: bool = False) -> list[RenderableType]:
-    """The table of tables.robust.probability, the first row of any mode, with its legend.
+    """The table of tables.robustness, the first row of any mode, with its legend.
 
     `sampled`: its points are the two independent samples of a design for Sobol indices.
     """
@@ -330,7 +330,7 @@ def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
 
 
 def indices(table: pd.DataFrame) -> list[RenderableType]:
-    """The table of tables.robust.sobol_table with its legend."""
+    """The table of `tables.sobol` with its legend."""
     known = table.dropna(subset=["first", "total"])
     first = ~known["track"].duplicated()
     pairs = zip(known.to_dict("records"), first, strict=True)

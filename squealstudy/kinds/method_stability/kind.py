@@ -25,7 +25,7 @@ from squealstudy.laboratory.method_stability.cases import CASES
 from squealstudy.laboratory.method_stability.contract import Case, checked
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText, validate
-from squealstudy.tables.agreement import agreement
+from squealstudy.tables.method_quality import agreement
 
 Values = Mapping[str, float]
 FIELDS = (

@@ -28,7 +28,7 @@ from squealstudy.motion.outcome.levels import pooled_interval
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.system import MotionPoint
 from squealstudy.study.design import DesignPoint
-from squealstudy.tables.finding_errors import run_errors
+from squealstudy.tables.method_quality import run_errors
 from squealstudy.wording import IRREGULAR, LASTING, UNDECIDED
 
 WITH_BOUNDS = {

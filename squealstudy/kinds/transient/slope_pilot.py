@@ -24,7 +24,7 @@ from squealstudy.kinds.transient.regularisation import regularised
 from squealstudy.kinds.transient.rows import SCHEMA
 from squealstudy.kinds.transient.section import PILOT_POINTS
 from squealstudy.models.operating import REGULARISATION_SPEED
-from squealstudy.tables.finding_errors import run_errors
+from squealstudy.tables.method_quality import run_errors
 
 FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
 CYCLE = "limit_cycle"

@@ -9,7 +9,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
 from squealstudy.screen import grid, notes
-from squealstudy.tables.fronts import at_tolerances
+from squealstudy.tables.method_quality import at_tolerances
 from squealstudy.wording import figure
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pandas as pd
 from squealstudy.engine.measurement import Measuring
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.work_precision.variants import Variant
-from squealstudy.tables.finding_errors import Miscount
+from squealstudy.tables.method_quality import Miscount
 
 Rows = Sequence[Mapping[str, Any]]
 

@@ -24,8 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
-from squealstudy.models.assembly import Assembly
-from squealstudy.models.interface import SpringInterface
+from squealstudy.models.assembly import Assembly, SpringInterface
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,

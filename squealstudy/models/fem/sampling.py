@@ -1,8 +1,9 @@
-"""Surfaces of solids: facet quadrature points, and the same points seen from a facing solid."""
+"""Points of solids: surfaces by facet quadrature, as a facing solid sees them, and whole bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,8 +11,49 @@ from skfem import CellBasis
 from skfem.quadrature import get_quadrature
 
 from squealstudy.errors import ModelError
+from squealstudy.models.fem.grid import Block
 from squealstudy.models.fem.solid import Solid
-from squealstudy.models.surface import Surface
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Points on one component's boundary.
+
+    Attributes
+    ----------
+    points : ndarray (n, 3)
+        Coordinates, m.
+    area : ndarray (n,)
+        Area that each point stands for (quadrature weight), m2, positive.
+    normal : ndarray (n, 3)
+        Outward unit normals.
+    shape : csr_matrix (n, n_nodes)
+        Shape functions: values at the points from values at the nodes; rows sum to one.
+    """
+
+    points: np.ndarray
+    area: np.ndarray
+    normal: np.ndarray
+    shape: sp.csr_matrix
+
+    def __post_init__(self) -> None:
+        n = len(self.points)
+        if self.area.shape != (n,) or self.normal.shape != (n, 3) or self.shape.shape[0] != n:
+            raise ModelError("surface: points, area, normal and shape differ in length")
+        if n == 0 or not (self.area > 0).all():
+            raise ModelError("surface: it needs at least one point, all areas positive")
+        if not np.allclose(self.shape.sum(axis=1), 1.0, atol=1e-9):
+            raise ModelError("surface: shape functions must sum to one at every point")
+
+    def observe(self, direction: np.ndarray) -> sp.csr_matrix:
+        """Rows (n, 3 n_nodes) giving the displacement along `direction` (n, 3) or (3,)."""
+        d = np.broadcast_to(direction, self.points.shape)
+        S = self.shape.tocoo()
+        rows = np.repeat(S.row, 3)
+        cols = (3 * S.col[:, None] + np.arange(3)).ravel()
+        values = (S.data[:, None] * d[S.row]).ravel()
+        return sp.coo_matrix((values, (rows, cols)), shape=(len(d), 3 * S.shape[1])).tocsr()
+
 
 INSIDE = 1e-8  # m, from the face into the facing solid
 NEWTON_STEPS = 20
@@ -111,3 +153,47 @@ def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) 
         if np.abs(off).max() <= NEARLY * np.abs(points).max():  # squared by this last step
             return X
     raise ModelError("points of a surface are not found in the cells of the facing solid")
+
+
+AROUND = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
+SIDES = (2, 8, 2)  # points of any other block in r, theta, z
+TURN = 2 * np.pi * (1 - 1e-9)
+
+
+def corresponding_rows(solid: Solid) -> sp.csr_matrix:
+    """Observation of the displacement at the same relative places of each block of a solid.
+
+    Every block of the grid has a fixed number of points at fixed shares of its extent in r, theta
+    and z, so that row i of two variants of one solid (other measures, another mesh) is the motion
+    of the same material point. Rows carry the square root of the mass for which they stand.
+
+    Returns
+    -------
+    csr_matrix (3 p, 3 n_nodes)
+        x, y, z of a point after each other.
+    """
+    points, shares = zip(*(_block_points(solid, b) for b in solid.grid.blocks), strict=True)
+    xyz, share = np.vstack(points), np.concatenate(shares)
+    mass = solid.M[::3, ::3].sum()
+    weight = np.sqrt(mass * share / share.sum())
+    return sp.kron(sp.diags(weight) @ shape_functions(solid, xyz), sp.eye(3)).tocsr()
+
+
+def _block_points(solid: Solid, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    """Points (p, 3) [m] at the middles of equal parts of a block, and their volumes (p,) [m3]."""
+    x, y, z = solid.grid.mesh.doflocs
+    r, height = np.hypot(x, y), (z.min(), z.max())
+    spans = [
+        (max(block.r[0], r.min()), min(block.r[1], r.max())),
+        block.theta,
+        (max(block.z[0], height[0]), min(block.z[1], height[1])),
+    ]
+    ring = block.theta[1] - block.theta[0] >= TURN
+    counts = (SIDES[0], AROUND if ring else SIDES[1], SIDES[2])
+    lines = [
+        a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(spans, counts, strict=True)
+    ]
+    radius, theta, z = (c.ravel() for c in np.meshgrid(*lines, indexing="ij"))
+    points = np.column_stack([radius * np.cos(theta), radius * np.sin(theta), z])
+    cell = np.prod([(b - a) / n for (a, b), n in zip(spans, counts, strict=True)])
+    return points, radius * cell

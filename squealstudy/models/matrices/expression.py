@@ -9,24 +9,90 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from keyword import iskeyword
 
 from squealstudy.errors import ModelError
-from squealstudy.models.matrices.expression_tree import (
-    FUNCTIONS,
-    SEVERAL,
-    Call,
-    Evaluation,
-    Name,
-    Node,
-    Number,
-    compiled,
-    derivative,
-    names_of,
-)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A constant."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Name:
+    """A parameter."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function of `FUNCTIONS` or an operator (``+ - * / **``, unary ``neg``) of sub-trees."""
+
+    function: str
+    arguments: tuple[Node, ...]
+
+
+Node = Number | Name | Call
+
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "log10": math.log10,
+    "abs": abs,
+    "min": min,
+    "max": max,
+}
+SEVERAL = ("min", "max")  # functions of two and more arguments; all others have one
+_OPERATORS: dict[str, Callable[..., float]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+    "**": math.pow,  # real powers of floats: neither complex numbers nor endless integers
+    "neg": lambda a: -a,
+}
+_APPLIED = FUNCTIONS | _OPERATORS
+
+
+def names_of(node: Node) -> tuple[str, ...]:
+    """Parameters of a tree, each once, in the order of their first use."""
+    if isinstance(node, Name):
+        return (node.name,)
+    parts = node.arguments if isinstance(node, Call) else ()
+    return tuple(dict.fromkeys(name for part in parts for name in names_of(part)))
+
+
+def compiled(node: Node) -> Evaluation:
+    """A closure that evaluates the tree; it raises what Python's floats raise."""
+    if isinstance(node, Number):
+        value = node.value
+        return lambda _: value
+    if isinstance(node, Name):
+        name = node.name
+        return lambda values: values[name]
+    function, parts = _APPLIED[node.function], tuple(map(compiled, node.arguments))
+    if len(parts) == 1:
+        (only,) = parts
+        return lambda values: function(only(values))
+    if len(parts) == 2:
+        first, second = parts
+        return lambda values: function(first(values), second(values))
+    return lambda values: function(*(part(values) for part in parts))
+
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
@@ -65,7 +131,7 @@ class Expression:
     Attributes
     ----------
     text : str
-        As it was written; of a derivative, what it is the derivative of.
+        As it was written.
     node : Node
     """
 
@@ -103,10 +169,6 @@ class Expression:
             reason = f"the result is {result}"
         at = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
         raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
-
-    def derivative(self, name: str) -> Expression:
-        """The exact derivative by a parameter; zero where the expression does not use it."""
-        return Expression(f"d({self.text})/d({name})", derivative(self.node, name))
 
 
 def parse_expression(text: str) -> Expression:
@@ -207,3 +269,7 @@ class _Reader:
 
     def _error(self, tree: ast.expr, message: str) -> ExpressionError:
         return ExpressionError(f"'{self.text}', character {tree.col_offset + 1}: {message}")
+
+
+Values = Mapping[str, float]
+Evaluation = Callable[[Values], float]

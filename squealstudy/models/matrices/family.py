@@ -78,10 +78,6 @@ class MatrixFamily:
         """Coefficient of each term at parameter values; ModelError where one has none."""
         return tuple(t.coefficient.value(values) for t in self.terms)
 
-    def weight_derivatives(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
-        """Exact derivative of each coefficient by a parameter; ModelError where one has none."""
-        return tuple(t.coefficient.derivative(name).value(values) for t in self.terms)
-
     def matrices(
         self, values: Mapping[str, float]
     ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:

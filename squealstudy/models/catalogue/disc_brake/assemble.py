@@ -5,17 +5,219 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy.sparse as sp
 
-from squealstudy.laws import law_from_values
-from squealstudy.models.assembly import Assembly
-from squealstudy.models.catalogue.disc_brake.density import DENSITIES
-from squealstudy.models.catalogue.disc_brake.faces import brake_faces
-from squealstudy.models.catalogue.disc_brake.interfaces import BrakeInterfaces
+from squealstudy.laws import ContactLaw, law_from_values
+from squealstudy.models.assembly import (
+    Assembly,
+    Component,
+    ContactInterface,
+    SpringInterface,
+    component_slices,
+    expand_rows,
+)
 from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS
-from squealstudy.models.catalogue.disc_brake.solids import BrakeMesher
-from squealstudy.models.component import Component
-from squealstudy.models.fem.correspondence import corresponding_rows
-from squealstudy.models.fem.sampling import surface_nodes
+from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
+from squealstudy.models.fem.sampling import (
+    FacetFilter,
+    Surface,
+    corresponding_rows,
+    facing_surface,
+    sample_surface,
+    surface_nodes,
+)
+from squealstudy.models.fem.solid import Solid
+
+AXIAL = np.array([0.0, 0.0, 1.0])
+LAYER_POINTS = 3  # Gauss points a side of a facet in the linear layers
+
+
+def _radial(points: np.ndarray) -> np.ndarray:
+    e = points * np.array([1.0, 1.0, 0.0])
+    return e / np.linalg.norm(e, axis=1, keepdims=True)
+
+
+def _around(points: np.ndarray) -> np.ndarray:
+    return np.cross(AXIAL, _radial(points))
+
+
+class BrakeInterfaces:
+    """Observation rows over the whole brake, made from its four solids."""
+
+    def __init__(
+        self, mesher: BrakeMesher, solids: Mapping[str, Solid], components: tuple[Component, ...]
+    ) -> None:
+        self._m, self._solids, self._faces = mesher, solids, brake_faces(mesher)
+        self._spans, self._n_dof = component_slices(components)
+
+    def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
+        return expand_rows(parts, self._spans, self._n_dof)
+
+    def _face(self, component: str, face: str, side: int = LAYER_POINTS) -> Surface:
+        """Sampled points of a named face."""
+        return sample_surface(self._solids[component], self._faces[component][face], side)
+
+    def _facing(
+        self, one: str, face: str, other: str, side: int = LAYER_POINTS
+    ) -> tuple[Surface, Surface]:
+        """A named face of `one`, and the same points on `other`."""
+        surface = self._face(one, face, side)
+        return surface, facing_surface(self._solids[other], surface)
+
+    # -- contact ---------------------------------------------------------------------------------
+    def contact(self, law: ContactLaw, points_per_side: int) -> ContactInterface:
+        """Both pad faces against the disc; the disc turns about +z."""
+        sides = [self._contact_side(pad, points_per_side) for pad in ("inner_pad", "outer_pad")]
+        points = np.vstack([side.points for side, _ in sides])
+        N, T, T_perp = (
+            sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
+        )
+        n = len(points)
+        return ContactInterface(
+            N,
+            T,
+            T_perp,
+            area=np.concatenate([side.area for side, _ in sides]),
+            gap0=np.zeros(n),
+            radius=np.hypot(points[:, 0], points[:, 1]),
+            law=law,
+            frictional=np.ones(n),
+        )
+
+    def _contact_side(
+        self, pad: str, points_per_side: int
+    ) -> tuple[Surface, tuple[sp.csr_matrix, ...]]:
+        """Contact points of one pad and their rows N, T and T_perp."""
+        s_pad, s_disc = self._facing(pad, "lining", "disc", points_per_side)
+        opening = -s_pad.normal  # from the disc towards the pad
+        normal = self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
+        sliding = [
+            self._rows(("disc", s_disc.observe(d)), (pad, -s_pad.observe(d)))
+            for d in (_around(s_pad.points), _radial(s_pad.points))
+        ]
+        return s_pad, (normal, *sliding)
+
+    # -- linear layers and springs ---------------------------------------------------------------
+    def springs(self) -> tuple[SpringInterface, ...]:
+        """Hub, fingers, piston, abutments and guides."""
+        v = self._m.v
+        hub = self._face("disc", "hub")
+        fingers = self._facing("caliper", "fingers", "outer_pad")
+        piston = self._facing("inner_pad", "piston", "caliper")
+        return (
+            self._layer("hub", (("disc", hub),), v("hub.stiffness")),
+            self._layer(
+                "fingers",
+                tuple(zip(("caliper", "outer_pad"), fingers, strict=True)),
+                v("fingers.stiffness"),
+            ),
+            self._layer(
+                "piston",
+                tuple(zip(("inner_pad", "caliper"), piston, strict=True)),
+                v("piston.stiffness"),
+                in_static=False,
+            ),
+            *(self._abutment(pad) for pad in ("inner_pad", "outer_pad")),
+            self._guides(),
+        )
+
+    def _layer(
+        self,
+        name: str,
+        sides: tuple[tuple[str, Surface], ...],
+        stiffness: float,
+        in_static: bool = True,
+    ) -> SpringInterface:
+        """Normal and tangential springs per area between two surfaces, or to ground."""
+        ratio = self._m.v("layers.tangential_ratio")
+        points, area = sides[0][1].points, sides[0][1].area
+        signs = (1.0, -1.0)
+        rows, k = [], []
+        for direction, factor in ((AXIAL, 1.0), (_around(points), ratio), (_radial(points), ratio)):
+            parts = [
+                (c, sign * s.observe(direction)) for (c, s), sign in zip(sides, signs, strict=False)
+            ]
+            rows.append(self._rows(*parts))
+            k.append(factor * stiffness * area)
+        return SpringInterface(name, sp.vstack(rows).tocsr(), np.concatenate(k), in_static)
+
+    def _abutment(self, pad: str) -> SpringInterface:
+        """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
+        k = [2 * self._m.v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial")]
+        return self._to_ground(f"{pad}_abutment", pad, self._face(pad, "ears"), k)
+
+    def _guides(self) -> SpringInterface:
+        """The end faces of the caliper's bridge, over the disc and the pads, to ground."""
+        k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
+        return self._to_ground(
+            "guides", "caliper", self._face("caliper", "guides"), [k, k, k_axial]
+        )
+
+    def _to_ground(
+        self, name: str, component: str, surface: Surface, stiffness: list[float]
+    ) -> SpringInterface:
+        """Springs spread over a surface: around, radial and axial, in all [N/m]."""
+        share = surface.area / surface.area.sum()
+        directions = (_around(surface.points), _radial(surface.points), AXIAL)
+        rows = [self._rows((component, surface.observe(d))) for d in directions]
+        return SpringInterface(
+            name, sp.vstack(rows).tocsr(), np.concatenate([k * share for k in stiffness])
+        )
+
+    # -- load ------------------------------------------------------------------------------------
+    def brake_load(self) -> np.ndarray:
+        """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
+        pad, caliper = self._facing("inner_pad", "piston", "caliper")
+        per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
+        rows = self._rows(("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL)))
+        return np.asarray(rows.T @ per_area)
+
+
+EDGE = 1e-6  # m or rad: a facet centre on a plane is found within this
+
+
+def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
+    """Filters by component and face name.
+
+    disc: ``inner_face``, ``outer_face`` (friction), ``hub``; pads: ``lining``, ``back`` and
+    ``ears``, the inner one also ``piston``; caliper: ``fingers`` and ``guides``.
+    """
+    z_in, z_out = mesher.plate_z
+    thickness, r_pad = mesher.v("disc.thickness"), mesher.v("pad.outer_radius")
+    hub_z = -mesher.v("disc.bell_height") - mesher.v("disc.top_thickness")
+    hub_r, bridge_r = mesher.v("hub.radius"), mesher.v("caliper.bridge_inner_radius")
+    bridge = mesher.angle("caliper.bridge_half_angle")
+    ear = mesher.angle("pad.half_angle") + mesher.angle("pad.ear_angle")
+    piston = mesher.angle("piston.half_angle")
+    pads = {
+        "inner_pad": {
+            "lining": lambda r, t, z: _on(z, 0.0),
+            "back": lambda r, t, z: _on(z, z_in),
+            "ears": lambda r, t, z: _on(abs(t), ear),
+            "piston": lambda r, t, z: _on(z, z_in) & (abs(t) < piston),
+        },
+        "outer_pad": {
+            "lining": lambda r, t, z: _on(z, thickness),
+            "back": lambda r, t, z: _on(z, z_out),
+            "ears": lambda r, t, z: _on(abs(t), ear),
+        },
+    }
+    disc: dict[str, FacetFilter] = {
+        "inner_face": lambda r, t, z: _on(z, 0.0),
+        "outer_face": lambda r, t, z: _on(z, thickness),
+        "hub": lambda r, t, z: _on(z, hub_z) & (r < hub_r),
+    }
+    caliper: dict[str, FacetFilter] = {
+        "fingers": lambda r, t, z: _on(z, z_out) & (r < r_pad),
+        # the bridge's end faces, over the disc and the pads
+        "guides": lambda r, t, z: _on(abs(t), bridge) & (r > bridge_r) & (z > z_in) & (z < z_out),
+    }
+    return {"disc": disc, **pads, "caliper": caliper}
+
+
+def _on(x: np.ndarray, plane: float) -> np.ndarray:
+    on: np.ndarray = abs(x - plane) < EDGE
+    return on
 
 
 def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:

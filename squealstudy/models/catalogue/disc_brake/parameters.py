@@ -66,7 +66,7 @@ def _bounded(parameter: Parameter) -> Parameter:
     """Poisson ratios of stable materials, angles short of a half turn on each side."""
     if parameter.name == "pad.lining_poisson_ratio":  # isotropic in its plane alone
         return replace(parameter, positive=False, above=-1.0, below=1.0)
-    if parameter.name == "pad.lining_poisson_ratio_z":  # with the moduli: fem.material says
+    if parameter.name == "pad.lining_poisson_ratio_z":  # with the moduli: fem.solid says
         return replace(parameter, positive=False)
     if parameter.name.endswith("poisson_ratio"):
         return replace(parameter, positive=False, above=-1.0, below=0.5)

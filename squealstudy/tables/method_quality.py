@@ -1,4 +1,4 @@
-"""Errors of what a method found at a design point against what a reference found there.
+"""How good methods are: errors of what they found, the least cost of an error, predictions kept.
 
 Findings are plain data: of complex modes ``roots`` (m, 2) and perhaps an ``onset`` with bounds, of
 a run in time ``values`` with bounds, ``energy_share`` by mode and ``class``. Every error has
@@ -7,13 +7,16 @@ bounds: where both have intervals, the smallest and largest distance between the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from squealstudy.root_pairs import partners
 from squealstudy.wording import LEVELLED, UNDECIDED
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LIGHT = 0.05  # damping ratio of the modes that are judged
 PAIRED = 0.05  # relative distance within which two roots are one mode
@@ -182,3 +185,141 @@ def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> lis
         error = abs(value - ref)
         errors.append(FoundError("energy_share", int(mode), value, ref, error, error, error))
     return errors
+
+
+FRONT_COLUMNS = {
+    "quantity": "str",
+    "tolerance": "f8",
+    "cheapest": "str",
+    "cost": "f8",
+    "error": "f8",
+    "default": "str",
+    "default_cost": "f8",
+    "default_error": "f8",
+    "ratio": "f8",
+}
+
+
+def on_front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Which of some measurements (n,) are not beaten in both; NaN never is on a front."""
+    known = np.isfinite(cost) & np.isfinite(error)
+    front = np.zeros(len(cost), dtype=bool)
+    best = np.inf
+    for i in np.lexsort((error, cost)):
+        if known[i] and error[i] < best:
+            front[i] = True
+            best = error[i]
+    return front
+
+
+def usable(measurements: pd.DataFrame) -> np.ndarray:
+    """Measurements that count (n,) bool: every point solved, nothing missed, nothing spurious."""
+    counts = measurements[["n_failed", "missed", "spurious"]].sum(axis=1)
+    return ((measurements["status"] == "ok") & (counts == 0)).to_numpy(bool)
+
+
+def cost_of(measurements: pd.DataFrame, quantity: str) -> np.ndarray:
+    """Seconds (n,) that a quantity costs: of a design point, or its own, as an onset has."""
+    own = f"cost_{quantity}"
+    column = own if own in measurements else "cost"
+    return measurements[column].to_numpy(float)
+
+
+def at_tolerances(
+    measurements: pd.DataFrame, quantities: Sequence[str], tolerances: Sequence[float]
+) -> pd.DataFrame:
+    """The cheapest measurement within each tolerance, and the cheapest of the default methods.
+
+    Parameters
+    ----------
+    measurements : DataFrame
+        Columns ``label``, ``default``, ``reference``, ``cost``, ``status``, ``n_failed``,
+        ``missed``, ``spurious``, ``error_<quantity>`` and, where it has a cost of its own,
+        ``cost_<quantity>``.
+    quantities : sequence of str
+        All of them together too, under the name ``all``, but those that nothing has; at the cost of
+        the dearest.
+    tolerances : sequence of float
+
+    Returns
+    -------
+    DataFrame
+        FRONT_COLUMNS; `ratio` is the default's cost over the cheapest's, NaN where there is none.
+    """
+    import pandas as pd  # not wanted by a check of a study
+
+    good = measurements[usable(measurements) & ~measurements["reference"].to_numpy(bool)]
+    rows = []
+    known = [q for q in quantities if good[f"error_{q}"].notna().any()]
+    for name in [*quantities, *(["all"] if len(quantities) > 1 else [])]:
+        judged = known if name == "all" else [name]
+        error = good[[f"error_{q}" for q in judged]].max(axis=1, skipna=False).to_numpy(float)
+        cost = np.max([cost_of(good, q) for q in judged or quantities], axis=0)
+        rows += [
+            {"quantity": name, "tolerance": tolerance} | _at(good, error <= tolerance, error, cost)
+            for tolerance in tolerances
+        ]
+    return pd.DataFrame(rows, columns=list(FRONT_COLUMNS)).astype(FRONT_COLUMNS)
+
+
+def _at(
+    good: pd.DataFrame, within: np.ndarray, error: np.ndarray, cost: np.ndarray
+) -> dict[str, object]:
+    """The cheapest of the measurements `within` a tolerance, and of the default ones."""
+    default = within & good["default"].to_numpy(bool)
+    label, least, its = _cheapest(good, within, error, cost)
+    own_label, own_cost, own = _cheapest(good, default, error, cost)
+    return {
+        "cheapest": label,
+        "cost": least,
+        "error": its,
+        "default": own_label,
+        "default_cost": own_cost,
+        "default_error": own,
+        "ratio": own_cost / least,
+    }
+
+
+def _cheapest(
+    good: pd.DataFrame, among: np.ndarray, error: np.ndarray, cost: np.ndarray
+) -> tuple[str, float, float]:
+    rows = np.flatnonzero(among)
+    if not len(rows):
+        return "", np.nan, np.nan
+    best = rows[np.argmin(cost[rows])]
+    return str(good["label"].iloc[best]), float(cost[best]), float(error[best])
+
+
+WORKS = ("converged", "slow", "recovered")
+MARGIN = 0.02  # of the prediction: cells nearer to the boundary are not judged
+
+
+def agreement(cells: pd.DataFrame) -> dict[str, Any]:
+    """Counts of outcomes, the share of judged cells that are as predicted, unflagged wrong ones.
+
+    Parameters
+    ----------
+    cells : DataFrame
+        Columns ``outcome``, ``flagged``, ``predicted`` (works below 1).
+
+    Returns
+    -------
+    dict
+        ``counts`` by outcome; ``agreement`` (None without a judged cell), ``judged``,
+        ``unflagged_wrong``, ``unpredicted_failures``: judged cells within the predicted region
+        where the method does not work.
+    """
+    works = cells["outcome"].isin(WORKS).to_numpy()
+    predicted = cells["predicted"].to_numpy(float)
+    judged = np.isfinite(predicted) & (np.abs(predicted - 1.0) > MARGIN)
+    judged |= np.isinf(predicted)
+    recovered = (cells["outcome"] == "recovered").to_numpy()  # the plain method failed, as it may
+    same = recovered | (works == (predicted < 1.0))
+    wrong = (cells["outcome"] == "wrong").to_numpy() & ~cells["flagged"].to_numpy(bool)
+    return {
+        "counts": {str(k): int(v) for k, v in cells["outcome"].value_counts().items()},
+        "agreement": float(same[judged].mean()) if judged.any() else None,
+        "judged": int(judged.sum()),
+        "unflagged_wrong": int(wrong.sum()),
+        "unpredicted_failures": int((judged & (predicted < 1.0) & ~works).sum()),
+    }

@@ -1,1 +1,0 @@
-"""Scattered designs: probability of instability, Sobol indices."""
