@@ -12,7 +12,11 @@ import pytest
 from squealstudy.errors import ParameterError
 from squealstudy.laboratory.method_stability import plain_step
 from squealstudy.laboratory.method_stability.cases import CASES
-from squealstudy.laboratory.method_stability.contact_models import rough_state, stuck_state
+from squealstudy.laboratory.method_stability.contact_models import (
+    rough_state,
+    sliding_state,
+    stuck_state,
+)
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, SLOW, checked
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN as ROUGH
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN_POINT as POINT
@@ -35,7 +39,7 @@ def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
         values = {"step": step, "contact_factor": contact_factor, "preload": preload}
         return POINT.evaluate(values).measured > 1.0
 
-    system = POINT.state(checked(POINT.knobs, {})).system
+    system = sliding_state(checked(POINT.knobs, {})).system
     k_ref = system.k_ref[0]
     own, mass = (2 * np.pi * 1e3) ** 2, 1 / system.N[0, 0] ** 2
     c = 2 * 0.01 * np.sqrt(own + k_ref / mass)

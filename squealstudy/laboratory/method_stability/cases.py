@@ -1,39 +1,19 @@
-"""All cases of method-stability studies, by name."""
+"""All cases of method-stability studies, by name: those of the files of this folder."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from pkgutil import iter_modules
 
-from squealstudy.laboratory.method_stability.coalescence import COALESCENCE
+import squealstudy.laboratory.method_stability as folder
 from squealstudy.laboratory.method_stability.contract import Case
-from squealstudy.laboratory.method_stability.default_chain import DEFAULT_CHAIN
-from squealstudy.laboratory.method_stability.equilibrium import WORKING_POINT
-from squealstudy.laboratory.method_stability.explicit import EXPLICIT
-from squealstudy.laboratory.method_stability.fixed_jacobian import (
-    FIXED_JACOBIAN,
-    FIXED_JACOBIAN_POINT,
-)
-from squealstudy.laboratory.method_stability.impact_energy import IMPACT_ENERGY
-from squealstudy.laboratory.method_stability.linearisation import LINEARISATION
-from squealstudy.laboratory.method_stability.orthonormalisation import ORTHONORMALISATION
-from squealstudy.laboratory.method_stability.storage import STORAGE
-from squealstudy.laboratory.method_stability.tracking import TRACKING
-from squealstudy.laboratory.method_stability.windows_rung import WINDOWS_RUNG
 
-CASES: Mapping[str, Case] = {
-    case.name: case
-    for case in (
-        FIXED_JACOBIAN,
-        FIXED_JACOBIAN_POINT,
-        DEFAULT_CHAIN,
-        IMPACT_ENERGY,
-        EXPLICIT,
-        COALESCENCE,
-        TRACKING,
-        LINEARISATION,
-        ORTHONORMALISATION,
-        WORKING_POINT,
-        STORAGE,
-        WINDOWS_RUNG,
-    )
-}
+
+def _found() -> dict[str, Case]:
+    names = [found.name for found in iter_modules(folder.__path__, f"{folder.__name__}.")]
+    values = [v for n in names if n != __name__ for v in vars(import_module(n)).values()]
+    return {case.name: case for case in values if isinstance(case, Case)}
+
+
+CASES: Mapping[str, Case] = _found()

@@ -12,17 +12,15 @@ out is S r^3 / 16 of the frequency, S = (nu_1 - nu_2) / (4 a) at the anchor.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laboratory.method_stability.small_problem import SmallProblem
 from squealstudy.modes.reanalysis.estimate import EstimatedRoots
@@ -33,43 +31,37 @@ SAFE = 2.0  # times the estimate, THEORY.md eq. (39)
 REACH = 2.0
 
 KNOBS = (
-    Knob("anchor", "", 0.1, 0.0, 2.0, False, "friction whose modes are known"),
-    Knob("step", "", 0.01, 1e-6, 2.0, True, "change of friction from there on"),
-    Knob("damping_ratio", "", 0.01, 0.0, 0.5, False, "of both modes at their mean frequency"),
-    Knob("tolerance", "", 1e-3, 1e-10, 0.1, True, "relative error of a root that is allowed"),
+    Knob("anchor", "friction whose modes are known", 0.1, low=0.0, high=2.0),
+    Knob("step", "change of friction from there on", 0.01, low=1e-6, high=2.0),
+    Knob("damping_ratio", "of both modes at their mean frequency", 0.01, low=0.0, high=0.5),
+    Knob("tolerance", "relative error of a root that is allowed", 1e-3, low=1e-10, high=0.1),
 )
 
 
-@dataclass(frozen=True)
-class Coalescence:
-    """`perturbed_roots` of second order near a lock-in; see `Case`."""
-
-    name: str = "coalescence"
-    title: str = "second-order perturbation beside a lock-in"
-    boundary: str = "step over distance to coalescence where S r^3 / 16 is the tolerance, 1 at most"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step, the model and the tolerance."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the largest relative error of a root over the tolerance."""
-        knobs = checked(self.knobs, values)
-        problem = flutter_problem(knobs["damping_ratio"])
-        to = np.array([knobs["anchor"] + knobs["step"]])
-        with np.errstate(all="ignore"):
-            anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
-            found = perturbed_roots(problem, anchor, to, 2)
-            assert isinstance(found, EstimatedRoots)  # every friction has a working point
-            estimate = SAFE * float((found.error / np.abs(found.lam)).max(initial=0.0))
-        exact = exact_roots(to[0], knobs["damping_ratio"])
-        error = distance(found.lam, exact)
-        tolerance = knobs["tolerance"]
-        flagged = not estimate <= tolerance
-        outcome = CONVERGED if error <= tolerance else WRONG
-        by = f"estimate {estimate:.1e}" if flagged else ""
-        return Cell(outcome, by, flagged, predict(knobs), error / tolerance, error, 1.0)
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the largest relative error of a root over the tolerance."""
+    problem = flutter_problem(knobs["damping_ratio"])
+    to = np.array([knobs["anchor"] + knobs["step"]])
+    with np.errstate(all="ignore"):
+        anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
+        found = perturbed_roots(problem, anchor, to, 2)
+        assert isinstance(found, EstimatedRoots)  # every friction has a working point
+        estimate = SAFE * float((found.error / np.abs(found.lam)).max(initial=0.0))
+    exact = exact_roots(to[0], knobs["damping_ratio"])
+    error = distance(found.lam, exact)
+    tolerance = knobs["tolerance"]
+    flagged = not estimate <= tolerance
+    outcome = CONVERGED if error <= tolerance else WRONG
+    by = f"estimate {estimate:.1e}" if flagged else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predict(knobs),
+        measured=error / tolerance,
+        error=error,
+        cost=1.0,
+        by=by,
+        flagged=flagged,
+    )
 
 
 def flutter_problem(damping_ratio: float) -> SmallProblem:
@@ -108,4 +100,10 @@ def predict(knobs: Mapping[str, float]) -> float:
     return float(knobs["step"] / max(away * reach, 1e-300))
 
 
-COALESCENCE = Coalescence()
+COALESCENCE = Case(
+    name="coalescence",
+    title="second-order perturbation beside a lock-in",
+    boundary="step over distance to coalescence where S r^3 / 16 is the tolerance, 1 at most",
+    settings=KNOBS,
+    measure=measure,
+)

@@ -29,13 +29,15 @@ DISTURBED = 1e-5  # of the distance over which the contact law changes by its ow
 STUCK = (2, 6)  # points that the kicked state holds
 
 CONTACT_KNOBS = (
-    Knob("step", "s", 1e-6, 1e-8, 1e-2, True, "time step h"),
-    Knob("contact_factor", "", 1.0, 0.0, 1e3, False, "k_c over the static contact tangent"),
-    Knob("kt", "N s/m3", 3e7, 1e3, 1e15, True, "slope of friction at zero sliding, per area"),
-    Knob("lambda", "1/m", REFERENCE_LAMBDA, 1e3, 1e9, True, "exponent of the contact law"),
-    Knob("friction", "", 0.5, 0.0, 5.0, False, "friction coefficient"),
-    Knob("sliding_speed", "m/s", 0.5, 1e-4, 1e3, True, "imposed sliding speed"),
-    Knob("preload", "", 1.0, 1e-4, 1e4, True, "contact pressure over that of the reference"),
+    Knob("step", "time step h", 1e-6, low=1e-8, high=1e-2, unit="s"),
+    Knob("contact_factor", "k_c over the static contact tangent", 1.0, low=0.0, high=1e3),
+    Knob(
+        "kt", "slope of friction at zero sliding, per area", 3e7, low=1e3, high=1e15, unit="N s/m3"
+    ),
+    Knob("lambda", "exponent of the contact law", REFERENCE_LAMBDA, low=1e3, high=1e9, unit="1/m"),
+    Knob("friction", "friction coefficient", 0.5, low=0.0, high=5.0),
+    Knob("sliding_speed", "imposed sliding speed", 0.5, low=1e-4, high=1e3, unit="m/s"),
+    Knob("preload", "contact pressure over that of the reference", 1.0, low=1e-4, high=1e4),
 )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -20,24 +19,22 @@ class Knob:
 
     Attributes
     ----------
-    name, unit : str
+    name, description : str
     default, low, high : float
         Its value where it is not swept, and the bounds of what it may be.
-    log : bool
-        Meant for a logarithmic axis.
-    description : str
+    unit : str
+        Empty where it has none.
     """
 
     name: str
-    unit: str
+    description: str
     default: float
     low: float
     high: float
-    log: bool
-    description: str
+    unit: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cell:
     """What a method did at one setting of the knobs.
 
@@ -46,51 +43,57 @@ class Cell:
     outcome : str
         ``converged``, ``slow``, ``recovered``, ``wrong`` (converged to a wrong answer) or
         ``failed`` (said so).
-    by : str
-        What recovered it, or how it said so; empty otherwise.
-    flagged : bool
-        A status or an error estimate of the product told of what went wrong.
     predicted : float
         Below 1 the method is predicted to work.
     measured : float
-        The measured number beside it.
+        The measured number beside it, NaN where there is none.
     error : float
         Relative error of the answer against a reference, NaN where there is none.
     cost : float
         Iterations or evaluations.
+    by : str
+        What recovered it, or how it said so; empty otherwise.
+    flagged : bool
+        A status or an error estimate of the product told of what went wrong.
     """
 
     outcome: str
-    by: str
-    flagged: bool
     predicted: float
-    measured: float
-    error: float
+    measured: float = np.nan
+    error: float = np.nan
     cost: float
+    by: str = ""
+    flagged: bool = False
 
 
-class Case(Protocol):
-    """One method on its minimal model."""
+@dataclass(frozen=True)
+class Case:
+    """One method on its minimal model.
 
-    @property
-    def name(self) -> str:
-        """Key in `CASES`."""
-        ...
+    Attributes
+    ----------
+    name : str
+        Key in `CASES`.
+    title : str
+        One line for tables and pictures.
+    boundary : str
+        The predicted boundary in words.
+    settings : tuple of Knob
+        What can be swept.
+    measure : callable
+        Makes the cell of values of all knobs, by name.
+    """
 
-    @property
-    def title(self) -> str:
-        """One line for tables and pictures."""
-        ...
-
-    @property
-    def boundary(self) -> str:
-        """The predicted boundary in words."""
-        ...
+    name: str
+    title: str
+    boundary: str
+    settings: tuple[Knob, ...]
+    measure: Callable[[Mapping[str, float]], Cell]
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
         """By name."""
-        ...
+        return {knob.name: knob for knob in self.settings}
 
     def evaluate(self, values: Mapping[str, float]) -> Cell:
         """One cell; knobs that are not named keep their defaults.
@@ -101,12 +104,7 @@ class Case(Protocol):
             A knob that the case does not have, or a value outside its bounds. Never for a
             numerical failure.
         """
-        ...
-
-
-def named(*knobs: Knob) -> dict[str, Knob]:
-    """Knobs by name."""
-    return {k.name: k for k in knobs}
+        return self.measure(checked(self.knobs, values))
 
 
 def checked(knobs: Mapping[str, Knob], values: Mapping[str, float]) -> dict[str, float]:

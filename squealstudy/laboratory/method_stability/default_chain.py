@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from squealstudy.laboratory.method_stability.contract import (
     RECOVERED,
     SLOW,
     WRONG,
+    Case,
     Cell,
-    Knob,
-    checked,
-    named,
 )
 from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
@@ -42,43 +40,44 @@ SAME = 0.05  # relative distance from which on a final state is another one
 ENERGY = "energy drift"
 
 
-@dataclass(frozen=True)
-class DefaultChain:
-    """`simulate` with its default settings over a few steps; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the largest number of passes a step over what it has before it is halved.
 
-    name: str = "default_chain"
-    title: str = "default chain of helps, six modes and eight points"
-    boundary: str = f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step, the laws and the working point; the chain has no contact factor."""
-        return named(*(k for k in CONTACT_KNOBS if k.name != "contact_factor"))
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the largest number of passes a step over what it has before it is halved.
-
-        `error` is the distance to Newton's method at the same step; where a step had to be halved,
-        to Newton's method at the smallest of its sub-steps. `flagged` may be a false alarm: the
-        run is shorter than an impact, inside of which the energy balance is off.
-        """
-        knobs = checked(self.knobs, values)
-        state = rough_state(knobs)
-        settings = chain_settings(knobs["step"])
-        with np.errstate(over="ignore", invalid="ignore"):
-            result = run(state, settings)
-            predicted = predict(state, knobs["step"])
-            measured = result.max_iterations / settings.max_iterations
-            cost = result.mean_iterations
-            if result.outcome != "ok":
-                return Cell(FAILED, result.outcome, True, predicted, measured, np.nan, cost)
-            error = deviation(state, settings, result)
-            by = help_needed(state, settings, result)
-        outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
-        flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
-        if error > SAME:
-            outcome, by = WRONG, ENERGY if flagged else by
-        return Cell(outcome, by, flagged, predicted, measured, error, cost)
+    `error` is the distance to Newton's method at the same step; where a step had to be halved,
+    to Newton's method at the smallest of its sub-steps. `flagged` may be a false alarm: the
+    run is shorter than an impact, inside of which the energy balance is off.
+    """
+    state = rough_state(knobs)
+    settings = chain_settings(knobs["step"])
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = run(state, settings)
+        predicted = predict(state, knobs["step"])
+        measured = result.max_iterations / settings.max_iterations
+        cost = result.mean_iterations
+        if result.outcome != "ok":
+            return Cell(
+                outcome=FAILED,
+                predicted=predicted,
+                measured=measured,
+                cost=cost,
+                by=result.outcome,
+                flagged=True,
+            )
+        error = deviation(state, settings, result)
+        by = help_needed(state, settings, result)
+    outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
+    flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
+    if error > SAME:
+        outcome, by = WRONG, ENERGY if flagged else by
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=measured,
+        error=error,
+        cost=cost,
+        by=by,
+        flagged=flagged,
+    )
 
 
 def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionSettings:
@@ -141,4 +140,10 @@ def distance(state: ContactState, a: Motion, b: Motion) -> float:
     return float(np.linalg.norm(change) / size)
 
 
-DEFAULT_CHAIN = DefaultChain()
+DEFAULT_CHAIN = Case(
+    name="default_chain",
+    title="default chain of helps, six modes and eight points",
+    boundary=f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}",
+    settings=tuple(k for k in CONTACT_KNOBS if k.name != "contact_factor"),
+    measure=measure,
+)

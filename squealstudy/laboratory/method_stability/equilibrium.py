@@ -14,7 +14,6 @@ it friction pulls the mass into the contact: both sides still meet while
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,10 +25,9 @@ from squealstudy.laboratory.method_stability.contract import (
     FAILED,
     SLOW,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
@@ -48,62 +46,61 @@ DIVERGES = "real positive root"
 SAME = 1e-6  # distance of gaps, in 1/lambda, up to which two are one
 
 KNOBS = (
-    Knob("friction", "", 0.5, 0.0, 5.0, False, "friction coefficient"),
-    Knob("pressure", "Pa", 1e6, 0.0, 1e9, True, "of the load on the area of the contact"),
-    Knob("tension", "N", 0.0, 0.0, 1e6, False, "constant pull away from the contact"),
-    Knob("lambda", "1/m", 5e5, 1e2, 1e9, True, "exponent of the contact law"),
+    Knob("friction", "friction coefficient", 0.5, low=0.0, high=5.0),
+    Knob("pressure", "of the load on the area of the contact", 1e6, low=0.0, high=1e9, unit="Pa"),
+    Knob("tension", "constant pull away from the contact", 0.0, low=0.0, high=1e6, unit="N"),
+    Knob("lambda", "exponent of the contact law", 5e5, low=1e2, high=1e9, unit="1/m"),
     Knob(
         "start",
-        "",
-        0.0,
-        -500.0,
-        500.0,
-        False,
         "gap of the first guess beyond a uniform pressure's, in 1/lambda",
+        0.0,
+        low=-500.0,
+        high=500.0,
     ),
 )
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """`working_point` of one contact point; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the number of Newton iterations over those allowed.
 
-    name: str = "working_point"
-    title: str = "steady sliding of one contact point that friction presses on"
-    boundary: str = "largest friction at which the closed form has an equilibrium"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the load, the laws and the first guess."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the number of Newton iterations over those allowed.
-
-        `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
-        second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
-        """
-        knobs = checked(self.knobs, values)
-        lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA
-        predicted = knobs["friction"] / largest_friction(lam, load)
-        law = contact_law("exponential", p0=P_0, lam=lam)
-        point = OperatingPoint(knobs["friction"], knobs["pressure"], 1.0, law)
-        space = one_point(knobs["tension"])
-        uniform = law.gap_at(max(knobs["pressure"], 1.0))
-        start = np.array([uniform + knobs["start"] / lam])
-        try:
-            with np.errstate(all="ignore"):
-                found = working_point(space, point, start)
-        except ConvergenceError as reason:
-            return Cell(FAILED, reason.status, True, predicted, np.inf, np.nan, MAX_ITERATIONS)
-        exact = equilibrium_gap(lam, load, knobs["friction"])
-        error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
-        slow = found.iterations > SLOW_FROM
-        outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
-        measured = found.iterations / MAX_ITERATIONS
-        diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
-        by = DIVERGES if diverges else ""
-        return Cell(outcome, by, diverges, predicted, measured, error, found.iterations)
+    `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
+    second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
+    """
+    lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA
+    predicted = knobs["friction"] / largest_friction(lam, load)
+    law = contact_law("exponential", p0=P_0, lam=lam)
+    point = OperatingPoint(knobs["friction"], knobs["pressure"], 1.0, law)
+    space = one_point(knobs["tension"])
+    uniform = law.gap_at(max(knobs["pressure"], 1.0))
+    start = np.array([uniform + knobs["start"] / lam])
+    try:
+        with np.errstate(all="ignore"):
+            found = working_point(space, point, start)
+    except ConvergenceError as reason:
+        return Cell(
+            outcome=FAILED,
+            predicted=predicted,
+            measured=np.inf,
+            cost=MAX_ITERATIONS,
+            by=reason.status,
+            flagged=True,
+        )
+    exact = equilibrium_gap(lam, load, knobs["friction"])
+    error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
+    slow = found.iterations > SLOW_FROM
+    outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
+    measured = found.iterations / MAX_ITERATIONS
+    diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
+    by = DIVERGES if diverges else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=measured,
+        error=error,
+        cost=found.iterations,
+        by=by,
+        flagged=diverges,
+    )
 
 
 def one_point(tension: float) -> ContactSpace:
@@ -161,4 +158,10 @@ def equilibrium_gap(lam: float, load: float, friction: float) -> float:
     return float(brentq(lambda z: z - free - push * np.exp(-z), turn, free, xtol=1e-13) / lam)
 
 
-WORKING_POINT = Equilibrium()
+WORKING_POINT = Case(
+    name="working_point",
+    title="steady sliding of one contact point that friction presses on",
+    boundary="largest friction at which the closed form has an equilibrium",
+    settings=KNOBS,
+    measure=measure,
+)

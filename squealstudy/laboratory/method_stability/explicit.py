@@ -12,7 +12,7 @@ and beyond it the motion grows by a factor every step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,10 +21,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     FAILED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import energy_drift
@@ -42,44 +41,39 @@ GROWS = 1e-4  # a step: more than a beat of the energy
 PARTS = 4
 
 KNOBS = (
-    Knob("step", "s", 1e-5, 1e-9, 1.0, True, "time step h"),
-    Knob("frequency", "Hz", 1e3, 1e-3, 1e7, True, "of the mode"),
-    Knob("damping_ratio", "", 0.0, 0.0, 0.9, False, "modal, implicit"),
-    Knob("stick_rate", "1/s", 0.0, 0.0, 1e9, True, "damping by the stuck point, k_t A T^2"),
-    Knob("lagged", "", 1.0, 0.0, 1.0, False, "1: friction sees the velocity of half a step before"),
+    Knob("step", "time step h", 1e-5, low=1e-9, high=1.0, unit="s"),
+    Knob("frequency", "of the mode", 1e3, low=1e-3, high=1e7, unit="Hz"),
+    Knob("damping_ratio", "modal, implicit", 0.0, low=0.0, high=0.9),
+    Knob("stick_rate", "damping by the stuck point, k_t A T^2", 0.0, low=0.0, high=1e9, unit="1/s"),
+    Knob("lagged", "1: friction sees the velocity of half a step before", 1.0, low=0.0, high=1.0),
 )
 
 
-@dataclass(frozen=True)
-class Explicit:
-    """Central differences in stick; see `Case`."""
-
-    name: str = "explicit"
-    title: str = "central differences, one mode and a stuck point"
-    boundary: str = "h omega = 2, less with a stuck point: (h omega)^2 + 2 or 4 h c_s = 4"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step, the mode and the point."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the growth of the amplitude a step, 1 where it is bounded."""
-        knobs = checked(self.knobs, values)
-        with np.errstate(all="ignore"):
-            result = swing(knobs)
-            growth = rate(result)
-            drift = energy_drift(result)
-        predicted = limit_number(knobs)
-        said = result.outcome != "ok"
-        cost = result.mean_iterations
-        if growth <= 1.0 + GROWS and not said:
-            return Cell(CONVERGED, "", False, predicted, growth, np.nan, cost)
-        if said:
-            return Cell(FAILED, result.outcome, True, predicted, growth, np.nan, cost)
-        flagged = not drift <= DRIFT_LIMIT
-        by = f"energy drift {drift:.1e}" if flagged else ""
-        return Cell(WRONG, by, flagged, predicted, growth, np.nan, cost)
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the growth of the amplitude a step, 1 where it is bounded."""
+    with np.errstate(all="ignore"):
+        result = swing(knobs)
+        growth = rate(result)
+        drift = energy_drift(result)
+    predicted = limit_number(knobs)
+    said = result.outcome != "ok"
+    cost = result.mean_iterations
+    if growth <= 1.0 + GROWS and not said:
+        return Cell(outcome=CONVERGED, predicted=predicted, measured=growth, cost=cost)
+    if said:
+        return Cell(
+            outcome=FAILED,
+            predicted=predicted,
+            measured=growth,
+            cost=cost,
+            by=result.outcome,
+            flagged=True,
+        )
+    flagged = not drift <= DRIFT_LIMIT
+    by = f"energy drift {drift:.1e}" if flagged else ""
+    return Cell(
+        outcome=WRONG, predicted=predicted, measured=growth, cost=cost, by=by, flagged=flagged
+    )
 
 
 def limit_number(knobs: Mapping[str, float]) -> float:
@@ -128,4 +122,10 @@ def rate(result: Motion) -> float:
     return max(1.0, float((end / before) ** (0.5 * PARTS / len(energy))))
 
 
-EXPLICIT = Explicit()
+EXPLICIT = Case(
+    name="explicit",
+    title="central differences, one mode and a stuck point",
+    boundary="h omega = 2, less with a stuck point: (h omega)^2 + 2 or 4 h c_s = 4",
+    settings=KNOBS,
+    measure=measure,
+)

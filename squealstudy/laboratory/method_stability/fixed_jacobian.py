@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from squealstudy.laboratory.method_stability.contract import (
     FAILED,
     SLOW,
     WRONG,
+    Case,
     Cell,
-    Knob,
-    checked,
-    named,
 )
 from squealstudy.laboratory.method_stability.plain_step import (
     iterate,
@@ -38,43 +36,47 @@ NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
 
 
-@dataclass(frozen=True)
-class FixedJacobian:
-    """The iteration of one step on a contact model; see `Case`."""
-
-    name: str
-    title: str
-    state: Callable[[Mapping[str, float]], ContactState]
-    boundary: str = "spectral radius of I - J^-1 J_true at the end of the step = 1"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step, the Jacobian, the laws and the working point."""
-        return named(*CONTACT_KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the factor by which the kernel's iteration changes a small error."""
-        knobs = checked(self.knobs, values)
-        state, h, factor = self.state(knobs), knobs["step"], knobs["contact_factor"]
-        settings = plain_settings(h, factor)
-        with np.errstate(over="ignore", invalid="ignore"):
-            end = solved(state, h)
-            trace = iterate(state, settings, np.zeros(0))
-            cost = float(len(trace.residuals) + 1)
-            if end is None:
-                return Cell(FAILED, NO_REFERENCE, True, np.nan, np.nan, np.nan, cost)
-            predicted = radius(state, end, h, factor)
-            measured = local_contraction(state, settings, end)
-        if not trace.converged:
-            return Cell(FAILED, NOT_CONVERGED, True, predicted, measured, np.nan, cost)
-        error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
-        outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
-        return Cell(outcome, "", False, predicted, measured, error, cost)
+def measure(
+    state_of: Callable[[Mapping[str, float]], ContactState], knobs: Mapping[str, float]
+) -> Cell:
+    """`measured` is the factor by which the kernel's iteration changes a small error."""
+    state, h, factor = state_of(knobs), knobs["step"], knobs["contact_factor"]
+    settings = plain_settings(h, factor)
+    with np.errstate(over="ignore", invalid="ignore"):
+        end = solved(state, h)
+        trace = iterate(state, settings, np.zeros(0))
+        cost = float(len(trace.residuals) + 1)
+        if end is None:
+            return Cell(outcome=FAILED, predicted=np.nan, cost=cost, by=NO_REFERENCE, flagged=True)
+        predicted = radius(state, end, h, factor)
+        measured = local_contraction(state, settings, end)
+    if not trace.converged:
+        return Cell(
+            outcome=FAILED,
+            predicted=predicted,
+            measured=measured,
+            cost=cost,
+            by=NOT_CONVERGED,
+            flagged=True,
+        )
+    error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
+    outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
+    return Cell(outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost)
 
 
-FIXED_JACOBIAN = FixedJacobian(
+def _case(name: str, title: str, state_of: Callable[[Mapping[str, float]], ContactState]) -> Case:
+    return Case(
+        name=name,
+        title=title,
+        boundary="spectral radius of I - J^-1 J_true at the end of the step = 1",
+        settings=CONTACT_KNOBS,
+        measure=partial(measure, state_of),
+    )
+
+
+FIXED_JACOBIAN = _case(
     "fixed_jacobian", "plain fixed Jacobian, six modes and eight points", rough_state
 )
-FIXED_JACOBIAN_POINT = FixedJacobian(
+FIXED_JACOBIAN_POINT = _case(
     "fixed_jacobian_point", "plain fixed Jacobian, one point in sliding", sliding_state
 )

@@ -9,7 +9,7 @@ penetration d where all of E is potential, (p - p0) / lambda + w^2 d^2 / 2 = E.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -19,10 +19,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     FAILED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import energy_drift
@@ -40,47 +39,48 @@ GAIN = 1e-2  # of the energy from which on an answer is wrong
 P_0 = 1e-2  # Pa: the contact is far away in free flight
 
 KNOBS = (
-    Knob("step", "s", 1e-5, 1e-9, 1e-2, True, "time step h"),
-    Knob("lambda", "1/m", 1e5, 1e3, 1e8, True, "exponent of the contact law"),
-    Knob("velocity", "m/s", 1.0, 1e-3, 1e2, True, "of the mass of 1 kg as it meets the contact"),
-    Knob("frequency", "Hz", 500.0, 1.0, 1e4, True, "of the mass on its spring"),
-    Knob("gradient", "", 0.0, 0.0, 1.0, False, "1: the discrete gradient instead of Newmark"),
-    Knob("exact", "", 0.0, 0.0, 1.0, False, "1: exact free motion instead of Newmark's"),
+    Knob("step", "time step h", 1e-5, low=1e-9, high=1e-2, unit="s"),
+    Knob("lambda", "exponent of the contact law", 1e5, low=1e3, high=1e8, unit="1/m"),
+    Knob(
+        "velocity",
+        "of the mass of 1 kg as it meets the contact",
+        1.0,
+        low=1e-3,
+        high=1e2,
+        unit="m/s",
+    ),
+    Knob("frequency", "of the mass on its spring", 500.0, low=1.0, high=1e4, unit="Hz"),
+    Knob("gradient", "1: the discrete gradient instead of Newmark", 0.0, low=0.0, high=1.0),
+    Knob("exact", "1: exact free motion instead of Newmark's", 0.0, low=0.0, high=1.0),
 )
 
 
-@dataclass(frozen=True)
-class ImpactEnergy:
-    """Energy after thirty impacts; see `Case`."""
-
-    name: str = "impact_energy"
-    title: str = "energy of an impact oscillator under average acceleration"
-    boundary: str = "h omega_peak = 1.26, omega_peak^2 the largest tangent stiffness met over mass"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step, the law and the motion."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the largest energy of a free flight over that at the start."""
-        knobs = checked(self.knobs, values)
-        # the contact force of the discrete gradient is its potential's difference: exact
-        predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / LIMIT
-        with np.errstate(over="ignore", invalid="ignore"):
-            result = fly(knobs)
-        cost = result.mean_iterations
-        if result.outcome != "ok":
-            return Cell(FAILED, result.outcome, True, predicted, np.nan, np.nan, cost)
-        free = result.history["normal_force"] < P_0
-        stored = result.history["stored"]
-        ratio = float(stored[free].max() / stored[0])
-        error = float(np.abs(stored[free] / stored[0] - 1.0).max())
-        outcome = WRONG if error > GAIN else CONVERGED
-        drift = energy_drift(result)
-        flagged = drift > (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
-        by = f"energy drift {drift:.1e}" if flagged else ""
-        return Cell(outcome, by, flagged, predicted, ratio, error, cost)
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the largest energy of a free flight over that at the start."""
+    # the contact force of the discrete gradient is its potential's difference: exact
+    predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / LIMIT
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = fly(knobs)
+    cost = result.mean_iterations
+    if result.outcome != "ok":
+        return Cell(outcome=FAILED, predicted=predicted, cost=cost, by=result.outcome, flagged=True)
+    free = result.history["normal_force"] < P_0
+    stored = result.history["stored"]
+    ratio = float(stored[free].max() / stored[0])
+    error = float(np.abs(stored[free] / stored[0] - 1.0).max())
+    outcome = WRONG if error > GAIN else CONVERGED
+    drift = energy_drift(result)
+    flagged = drift > (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
+    by = f"energy drift {drift:.1e}" if flagged else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=ratio,
+        error=error,
+        cost=cost,
+        by=by,
+        flagged=flagged,
+    )
 
 
 def peak_number(knobs: Mapping[str, float]) -> float:
@@ -123,4 +123,10 @@ def fly(knobs: Mapping[str, float]) -> Motion:
     return simulate(system, [design], settings)[0]
 
 
-IMPACT_ENERGY = ImpactEnergy()
+IMPACT_ENERGY = Case(
+    name="impact_energy",
+    title="energy of an impact oscillator under average acceleration",
+    boundary="h omega_peak = 1.26, omega_peak^2 the largest tangent stiffness met over mass",
+    settings=KNOBS,
+    measure=measure,
+)

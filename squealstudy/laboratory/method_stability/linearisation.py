@@ -9,7 +9,6 @@ spreads the roots further.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
@@ -17,10 +16,9 @@ import scipy.linalg as la
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laboratory.method_stability.small_problem import SmallProblem
 from squealstudy.linalg.companion import Eigenpairs
@@ -33,41 +31,35 @@ ACCURATE = 1e-6  # relative error of a root from which on it is wrong
 SAFE = 10.0  # times the estimate
 
 KNOBS = (
-    Knob("stiffness_ratio", "", 1e3, 1.0, 1e20, True, "largest over smallest stiffness"),
-    Knob("damping_ratio", "", 0.01, 0.0, 1e8, True, "of the stiffest mode; the others have 1 %"),
+    Knob("stiffness_ratio", "largest over smallest stiffness", 1e3, low=1.0, high=1e20),
+    Knob("damping_ratio", "of the stiffest mode; the others have 1 %", 0.01, low=0.0, high=1e8),
 )
 
 
-@dataclass(frozen=True)
-class Linearisation:
-    """`dense_roots` on eight uncoupled modes; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the largest relative error of a root over 1e-6.
 
-    name: str = "linearisation"
-    title: str = "companion form of eight uncoupled modes"
-    boundary: str = "round-off of the largest matrix entry moves the smallest root by 1e-6"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the modes."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the largest relative error of a root over 1e-6.
-
-        The estimate is that of points that are solved exactly: how far their residuals may have
-        moved the roots.
-        """
-        knobs = checked(self.knobs, values)
-        C, K, exact = turned_modes(knobs["stiffness_ratio"], knobs["damping_ratio"])
-        lam, psi = dense_roots(C, K, (0.0, np.inf))
-        error = relative_errors(lam, exact)
-        limit = predicted_error(C, K, exact)
-        with np.errstate(over="ignore", invalid="ignore"):
-            estimate = SAFE * estimated(C, K, lam, psi)
-        outcome = WRONG if error > ACCURATE else CONVERGED
-        flagged = not estimate <= ACCURATE
-        by = f"estimate {estimate:.1e}" if flagged else ""
-        return Cell(outcome, by, flagged, limit / ACCURATE, error / ACCURATE, error, len(lam))
+    The estimate is that of points that are solved exactly: how far their residuals may have
+    moved the roots.
+    """
+    C, K, exact = turned_modes(knobs["stiffness_ratio"], knobs["damping_ratio"])
+    lam, psi = dense_roots(C, K, (0.0, np.inf))
+    error = relative_errors(lam, exact)
+    limit = predicted_error(C, K, exact)
+    with np.errstate(over="ignore", invalid="ignore"):
+        estimate = SAFE * estimated(C, K, lam, psi)
+    outcome = WRONG if error > ACCURATE else CONVERGED
+    flagged = not estimate <= ACCURATE
+    by = f"estimate {estimate:.1e}" if flagged else ""
+    return Cell(
+        outcome=outcome,
+        predicted=limit / ACCURATE,
+        measured=error / ACCURATE,
+        error=error,
+        cost=len(lam),
+        by=by,
+        flagged=flagged,
+    )
 
 
 def turned_modes(ratio: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -117,4 +109,10 @@ def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) ->
     return float((bounded(moved, lam) / np.maximum(np.abs(lam), 1e-300)).max())
 
 
-LINEARISATION = Linearisation()
+LINEARISATION = Case(
+    name="linearisation",
+    title="companion form of eight uncoupled modes",
+    boundary="round-off of the largest matrix entry moves the smallest root by 1e-6",
+    settings=KNOBS,
+    measure=measure,
+)

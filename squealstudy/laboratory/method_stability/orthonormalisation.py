@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
@@ -16,10 +15,9 @@ from squealstudy.laboratory.method_stability.contract import (
     FAILED,
     RECOVERED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 
@@ -28,9 +26,9 @@ SEEN = float(np.sqrt(np.finfo(float).eps))  # singular values below it drown in 
 ORTHONORMAL = 1e-10  # |M - I| beyond which a basis is wrong
 
 KNOBS = (
-    Knob("dependence", "", 1e-3, 1e-14, 1.0, True, "smallest singular value over the largest"),
-    Knob("tolerance", "", MODE_TOLERANCE, 1e-14, 0.5, True, "smallest relative value that is kept"),
-    Knob("held", "", 1.0, 1e-3, 1e9, True, "size of the part that the basis holds already"),
+    Knob("dependence", "smallest singular value over the largest", 1e-3, low=1e-14, high=1.0),
+    Knob("tolerance", "smallest relative value that is kept", MODE_TOLERANCE, low=1e-14, high=0.5),
+    Knob("held", "size of the part that the basis holds already", 1.0, low=1e-3, high=1e9),
 )
 
 
@@ -45,47 +43,41 @@ class Component(NamedTuple):
     rest: np.ndarray
 
 
-@dataclass(frozen=True)
-class Orthonormalisation:
-    """`complete_basis` on a free chain of masses; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the number of lost directions, or |M - I| over what is allowed of it.
 
-    name: str = "orthonormalisation"
-    title: str = "near-dependent traces made M-orthonormal"
-    boundary: str = "smallest relative singular value = tolerance, 1.5e-8 at least"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the traces and the truncation."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the number of lost directions, or |M - I| over what is allowed of it.
-
-        `error` is the largest part of a trace that the basis lacks, relative to the traces: up to
-        the tolerance it is what was asked for.
-        """
-        knobs = checked(self.knobs, values)
-        M, K, phi, rest = chain()
-        rng = np.random.default_rng(2)
-        mix = la.qr(rng.normal(size=(TRACES, TRACES)))[0]
-        sizes = np.geomspace(1.0, knobs["dependence"], TRACES)
-        inside = knobs["held"] * phi @ rng.normal(size=(HELD, TRACES))
-        vectors = (rest * sizes) @ mix + inside
-        largest = float(np.sqrt(np.linalg.eigvalsh(vectors.T @ (M @ vectors))[-1]))
-        predicted = max(knobs["tolerance"], SEEN) * largest / knobs["dependence"]
-        try:
-            T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
-        except la.LinAlgError:
-            return Cell(FAILED, "singular", True, predicted, np.nan, np.nan, TRACES)
-        lost = HELD + TRACES - T.shape[1]
-        off = float(np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max())
-        missing = vectors - T @ (T.T @ (M @ vectors))
-        error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
-        wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
-        outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
-        measured = max(float(lost), off / ORTHONORMAL)
-        by = "truncation" if lost else ""
-        return Cell(outcome, by, lost > 0, predicted, measured, error, T.shape[1])
+    `error` is the largest part of a trace that the basis lacks, relative to the traces: up to
+    the tolerance it is what was asked for.
+    """
+    M, K, phi, rest = chain()
+    rng = np.random.default_rng(2)
+    mix = la.qr(rng.normal(size=(TRACES, TRACES)))[0]
+    sizes = np.geomspace(1.0, knobs["dependence"], TRACES)
+    inside = knobs["held"] * phi @ rng.normal(size=(HELD, TRACES))
+    vectors = (rest * sizes) @ mix + inside
+    largest = float(np.sqrt(np.linalg.eigvalsh(vectors.T @ (M @ vectors))[-1]))
+    predicted = max(knobs["tolerance"], SEEN) * largest / knobs["dependence"]
+    try:
+        T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
+    except la.LinAlgError:
+        return Cell(outcome=FAILED, predicted=predicted, cost=TRACES, by="singular", flagged=True)
+    lost = HELD + TRACES - T.shape[1]
+    off = float(np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max())
+    missing = vectors - T @ (T.T @ (M @ vectors))
+    error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
+    wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
+    outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
+    measured = max(float(lost), off / ORTHONORMAL)
+    by = "truncation" if lost else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=measured,
+        error=error,
+        cost=T.shape[1],
+        by=by,
+        flagged=lost > 0,
+    )
 
 
 @cache
@@ -102,4 +94,10 @@ def chain() -> Component:
     return Component(M, K.tocsr(), modes[:, :HELD], mixed[:, :TRACES])
 
 
-ORTHONORMALISATION = Orthonormalisation()
+ORTHONORMALISATION = Case(
+    name="orthonormalisation",
+    title="near-dependent traces made M-orthonormal",
+    boundary="smallest relative singular value = tolerance, 1.5e-8 at least",
+    settings=KNOBS,
+    measure=measure,
+)

@@ -10,7 +10,7 @@ light that it follows the motion and does not change it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     FAILED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import STORAGE_LIMIT, storage_number
@@ -37,51 +36,45 @@ PERIODS, STEPS = 1, 100  # and steps in each
 FORCE = 1e-6  # N
 
 KNOBS = (
-    Knob("amplitude", "m", 1e-4, 1e-12, 1.0, True, "motion along the surface"),
-    Knob("lambda", "1/m", 5e5, 1e3, 1e9, True, "exponent of the contact law"),
-    Knob("single", "", 1.0, 0.0, 1.0, False, "1: single-precision storage, 0: double"),
+    Knob("amplitude", "motion along the surface", 1e-4, low=1e-12, high=1.0, unit="m"),
+    Knob("lambda", "exponent of the contact law", 5e5, low=1e3, high=1e9, unit="1/m"),
+    Knob("single", "1: single-precision storage, 0: double", 1.0, low=0.0, high=1.0),
 )
 
 
-@dataclass(frozen=True)
-class Storage:
-    """`simulate` with a matrix in single precision against double; see `Case`."""
-
-    name: str = "storage"
-    title: str = "contact force by an observation matrix in single precision"
-    boundary: str = "lambda 2 u |n1 n2| a = 1e-3, u = 2^-24"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the motion, the law and the storage."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is what `storage_number` says, `error` the largest one of the force."""
-        knobs = checked(self.knobs, values)
-        single = knobs["single"] >= 0.5
-        system, design = light_touch(knobs["lambda"])
-        step = 2 * np.pi / OMEGA / STEPS
-        q0 = knobs["amplitude"] * np.array([ROWS[1], -ROWS[0]])
-        settings = MotionSettings(PERIODS * STEPS * step, step, 1)
-        methods = Newmark(single_storage=single), Newmark()
-        with np.errstate(over="ignore"):
-            stored, exact = (
-                simulate(system, [replace(design, q0=q0)], replace(settings, integrator=method))[0]
-                for method in methods
-            )
-        predicted = predict(knobs) if single else 0.0
-        cost = stored.mean_iterations
-        if stored.outcome != "ok":
-            return Cell(FAILED, stored.outcome, True, predicted, np.nan, np.nan, cost)
-        force, truth = (r.history["normal_force"] for r in (stored, exact))
-        error = float(np.abs(force / truth - 1.0).max())
-        energy = float(stored.history["modal_energy"].max())
-        number = storage_number(system, design, energy) if single else 0.0
-        flagged = number > STORAGE_LIMIT
-        by = f"storage number {number:.1e}" if flagged else ""
-        outcome = WRONG if error > STORAGE_LIMIT else CONVERGED
-        return Cell(outcome, by, flagged, predicted, number, error, cost)
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is what `storage_number` says, `error` the largest one of the force."""
+    single = knobs["single"] >= 0.5
+    system, design = light_touch(knobs["lambda"])
+    step = 2 * np.pi / OMEGA / STEPS
+    q0 = knobs["amplitude"] * np.array([ROWS[1], -ROWS[0]])
+    settings = MotionSettings(PERIODS * STEPS * step, step, 1)
+    methods = Newmark(single_storage=single), Newmark()
+    with np.errstate(over="ignore"):
+        stored, exact = (
+            simulate(system, [replace(design, q0=q0)], replace(settings, integrator=method))[0]
+            for method in methods
+        )
+    predicted = predict(knobs) if single else 0.0
+    cost = stored.mean_iterations
+    if stored.outcome != "ok":
+        return Cell(outcome=FAILED, predicted=predicted, cost=cost, by=stored.outcome, flagged=True)
+    force, truth = (r.history["normal_force"] for r in (stored, exact))
+    error = float(np.abs(force / truth - 1.0).max())
+    energy = float(stored.history["modal_energy"].max())
+    number = storage_number(system, design, energy) if single else 0.0
+    flagged = number > STORAGE_LIMIT
+    by = f"storage number {number:.1e}" if flagged else ""
+    outcome = WRONG if error > STORAGE_LIMIT else CONVERGED
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=number,
+        error=error,
+        cost=cost,
+        by=by,
+        flagged=flagged,
+    )
 
 
 def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
@@ -109,4 +102,10 @@ def predict(knobs: Mapping[str, float]) -> float:
     return float(knobs["lambda"] * 2 * UNIT * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT)
 
 
-STORAGE = Storage()
+STORAGE = Case(
+    name="storage",
+    title="contact force by an observation matrix in single precision",
+    boundary="lambda 2 u |n1 n2| a = 1e-3, u = 2^-24",
+    settings=KNOBS,
+    measure=measure,
+)

@@ -9,7 +9,6 @@ takes the other's place is a crossing to anyone who looks at both ends: either l
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,10 +16,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     RECOVERED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
@@ -31,44 +29,38 @@ KEPT = 0.95  # MAC; refinement takes a sub-step above 0.99 for a crossing, its e
 SLOPE = 0.1  # s, relative change of w^2 over x = 1
 
 KNOBS = (
-    Knob("step", "", 0.1, 1e-6, 1.0, True, "change of the parameter x"),
-    Knob("width", "", 0.1, 1e-9, 1.0, True, "change of x over which the shapes turn"),
-    Knob("middle", "", 0.0, -1.0, 1.0, False, "x at the middle of the step, in steps"),
-    Knob("damping_ratio", "", 0.01, 0.0, 0.3, False, "of both modes"),
+    Knob("step", "change of the parameter x", 0.1, low=1e-6, high=1.0),
+    Knob("width", "change of x over which the shapes turn", 0.1, low=1e-9, high=1.0),
+    Knob("middle", "x at the middle of the step, in steps", 0.0, low=-1.0, high=1.0),
+    Knob("damping_ratio", "of both modes", 0.01, low=0.0, high=0.3),
 )
 
 
-@dataclass(frozen=True)
-class Tracking:
-    """`pair_modes` and `Refinement` over one step; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the best alternative of the direct pairing: 1 where it is as good.
 
-    name: str = "tracking"
-    title: str = "labels of two modes across a veering"
-    boundary: str = "step = width of the veering"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the step and the veering."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the best alternative of the direct pairing: 1 where it is as good.
-
-        `error` is the share of modes with the other's label, `cost` the points solved between.
-        """
-        knobs = checked(self.knobs, values)
-        predicted = knobs["step"] / knobs["width"]
-        ends = [np.array([knobs["step"] * (knobs["middle"] + x)]) for x in (-0.5, 0.5)]
-        a, b = (veering(x, knobs) for x in ends)
-        direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes)
-        refinement = Refinement(lambda x: veering(x, knobs))
-        refined = refinement.pair(a, b, *ends)
-        measured = 1.0 / float(np.maximum(direct.trust.min(), 1e-300))
-        error = exchanged(refined, a, b)
-        flagged = bool(refined.ambiguous.any())
-        outcome = WRONG if error else RECOVERED if exchanged(direct, a, b) else CONVERGED
-        by = "refinement" if outcome == RECOVERED else "ambiguous" if flagged else ""
-        return Cell(outcome, by, flagged, predicted, measured, error, refinement.points)
+    `error` is the share of modes with the other's label, `cost` the points solved between.
+    """
+    predicted = knobs["step"] / knobs["width"]
+    ends = [np.array([knobs["step"] * (knobs["middle"] + x)]) for x in (-0.5, 0.5)]
+    a, b = (veering(x, knobs) for x in ends)
+    direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes)
+    refinement = Refinement(lambda x: veering(x, knobs))
+    refined = refinement.pair(a, b, *ends)
+    measured = 1.0 / float(np.maximum(direct.trust.min(), 1e-300))
+    error = exchanged(refined, a, b)
+    flagged = bool(refined.ambiguous.any())
+    outcome = WRONG if error else RECOVERED if exchanged(direct, a, b) else CONVERGED
+    by = "refinement" if outcome == RECOVERED else "ambiguous" if flagged else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=measured,
+        error=error,
+        cost=refinement.points,
+        by=by,
+        flagged=flagged,
+    )
 
 
 def veering(x: np.ndarray, knobs: Mapping[str, float]) -> Modes:
@@ -90,4 +82,10 @@ def exchanged(pairing: Pairing, a: Modes, b: Modes) -> float:
     return float(np.mean(wrong))
 
 
-TRACKING = Tracking()
+TRACKING = Case(
+    name="tracking",
+    title="labels of two modes across a veering",
+    boundary="step = width of the veering",
+    settings=KNOBS,
+    measure=measure,
+)

@@ -11,7 +11,6 @@ the roots. Round-off eps of the matrices changes the squared frequencies, a apar
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
@@ -29,10 +28,9 @@ from squealstudy.laboratory.method_stability.contract import (
     FAILED,
     RECOVERED,
     WRONG,
+    Case,
     Cell,
     Knob,
-    checked,
-    named,
 )
 from squealstudy.laboratory.method_stability.small_problem import SmallProblem
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
@@ -58,47 +56,43 @@ SAFE = 2.0  # times its estimate is what an error may be (THEORY.md eq. (39)), a
 BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
 
 KNOBS = (
-    Knob("distance", "", 1e-3, 1e-16, 0.5, True, "of friction to coalescence, relative to mu_c"),
-    Knob("tolerance", "", 1e-6, 1e-13, 0.1, True, "relative error of a root that is allowed"),
-    Knob("damping_ratio", "", 0.0, 0.0, 0.04, False, "of both modes at their mean frequency"),
+    Knob("distance", "of friction to coalescence, relative to mu_c", 1e-3, low=1e-16, high=0.5),
+    Knob("tolerance", "relative error of a root that is allowed", 1e-6, low=1e-13, high=0.1),
+    Knob("damping_ratio", "of both modes at their mean frequency", 0.0, low=0.0, high=0.04),
 )
 
 
-@dataclass(frozen=True)
-class WindowsRung:
-    """`Windows` over a box about a lock-in; see `Case`."""
+def measure(knobs: Mapping[str, float]) -> Cell:
+    """`measured` is the largest estimate over the tolerance; `error` that of the roots.
 
-    name: str = "windows"
-    title: str = "reanalysis by windows beside a lock-in"
-    boundary: str = "4 round-offs over twice the root of (2 distance) = 2 tolerances"
-
-    @property
-    def knobs(self) -> Mapping[str, Knob]:
-        """Of the design points and the tolerance."""
-        return named(*KNOBS)
-
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
-        """`measured` is the largest estimate over the tolerance; `error` that of the roots.
-
-        `recovered` is a design point that the windows left to another rung.
-        """
-        knobs = checked(self.knobs, values)
-        tolerance, away = knobs["tolerance"], knobs["distance"]
-        problem, basis = ready(knobs["damping_ratio"], tolerance)
-        theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
-        found = Windows(problem, basis, tolerance).solve(whole(), theta / SPAN)
-        both = {row: outcome for row, outcome in found if row < 2}
-        own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
-        predicted = predict(away) / (SAFE * tolerance)
-        if len(own) < len(both):
-            return Cell(FAILED, "working point", True, predicted, np.nan, np.nan, len(theta))
-        error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
-        estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
-        rungs = sorted({p.method for p in own.values()} - {RUNG.name})
-        flagged = not (estimate <= tolerance and all(p.sure for p in own.values()))
-        outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
-        by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
-        return Cell(outcome, by, flagged, predicted, estimate / tolerance, error, len(theta))
+    `recovered` is a design point that the windows left to another rung.
+    """
+    tolerance, away = knobs["tolerance"], knobs["distance"]
+    problem, basis = ready(knobs["damping_ratio"], tolerance)
+    theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
+    found = Windows(problem, basis, tolerance).solve(whole(), theta / SPAN)
+    both = {row: outcome for row, outcome in found if row < 2}
+    own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
+    predicted = predict(away) / (SAFE * tolerance)
+    if len(own) < len(both):
+        return Cell(
+            outcome=FAILED, predicted=predicted, cost=len(theta), by="working point", flagged=True
+        )
+    error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
+    estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
+    rungs = sorted({p.method for p in own.values()} - {RUNG.name})
+    flagged = not (estimate <= tolerance and all(p.sure for p in own.values()))
+    outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
+    by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
+    return Cell(
+        outcome=outcome,
+        predicted=predicted,
+        measured=estimate / tolerance,
+        error=error,
+        cost=len(theta),
+        by=by,
+        flagged=flagged,
+    )
 
 
 def friction(theta: np.ndarray) -> float:
@@ -162,4 +156,10 @@ def predict(away: float) -> float:
     return min(eps / (2 * np.sqrt(2 * away)), np.sqrt(eps) / 2)
 
 
-WINDOWS_RUNG = WindowsRung()
+WINDOWS_RUNG = Case(
+    name="windows",
+    title="reanalysis by windows beside a lock-in",
+    boundary="4 round-offs over twice the root of (2 distance) = 2 tolerances",
+    settings=KNOBS,
+    measure=measure,
+)
