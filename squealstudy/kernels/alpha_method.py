@@ -6,7 +6,7 @@ Unknown is the acceleration a_m = (1 - alpha_m) a_1 + alpha_m a_0 in the balance
 
 in which q_f and v_f are affine in a_m, with the factors b_q, b_v, and so in the pull
 g = a_m + C v_f + K q_f: Newmark's iteration serves all members. HHT-alpha has alpha_m = 0;
-alpha_m = alpha_f = 1/2 is the midpoint rule, which with the forces of `gradient_pass` conserves
+alpha_m = alpha_f = 1/2 is the midpoint rule, which with the forces of `pass_gradient` conserves
 energy.
 """
 
@@ -15,14 +15,11 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.gradient_pass import pass_gradient
-from squealstudy.kernels.integrator_layout import X_START, Scheme
 from squealstudy.kernels.integrator_state import close_step, open_run, shown
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_correct import place, relax
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
-from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.kernels.newmark_residual import friction_change, residual
+from squealstudy.kernels.newmark_forces import friction_change, pass_gradient, pass_one, residual
+from squealstudy.kernels.newmark_layout import X_START, Modal, Saved, Scheme, Settings, Work
 from squealstudy.kernels.newmark_step import (
     BIG,
     count_pass,

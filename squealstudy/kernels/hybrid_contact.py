@@ -4,6 +4,9 @@ With G the change of the velocities at the contact points a newton, forces r obe
 r = f(y + G (r - r_guess)): a non-linear block Gauss-Seidel iteration, one point after the other,
 each solved by a damped Newton in its three directions. G is symmetric and positive definite and
 friction monotone, so that stiff regularisations of sticking need no mock-up or acceleration.
+
+The arithmetic of a point's forces is written apart from that of the modal kernel, which the hybrid
+representation judges. Column layouts are those of hybrid_layout.
 """
 
 from __future__ import annotations
@@ -12,11 +15,16 @@ import numpy as np
 
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
-from squealstudy.kernels.hybrid_point import BIG, imbalance, solve_point
 from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
 FIRST_SHARE = 0.5  # of the tolerance: imbalance below which a point is left alone in a sweep
 NEXT_SHARE = 0.3  # the same after every sweep
+BIG = 1e290  # squares at or beyond it, and NaN, are not finite
+LOCAL_ITERATIONS = 20
+LOCAL_TOLERANCE = 1e-4  # of the imbalance before
+ROUND_OFF = 1e-14  # of the forces
+SHORTEST = 1e-3  # damped Newton step
 
 
 @fast_kernel
@@ -162,3 +170,137 @@ def contact_iteration(
         )
         share *= NEXT_SHARE * NEXT_SHARE
     return at.NOT_CONVERGED, max_iterations, contraction
+
+
+@fast_kernel
+def point_force(
+    point: np.ndarray, law: np.ndarray, x: float, v1: float, v2: float, out: np.ndarray
+) -> tuple[float, float, float]:
+    """Generalised forces (rn, r1, r2) [N] of one point beyond the base state, for B^T r.
+
+    Parameters
+    ----------
+    point : ndarray (8,), law : ndarray (N_LAW,)
+        See hybrid_layout.
+    x, v1, v2 : float
+        N q [m], T1 q' and T2 q' [m/s].
+    out : ndarray (6,)
+        Filled with the absolute state: columns newmark_layout.OUT_*.
+
+    Notes
+    -----
+    rn contains + k_ref x: the tangent at the reference is inside K.
+    """
+    area, w1 = point[its.POINT_AREA], law[its.LAW_SPEED] + v1
+    p, _ = contact_at(law, point[its.POINT_GAP] + x)
+    t1, t2, _ = friction_at(law, point[its.POINT_FRICTION], p, w1, v2)
+    t1 *= area
+    t2 *= area
+    out[its.OUT_X], out[its.OUT_W1], out[its.OUT_W2] = x, w1, v2
+    out[its.OUT_P], out[its.OUT_T1], out[its.OUT_T2] = p, t1, t2
+    rn = area * p - point[its.POINT_NORMAL] + point[its.POINT_STIFFNESS] * x
+    return rn, t1 - point[its.POINT_T1], t2 - point[its.POINT_T2]
+
+
+@fast_kernel
+def tangent(
+    point: np.ndarray, law: np.ndarray, half: float, trial: np.ndarray, D: np.ndarray
+) -> None:
+    """Derivative D (3, 3) of a point's forces by its velocities, at its evaluated state `trial`."""
+    area = point[its.POINT_AREA]
+    _, kappa = contact_at(law, point[its.POINT_GAP] + trial[its.OUT_X])
+    d11, d12, d22, f1, f2 = friction_tangent(
+        law, point[its.POINT_FRICTION], trial[its.OUT_P], trial[its.OUT_W1], trial[its.OUT_W2]
+    )
+    D[0, 0] = half * (point[its.POINT_STIFFNESS] - area * kappa)
+    D[0, 1] = D[0, 2] = 0.0
+    D[1, 0] = -area * half * kappa * f1
+    D[2, 0] = -area * half * kappa * f2
+    D[1, 1], D[1, 2] = area * d11, area * d12
+    D[2, 1], D[2, 2] = area * d12, area * d22
+
+
+@fast_kernel
+def solve3(A: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
+    """X = A^-1 b for (3, 3), by cofactors; a singular A gives inf or NaN."""
+    c0 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c1 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c2 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    det = A[0, 0] * c0 + A[0, 1] * c1 + A[0, 2] * c2
+    d0 = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
+    d1 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    d2 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    e0 = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+    e1 = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+    e2 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    x[0] = (c0 * b[0] + d0 * b[1] + e0 * b[2]) / det
+    x[1] = (c1 * b[0] + d1 * b[1] + e1 * b[2]) / det
+    x[2] = (c2 * b[0] + d2 * b[1] + e2 * b[2]) / det
+
+
+@fast_kernel
+def imbalance(
+    point: np.ndarray,
+    law: np.ndarray,
+    half: float,
+    x_base: float,
+    y: np.ndarray,
+    r: np.ndarray,
+    trial: np.ndarray,
+    F: np.ndarray,
+) -> float:
+    """F = f(y) - r of one point into (3,), its square; the gap is x_base + half y[0]."""
+    rn, r1, r2 = point_force(point, law, x_base + half * y[0], y[1], y[2], trial)
+    F[0], F[1], F[2] = rn - r[0], r1 - r[1], r2 - r[2]
+    return F[0] * F[0] + F[1] * F[1] + F[2] * F[2]
+
+
+@fast_kernel
+def solve_point(
+    point: np.ndarray,
+    law: np.ndarray,
+    half: float,
+    x_base: float,
+    G: np.ndarray,
+    y0: np.ndarray,
+    r0: np.ndarray,
+    scratch: np.ndarray,
+    trial: np.ndarray,
+) -> None:
+    """Change of one point's forces, row 0 of `scratch` (10, 3), that balances it.
+
+    G (3, 3) is its own block, y0 and r0 (3,) its velocities and forces before.
+    """
+    change, y, r, F = scratch[0], scratch[1], scratch[2], scratch[3]
+    D, A = scratch[4:7], scratch[7:10]
+    change[:] = 0.0
+    y[0], y[1], y[2] = y0[0], y0[1], y0[2]
+    r[0], r[1], r[2] = r0[0], r0[1], r0[2]
+    F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+    step = np.empty(3)
+    normal = trial[its.OUT_P] * point[its.POINT_AREA]
+    enough = LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + ROUND_OFF * ROUND_OFF * normal * normal
+    for _ in range(LOCAL_ITERATIONS):
+        if not (enough < F2 < BIG):
+            return
+        tangent(point, law, half, trial, D)
+        for a in range(3):
+            for b in range(3):
+                A[a, b] = -(D[a, 0] * G[0, b] + D[a, 1] * G[1, b] + D[a, 2] * G[2, b])
+            A[a, a] += 1.0
+        solve3(A, F, step)
+        length = 1.0
+        before = F2
+        while True:
+            for a in range(3):
+                r[a] = r0[a] + change[a] + length * step[a]
+            for a in range(3):
+                y[a] = y0[a]
+                for b in range(3):
+                    y[a] += G[a, b] * (r[b] - r0[b])
+            F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+            if before > F2 or length < SHORTEST:
+                break
+            length *= 0.5
+        for a in range(3):
+            change[a] += length * step[a]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.integrator_layout import SCALE, X_START
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.laws import potential
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_forces import pass_one
+from squealstudy.kernels.newmark_layout import SCALE, X_START, Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import modal_energy, save, stored_energy
-from squealstudy.kernels.newmark_pass import pass_one
 from squealstudy.kernels.newmark_step import BIG, ROUND_OFF, close_passes, start
 from squealstudy.kernels.newmark_vector import dot
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.contact_point import tangents
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.newmark_forces import all_forces, pass_one, tangents
 from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import save, stored_energy
-from squealstudy.kernels.newmark_pass import pass_one
-from squealstudy.kernels.newmark_residual import all_forces
 
 
 @fast_kernel

@@ -1,15 +1,20 @@
-"""The Newmark kernel: one design point, or several together over one observation matrix."""
+"""The Newmark kernel: one design point, several over one observation matrix, or one traced step.
+
+The trace keeps the residuals of a plain step with the fixed Jacobian: what the iteration does, not
+what it gives. Neither halving nor Newton comes to its help: a step that would need one ends it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.contact_point import point_forces
 from squealstudy.kernels.jit import fast_entry_kernel, fast_kernel, part_kernel
+from squealstudy.kernels.newmark_correct import place
+from squealstudy.kernels.newmark_forces import give_forces, pass_one, point_forces, take_points
 from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
-from squealstudy.kernels.newmark_pass import give_forces, pass_one, take_points
 from squealstudy.kernels.newmark_step import advance
+from squealstudy.kernels.newmark_vector import copy
 from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
 
 WORTH = 4  # designs from which a pass for all lanes costs less than one each
@@ -134,3 +139,42 @@ def newmark_batch(
             advance(B, modal, settings, work, saved, k)
         if paused(work.counts):
             return
+
+
+@fast_entry_kernel
+def newmark_trace(
+    B: np.ndarray,
+    modal: Modal,
+    settings: Settings,
+    work: Work,
+    saved: Saved,
+    first: np.ndarray,
+    squares: np.ndarray,
+) -> int:
+    """Iterate one step of design 0; how many squared residuals were written to `squares` (m,).
+
+    Parameters
+    ----------
+    B, modal, settings, work, saved
+        As of `newmark_batch.newmark_batch`, of one step without halvings.
+    first : ndarray (n,) or (0,)
+        Trial pull to start from; empty for that of the predictor.
+
+    Notes
+    -----
+    The step converged where `work.counts[0, STATUS]` is DONE; its last residual is not written.
+    """
+    counts, real, x, n = work.counts[0], work.real[0], work.x[0], 0
+    while counts[at.STATUS] == at.RUNNING and n < squares.size:
+        starts = counts[at.MODE] == at.START
+        pass_one(B, modal, work, 0)
+        advance(B, modal, settings, work, saved, 0)
+        if counts[at.STATUS] != at.RUNNING or not (starts or counts[at.MODE] == at.FIXED):
+            break
+        if starts and first.size > 0:
+            copy(first, x[at.PULL_TRIAL])
+            place(x, modal.steps[0, 0])
+        elif not starts:
+            squares[n] = real[at.E2_OLD]
+            n += 1
+    return n

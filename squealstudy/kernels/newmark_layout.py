@@ -1,4 +1,4 @@
-"""What the Newmark kernels read and write: arrays in named tuples, and their integer columns.
+"""What the integrators of modal systems read and write: named tuples of arrays, their columns.
 
 They serve all one-step methods whose end is affine in the forces there: average acceleration and
 exact free motion differ in Modal.steps alone.
@@ -84,6 +84,18 @@ N_ROWS = 14
 OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
 N_POINT = 17
 
+# of the integrators beside Newmark
+# row of Work.point: change of gap in the accepted state
+X_START = N_POINT
+N_POINT_GAP = X_START + 1
+# column of Work.real: energy that the initial state, contact and loads may set free, J
+SCALE = N_REAL
+
+# rows of an exponential step's coefficients: propagator of (q, v), then what forces constant,
+# linear and quadratic over the step add to q and v
+E_QQ, E_QV, E_VQ, E_VV, P1_Q, P1_V, P2_Q, P2_V, P3_Q, P3_V = range(10)
+N_COEFFICIENT = 10
+
 
 class Modal(NamedTuple):
     """The design points; see motion.system for units. W2 contains N^T k_ref N."""
@@ -143,3 +155,13 @@ class Saved(NamedTuple):
     history: np.ndarray  # (nb, rows, len(HISTORY))
     sensed: np.ndarray  # (nb, rows, 2, ns) sensors @ q, sensors @ v
     q: np.ndarray  # (nb, rows or 0, n)
+
+
+class Scheme(NamedTuple):
+    """A member of the generalised-alpha family (Chung & Hulbert 1993)."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    gradient: bool  # contact forces by difference quotients of their potential

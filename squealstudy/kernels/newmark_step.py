@@ -11,11 +11,16 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.newmark_correct import correct_fixed, correct_newton, direction, place
-from squealstudy.kernels.newmark_dense import point_row
+from squealstudy.kernels.newmark_correct import (
+    correct_fixed,
+    correct_newton,
+    direction,
+    place,
+    point_row,
+)
+from squealstudy.kernels.newmark_forces import all_forces, friction_change, residual
 from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_output import add_work, save, stored_energy
-from squealstudy.kernels.newmark_residual import all_forces, friction_change, residual
 from squealstudy.kernels.newmark_vector import copy, dot, move
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.kernels.integrator_layout import N_COEFFICIENT
+from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 
 
 def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) -> list[np.ndarray]:
@@ -32,7 +32,7 @@ def propagators(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
     Returns
     -------
     ndarray (10, n)
-        Rows integrator_layout.E_*, P*: the matrix exponential of (q, v), then the answers in q
+        Rows newmark_layout.E_*, P*: the matrix exponential of (q, v), then the answers in q
         and v to f = 1, f = t/h and f = (t/h)^2 / 2: phi-functions of the mode times h.
 
     Notes

@@ -27,7 +27,7 @@ from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.newmark_pass import pass_one
+from squealstudy.kernels.newmark_forces import pass_one
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.settings import MotionSettings

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.alpha_method import alpha_method
-from squealstudy.kernels.integrator_layout import Scheme
+from squealstudy.kernels.newmark_layout import Scheme
 from squealstudy.laboratory.integrators.fixed_step import Iterated
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings

@@ -7,9 +7,8 @@ from typing import Literal
 from pydantic import Field
 
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.central_difference import central_difference
-from squealstudy.kernels.exponential_steps import exponential_steps
-from squealstudy.kernels.integrator_layout import N_COEFFICIENT
+from squealstudy.kernels.explicit_methods import central_difference, exponential_steps
+from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.laboratory.integrators.fixed_step import OwnKernel
 from squealstudy.motion.arrays import aligned_zeros
 from squealstudy.motion.propagators import propagators

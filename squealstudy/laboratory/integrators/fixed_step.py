@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from squealstudy.kernels import integrator_layout
+from squealstudy.kernels import newmark_layout as layout
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
@@ -69,7 +69,7 @@ def own_arrays(system: ModalSystem, design: MotionPoint, settings: MotionSetting
     """
     case = KernelRun.of(system, [design], settings)
     work = case.work._replace(
-        point=np.zeros((1, integrator_layout.N_POINT, case.work.point.shape[2])),
+        point=np.zeros((1, layout.N_POINT_GAP, case.work.point.shape[2])),
         real=np.concatenate([case.work.real, np.zeros((1, 1))], axis=1),
     )
     return replace(case, work=work)

@@ -75,7 +75,7 @@ def uniform_damping(
 def initial_state(
     model: HybridModel, hybrid: layout.Hybrid, q0: np.ndarray, v0: np.ndarray
 ) -> layout.State:
-    """State of a run before its first evaluation (hybrid_commit.start)."""
+    """State of a run before its first evaluation (hybrid_state.start)."""
     vectors = np.zeros((layout.N_VECTORS, model.n))
     vectors[layout.Q], vectors[layout.V] = q0, v0
     modes = np.zeros((layout.N_MODES, len(model.omega)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import hybrid_layout as layout
-from squealstudy.kernels.hybrid_output import contact_energy, history_row
+from squealstudy.kernels.hybrid_state import contact_energy, history_row
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.reduction.hybrid import HybridModel

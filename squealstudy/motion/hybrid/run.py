@@ -8,9 +8,8 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
-from squealstudy.kernels.hybrid_balance import balance
-from squealstudy.kernels.hybrid_commit import commit, start
-from squealstudy.kernels.hybrid_predict import predict
+from squealstudy.kernels.hybrid_state import commit, start
+from squealstudy.kernels.hybrid_step import balance, predict
 from squealstudy.kernels.newmark_layout import LAW_MU, POINT_NORMAL
 from squealstudy.motion.hybrid.arrays import hybrid_arrays, initial_state
 from squealstudy.motion.hybrid.history import Recorder

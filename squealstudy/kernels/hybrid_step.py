@@ -1,7 +1,12 @@
-"""The contact forces of a hybrid Newmark step, after its forward/back solve (THEORY.md eq. (83)).
+"""One hybrid Newmark step: forces extrapolated, then balanced after the forward/back solve.
 
-What the forces change in the state is added by columns of J^-1 B^T for a few points, or left as
-the right-hand side of a second solve for many.
+Average acceleration, with J = M + (h beta/2 + h^2/4) K and dv the change of velocity
+(THEORY.md eq. (82))::
+
+    J dv = h/2 B^T (r_0 + r_1) - h K (q_0 + (h/2 + beta) v_0)
+
+What the balanced contact forces (THEORY.md eq. (83)) change in the state is added by columns of
+J^-1 B^T for a few points, or left as the right-hand side of a second solve for many.
 """
 
 from __future__ import annotations
@@ -11,8 +16,7 @@ import numpy as np
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_contact import contact_iteration, quadratic_form
-from squealstudy.kernels.hybrid_layout import Hybrid, Level, State
-from squealstudy.kernels.hybrid_vector import free_rates, modal_force, move_rates, multiply, spread
+from squealstudy.kernels.hybrid_layout import Hybrid, Level, Sparse, State
 from squealstudy.kernels.jit import fast_kernel, kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
@@ -200,3 +204,123 @@ def heavy_points(
         if (light <= limit and light_t <= limit_t) or share * nc < 1.0:
             return heavy, count
         share *= 0.5
+
+
+@fast_kernel
+def multiply(A: Sparse, x: np.ndarray, y: np.ndarray) -> None:
+    """Y = A x."""
+    for i in range(y.size):
+        total = 0.0
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            total += A.data[k] * x[A.indices[k]]
+        y[i] = total
+
+
+@fast_kernel
+def spread(A: Sparse, factor: float, x: np.ndarray, y: np.ndarray) -> None:
+    """Y += factor A^T x, by rows of A."""
+    for i in range(x.size):
+        if x[i] != 0.0:
+            scaled = factor * x[i]
+            for k in range(A.indptr[i], A.indptr[i + 1]):
+                y[A.indices[k]] += A.data[k] * scaled
+
+
+@fast_kernel
+def modal_force(model: Hybrid, r: np.ndarray, force: np.ndarray) -> None:
+    """Force = (B phi)^T r (m,)."""
+    force[:] = 0.0
+    for i in range(r.size):
+        if r[i] != 0.0:
+            row = model.B_modes[i]
+            for j in range(force.size):
+                force[j] += r[i] * row[j]
+
+
+@fast_kernel
+def free_rates(model: Hybrid, state: State, h: float) -> None:
+    """Velocities of all modes at the end of a step without forces."""
+    modes = state.modes
+    for j in range(model.omega2.size):
+        w2, c = model.omega2[j], model.c[j]
+        c_s = model.beta * w2
+        stiff = 1.0 + 0.25 * h * h * w2
+        v, v_s = modes[at.RATE, j], modes[at.RATE_S, j]
+        pull = h * (w2 * (modes[at.ALPHA, j] + 0.5 * h * v) + c * v)
+        pull_s = h * (w2 * (modes[at.ALPHA_S, j] + 0.5 * h * v_s) + c_s * v_s)
+        modes[at.RATE_END, j] = v - pull / (stiff + 0.5 * h * c)
+        modes[at.RATE_S_END, j] = v_s - pull_s / (stiff + 0.5 * h * c_s)
+
+
+@fast_kernel
+def move_rates(model: Hybrid, state: State, h: float, force: np.ndarray) -> None:
+    """Velocities of all modes at the end of a step += those of `force` (m,), from rest."""
+    modes = state.modes
+    for j in range(force.size):
+        stiff = 1.0 + 0.25 * h * h * model.omega2[j]
+        impulse = 0.5 * h * force[j]
+        modes[at.RATE_END, j] += impulse / (stiff + 0.5 * h * model.c[j])
+        modes[at.RATE_S_END, j] += impulse / (stiff + 0.5 * h * model.beta * model.omega2[j])
+
+
+@fast_kernel
+def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
+    """Predict the forces of the rows first to last - 1 into row R, from `known` times (1 to 5).
+
+    Polynomials through 1 to 4 times (constant to cubic); their errors at the last time are the
+    backward differences of one order more, and the one that was best then is taken: smooth sliding
+    earns a high order, points that just stuck, slid or opened a low one.
+    """
+    best = 0
+    least = np.inf
+    for order in range(min(known, at.MOST_TIMES) - 1):
+        e2 = 0.0
+        for i in range(first, last):
+            r1, r2, r3, r4 = (
+                rows[at.PAST, i],
+                rows[at.PAST + 1, i],
+                rows[at.PAST + 2, i],
+                rows[at.PAST + 3, i],
+            )
+            if order == 0:
+                e = r1 - r2
+            elif order == 1:
+                e = r1 - 2.0 * r2 + r3
+            elif order == 2:
+                e = r1 - 3.0 * r2 + 3.0 * r3 - r4
+            else:
+                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + rows[at.PAST + 4, i]
+            e2 += e * e
+        if e2 < least:
+            best, least = order, e2
+    for i in range(first, last):
+        r1, r2, r3, r4 = (
+            rows[at.PAST, i],
+            rows[at.PAST + 1, i],
+            rows[at.PAST + 2, i],
+            rows[at.PAST + 3, i],
+        )
+        r = r1
+        if best == 1:
+            r = 2.0 * r1 - r2
+        elif best == 2:
+            r = 3.0 * (r1 - r2) + r3
+        elif best == 3:
+            r = 4.0 * (r1 + r3) - 6.0 * r2 - r4
+        rows[at.R, i] = r
+        rows[at.R_GUESS, i] = r
+
+
+@kernel
+def predict(model: Hybrid, level: Level, state: State, known: int) -> None:
+    """Extrapolate the forces from `known` times and leave the right-hand side in row RHS."""
+    rows, x = state.rows, state.vectors
+    h = level.h
+    nb = 3 * state.point.shape[0]
+    for first in range(0, nb, 3):
+        extrapolate(rows, first, first + 3, known)
+    for i in range(nb, rows.shape[1]):
+        extrapolate(rows, i, i + 1, known)
+    for j in range(x.shape[1]):
+        x[at.RHS, j] = -h * (x[at.KQ, j] + (0.5 * h + model.beta) * x[at.KV, j])
+    spread(model.B, 0.5 * h, rows[at.LEFT] + rows[at.R], x[at.RHS])
