@@ -15,9 +15,12 @@ from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
 from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrator import integrator
-from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.integrators.exact_free_motion import (
+    ExactFreeMotion,
+    propagator_levels,
+    propagators,
+)
 from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.propagators import propagator_levels, propagators
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 

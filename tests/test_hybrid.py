@@ -18,10 +18,9 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.motion.growing_modes import none_growing
-from squealstudy.motion.hybrid.arrays import uniform_damping
-from squealstudy.motion.hybrid.run import simulate_hybrid
-from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.hybrid_arrays import uniform_damping
+from squealstudy.motion.hybrid_run import simulate_hybrid
+from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint

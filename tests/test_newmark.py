@@ -16,8 +16,7 @@ from scipy.integrate import solve_ivp
 from squealstudy.kernels import newmark_layout
 from squealstudy.kernels.laws import N_LAW, friction_at, friction_tangent, law_row, mu_at
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
-from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import (

@@ -22,7 +22,7 @@ from squealstudy.errors import StudyFileError
 from squealstudy.fidelity.ladders import free_ladders
 from squealstudy.fidelity.scene import Scene
 from squealstudy.fidelity.time_search import RunSearch
-from squealstudy.kinds.transient import forecast
+from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient import slope_pilot as pilot_module
 from squealstudy.kinds.transient.plan_facts import training_designs
 from squealstudy.models.operating import REGULARISATION_SHARE, REGULARISATION_SPEED
@@ -275,10 +275,10 @@ def test_screens(tmp_path, monkeypatch, capsys):
 def test_the_warning_names_the_speed_that_would_do():
     plan = belt([0.5], f'"{NAME}" = 1e-6')
     build_structures(plan, Workers())
-    (text,) = [w for w in forecast.warnings(plan) if "too stiff" in w]
+    (text,) = [w for w in preparation.warnings(plan) if "too stiff" in w]
     speed = float(re.search(rf"{NAME} of (\S+) would do", text).group(1))
     kept = belt([0.5], f'"{NAME}" = {1.1 * speed!r}')
-    assert not [w for w in forecast.warnings(kept) if "too stiff" in w]
+    assert not [w for w in preparation.warnings(kept) if "too stiff" in w]
 
 
 # -- fidelity ------------------------------------------------------------------------------------

@@ -17,8 +17,7 @@ from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.growing_modes import none_growing
-from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import moving_energy
 from squealstudy.motion.outcome.settling import known_outcome, level_drift

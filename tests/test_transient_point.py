@@ -13,7 +13,6 @@ from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.motion.growing_modes import growing_modes, left_vectors
-from squealstudy.motion.modal_basis import Training, truncated, with_pod
 from squealstudy.motion.point import (
     contact_speed,
     friction_law,
@@ -21,7 +20,7 @@ from squealstudy.motion.point import (
     perturbed,
     tangent,
 )
-from squealstudy.motion.reference_modes import reference_modes
+from squealstudy.motion.reference_modes import Training, reference_modes, truncated, with_pod
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.reduction.prepared import shape_column

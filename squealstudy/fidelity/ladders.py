@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from squealstudy.engine.plan import has_mesh
-from squealstudy.kinds.transient.regularisation import slowest_speed
+from squealstudy.kinds.transient.plan_facts import slowest_speed
 from squealstudy.models.operating import (
     IN_TIME_ONLY,
     REGULARISATION_SHARE,

@@ -2,8 +2,8 @@
 
 Exponential steps: each mode's free motion exact, its contact forces by PEC. Over a step
 q'' + c q' + w2 q = f(t) is solved exactly for a polynomial f, whose coefficients come from one
-evaluation at a predicted state (predict, evaluate, correct); see motion.propagators for the
-coefficients.
+evaluation at a predicted state (predict, evaluate, correct); see
+motion.integrators.exact_free_motion for the coefficients.
 
 Central differences: velocities stand at half steps. Modal damping is implicit, which costs nothing;
 friction and the damping of shapes need a velocity at whole steps, for which there is only an

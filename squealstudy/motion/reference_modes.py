@@ -1,19 +1,27 @@
-"""The reduced assembly in the modes of a reference working point: one model for both domains."""
+"""The reduced assembly in the modes of a reference working point, and smaller bases of them.
+
+One model for both domains. A smaller modal system has the assembly modes up to a frequency, and
+POD vectors of a run beside them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.errors import ParameterError
 from squealstudy.motion.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.energy import reduced_energy_shares
 from squealstudy.system.linearise import component_frequencies, linearise
+
+COUPLED = 1e-3  # of the largest damping: coupling below it is left out
+LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out
 
 
 @dataclass(frozen=True)
@@ -105,4 +113,123 @@ def reference_modes(
         coupling=np.zeros(0),
         component_modes=component_modes,
         component_frequencies=component_frequencies(model),
+    )
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a truncated basis is repaired by.
+
+    Attributes
+    ----------
+    snapshots : ndarray (rows, n)
+        Modal displacements of runs with all modes.
+    modes : ndarray (n, m) complex
+        Right vectors of the growing modes of their designs, in the same coordinates.
+    """
+
+    snapshots: np.ndarray
+    modes: np.ndarray
+
+
+def kept_modes(reference: ReferenceModes, below_hz: float) -> int:
+    """Number of assembly modes up to a frequency; ParameterError where there is none."""
+    count = int((reference.system.omega2 <= (2 * np.pi * below_hz) ** 2).sum())
+    if count == 0:
+        raise ParameterError("modes_below", f"no assembly mode lies below {below_hz:g} Hz")
+    return count
+
+
+def truncated(reference: ReferenceModes, below_hz: float) -> ReferenceModes:
+    """The assembly modes up to `below_hz` alone.
+
+    Raises
+    ------
+    ParameterError
+        Where there is none.
+    """
+    return project(reference, np.eye(reference.system.n)[:, : kept_modes(reference, below_hz)])
+
+
+def with_pod(
+    reference: ReferenceModes, below_hz: float, training: Training, count: int
+) -> ReferenceModes:
+    """The assembly modes up to `below_hz`, and vectors of what training did beyond them.
+
+    Parameters
+    ----------
+    reference : ReferenceModes
+        All modes.
+    below_hz : float
+    training : Training
+    count : int
+        Vectors: those that growing modes need, then POD vectors of the snapshots' rest; fewer where
+        training has no more.
+
+    Notes
+    -----
+    Displacements are weighted by the modes' frequencies, so that singular values are energies. The
+    vectors are turned so that their stiffness is diagonal; their damping is that of the full
+    model, so not diagonal, and enters by shapes.
+    """
+    n, k = reference.system.n, kept_modes(reference, below_hz)
+    omega = reference.system.frequencies[k:]
+    growing = _growing(reference, training.modes, k)[:, :count]
+    weighted = training.snapshots[:, k:] * omega
+    rest = weighted - (weighted @ growing) @ growing.T
+    _, values, right = la.svd(rest, full_matrices=False)
+    least = la.norm(weighted, 2) * np.finfo(float).eps * max(weighted.shape)
+    rank = int((values > least).sum())
+    pod = right[: min(count - growing.shape[1], rank)].T
+    V, _ = la.qr(np.hstack([growing, pod]) / omega[:, None], mode="economic")
+    _, turn = la.eigh(V.T @ (reference.system.omega2[k:, None] * V))
+    basis = np.zeros((n, k + V.shape[1]))
+    basis[np.arange(k), np.arange(k)] = 1.0
+    basis[k:, k:] = V @ turn
+    return project(reference, basis)
+
+
+def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray:
+    """Energy-orthonormal vectors (n - k, r) of what modes of unit energy have beyond the first k.
+
+    Modes of neighbouring designs are nearly alike: what they have in common is there once.
+    """
+    weighted = reference.system.frequencies[:, None] * modes
+    weighted = weighted / np.linalg.norm(weighted, axis=0)
+    beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
+    vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
+    found: np.ndarray = vectors[:, values > LEAST]
+    return found
+
+
+def project(reference: ReferenceModes, basis: np.ndarray) -> ReferenceModes:
+    """The reference on orthonormal columns `basis` (n, r), assembly modes first among them.
+
+    The stiffness must be diagonal on them.
+    """
+    system = reference.system
+    exact = int((np.abs(basis).max(axis=0) == 1.0).cumprod().sum())
+    K = basis.T @ (system.omega2[:, None] * basis)
+    G = basis.T @ (reference.rates[:, None] * basis)
+    coupling, turn = la.eigh(G - np.diag(np.diag(G)))
+    kept = np.abs(coupling) > COUPLED * np.abs(G).max()
+    rows = turn[:, kept].T
+    smaller = replace(
+        system,
+        omega2=np.diag(K).copy(),
+        N=system.N @ basis,
+        T1=system.T1 @ basis,
+        T2=system.T2 @ basis,
+        shapes=np.vstack([system.shapes @ basis, rows]),
+    )
+    return replace(
+        reference,
+        system=smaller,
+        phi=reference.phi @ basis,
+        C=basis.T @ reference.C @ basis,
+        K=basis.T @ reference.K @ basis,
+        energies=reference.energies[:, :exact],
+        n_exact=exact,
+        rates=np.diag(G).copy(),
+        coupling=coupling[kept],
     )

@@ -34,7 +34,7 @@ from squealstudy.engine.model_kind import build_structures  # noqa: E402
 from squealstudy.engine.plan import Plan  # noqa: E402
 from squealstudy.engine.workers import Workers, silent  # noqa: E402
 from squealstudy.kinds.transient.batch import batch_task  # noqa: E402
-from squealstudy.kinds.transient.motions import integrate, set_up  # noqa: E402
+from squealstudy.kinds.transient.worker import integrate, set_up  # noqa: E402
 from squealstudy.models.operating import (  # noqa: E402
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,

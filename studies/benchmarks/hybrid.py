@@ -34,8 +34,8 @@ from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.motion.growing_modes import growing_modes
-from squealstudy.motion.hybrid.arrays import uniform_damping
-from squealstudy.motion.hybrid.run import simulate_hybrid
+from squealstudy.motion.hybrid_arrays import uniform_damping
+from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate

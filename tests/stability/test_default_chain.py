@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from squealstudy.kinds.transient.forecast import _closing
+from squealstudy.kinds.transient.preparation import _closing
 from squealstudy.laboratory.method_stability.contact_models import rough_state
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,

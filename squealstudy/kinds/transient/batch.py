@@ -13,16 +13,21 @@ from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.kinds.transient.plan_facts import (
     TRANSIENT_SOURCES,
+    StartState,
     start_of,
     training_designs,
 )
 from squealstudy.kinds.transient.section import TransientSection
-from squealstudy.kinds.transient.start import StartState
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator
-from squealstudy.motion.modal_basis import Training, truncated, with_pod
-from squealstudy.motion.reference_modes import ReferenceModes, reference_modes
+from squealstudy.motion.reference_modes import (
+    ReferenceModes,
+    Training,
+    reference_modes,
+    truncated,
+    with_pod,
+)
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.design_state import DesignState, ModeKey

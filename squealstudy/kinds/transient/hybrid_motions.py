@@ -19,7 +19,7 @@ from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.modes.point import state_working_point
-from squealstudy.motion.hybrid.run import simulate_hybrid
+from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.reference_modes import ReferenceModes
 from squealstudy.motion.system import MotionPoint

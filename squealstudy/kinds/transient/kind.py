@@ -18,7 +18,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import GROWTH, MODES, POINTS
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ParameterError
-from squealstudy.kinds.transient import forecast, rows
+from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import (
     BatchTask,
     batch_task,
@@ -28,17 +28,18 @@ from squealstudy.kinds.transient.batch import (
     shared_reference,
     truncated_choice,
 )
+from squealstudy.kinds.transient.plan_facts import KEY as START
 from squealstudy.kinds.transient.plan_facts import (
+    check_model,
     motion_identity,
     regularisation_of,
+    slowest_speed,
     start_of,
+    with_speed,
 )
-from squealstudy.kinds.transient.regularisation import slowest_speed, with_speed
+from squealstudy.kinds.transient.preparation import make_training_runs
 from squealstudy.kinds.transient.section import TransientDefinition
-from squealstudy.kinds.transient.start import KEY as START
-from squealstudy.kinds.transient.start import check_model
-from squealstudy.kinds.transient.tables import build_tables, simulated_time
-from squealstudy.kinds.transient.training import make_training_runs
+from squealstudy.kinds.transient.tables import SCHEMA, build_tables, failed_row, simulated_time
 from squealstudy.kinds.transient.worker import solve_batch
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
@@ -63,7 +64,7 @@ class Transient(ModelKind):
     section = "transient"
     definition = TransientDefinition
     tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
-    schema: pa.Schema = rows.SCHEMA
+    schema: pa.Schema = SCHEMA
     tells_reduction = False
     has_fidelity = True
 
@@ -126,7 +127,7 @@ class Transient(ModelKind):
 
     def warnings(self, plan: Plan) -> list[str]:
         """Growth above the band, and friction too stiff for the step."""
-        return forecast.warnings(plan)
+        return preparation.warnings(plan)
 
     def begin(self, plan: Plan) -> None:
         """Compile the kernels."""
@@ -136,7 +137,7 @@ class Transient(ModelKind):
 
     def prepare(self, plan: Plan, report: Progress) -> None:
         """Compile the kernels, and make the training runs that a POD basis needs."""
-        forecast.warm(plan.study.section)
+        preparation.warm(plan.study.section)
         make_training_runs(plan, report)
 
     def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[BatchTask]:
@@ -159,7 +160,7 @@ class Transient(ModelKind):
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
-        return rows.failed_row(point_id, 0.0, status, message)
+        return failed_row(point_id, 0.0, status, message)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers
@@ -205,10 +206,10 @@ class Transient(ModelKind):
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point alone, from its first steps."""
-        forecast.warm(plan.study.section)
+        preparation.warm(plan.study.section)
         started = time.perf_counter()
         with threadpool_limits(1):
-            found = forecast.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
+            found = preparation.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
         if found is None:
             return None
         seconds, steps, total = found

@@ -18,10 +18,10 @@ from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import memory_above, silent
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
-from squealstudy.kinds.transient import forecast
+from squealstudy.kinds.transient import preparation as forecast
 from squealstudy.kinds.transient.batch import batch_task
-from squealstudy.kinds.transient.motions import integrate, set_up
-from squealstudy.kinds.transient.training import make_training_runs, training_seconds
+from squealstudy.kinds.transient.preparation import make_training_runs, training_seconds
+from squealstudy.kinds.transient.worker import integrate, set_up
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import pooled_interval

@@ -1,20 +1,33 @@
-"""What a study in time depends on as a whole: earlier state, training, slowest speed."""
+"""What a study in time depends on as a whole: earlier state, training, slowest speed.
+
+A run starts from the steady sliding state or from the final state of an earlier run. The sliding
+speed at which friction saturates in time is one for all design points of a study.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.kinds.transient.regularisation import (
-    is_automatic,
-    regularisation_facts,
-    slowest_speed,
+from squealstudy.engine.store import POINTS, STATES, read_manifest
+from squealstudy.errors import ResultsError
+from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.models.operating import (
+    REGULARISATION_SHARE,
+    REGULARISATION_SPEED,
+    SLIDING_SPEED,
+    SLOPE,
 )
-from squealstudy.kinds.transient.start import StartState, find_start
+from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 from squealstudy.study.source import SourceText
@@ -24,6 +37,8 @@ MOST_TRAINING = 4  # design points of a training run
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("kinds/transient",)
 KEPT = 4  # plans
+KEY = ("transient", "start")
+POINT_KEY = ("transient", "start_point")
 
 
 @lru_cache(maxsize=KEPT)
@@ -62,3 +77,158 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
     automatic = sum(is_automatic({**study.values, **point}) for point in plan.swept)
     slowest = slowest_speed(study, design_points(study))
     return regularisation_facts(plan.designs, slowest, automatic)
+
+
+def slowest_speed(study: Study, swept: Sequence[Mapping[str, float]]) -> float:
+    """Slowest sliding speed of the design points of a study, m/s."""
+    nominal = study.values[SLIDING_SPEED.name]
+    return min(abs(point.get(SLIDING_SPEED.name, nominal)) for point in swept)
+
+
+def is_automatic(values: Mapping[str, float]) -> bool:
+    """Whether a design point's slope of friction follows from the slowest of its study."""
+    return values[SLOPE.name] == 0 and values[REGULARISATION_SPEED.name] == 0
+
+
+def with_speed(values: Mapping[str, float], slowest: float) -> dict[str, float]:
+    """The values of a design point, its regularisation speed resolved where it is automatic.
+
+    What is solved is then named by the values: design points of two studies that saturate at the
+    same speed are the same, whatever else is swept.
+    """
+    if not is_automatic(values):
+        return dict(values)
+    return {**values, REGULARISATION_SPEED.name: REGULARISATION_SHARE * slowest}
+
+
+def regularised(design: DesignPoint) -> bool:
+    """Whether the slope follows from a regularisation speed; else the file gives it."""
+    return design.values[SLOPE.name] == 0
+
+
+def regularisation_facts(
+    designs: Sequence[DesignPoint], slowest: float, automatic: int
+) -> dict[str, Any] | None:
+    """For manifest and screens; None where every design point has a slope of its own.
+
+    Returns
+    -------
+    dict
+        ``speed``, ``speed_highest``: least and largest regularisation speed in use, m/s;
+        ``slowest_sliding_speed``, m/s, and the ``share`` of it that is automatic; ``points``:
+        design points whose slope follows from such a speed, ``automatic``: those among them whose
+        speed follows from the slowest one.
+    """
+    speeds = [d.values[REGULARISATION_SPEED.name] for d in designs if regularised(d)]
+    if not speeds:
+        return None
+    return {
+        "speed": min(speeds),
+        "speed_highest": max(speeds),
+        "slowest_sliding_speed": slowest,
+        "share": REGULARISATION_SHARE,
+        "points": len(speeds),
+        "automatic": automatic,
+    }
+
+
+@dataclass(frozen=True)
+class StartState:
+    """A final state of an earlier run: its design point, its model, its file."""
+
+    point_id: str
+    prepared_key: str
+    representation: str
+    path: Path
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """Deviation from steady sliding and velocity (n,) in component-mode coordinates."""
+        with np.load(self.path) as data:
+            return data["q"], data["v"]
+
+
+def state_file(
+    point_id: str, prepared_key: str, representation: str, q: np.ndarray, v: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """The final state of a design point by its path; component-mode coordinates (n,)."""
+    content = {"q": q, "v": v, "prepared_key": prepared_key, "representation": representation}
+    return {f"{STATES}/{point_id}.npz": content}
+
+
+def find_start(section: TransientSection, source: SourceText) -> StartState | None:
+    """The state a study continues; None where it starts from steady sliding.
+
+    Raises
+    ------
+    StudyFileError
+        Results that are missing, of another kind, or without that point's final state.
+    """
+    if not section.continued:
+        return None
+    directory = Path(section.start)
+    try:
+        manifest = read_manifest(directory)
+    except ResultsError as error:
+        raise source.error(KEY, str(error)) from None
+    if manifest is None:
+        raise source.error(
+            KEY,
+            f"expected 'working_point' or a results directory of a transient study, "
+            f"'{section.start}' is none",
+        )
+    if manifest.get("kind") != "transient":
+        raise source.error(
+            KEY, f"'{section.start}' holds a {manifest.get('kind')} study, which has no final state"
+        )
+    known = _finished(directory)
+    files = sorted((directory / STATES).glob("*.npz"))
+    states = {path.stem: path for path in files if known is None or path.stem in known}
+    path = _chosen(section, source, states)
+    try:
+        return _read(path)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise source.error(KEY, f"{path} is no final state ({error})") from None
+
+
+def _finished(directory: Path) -> set[str] | None:
+    """DesignPoint points of the table that reached their end; None before there is a table."""
+    if not (directory / POINTS).is_file():
+        return None
+    table = pq.read_table(directory / POINTS, columns=["point_id", "status"]).to_pylist()
+    return {row["point_id"] for row in table if row["status"] == "ok"}
+
+
+def _chosen(section: TransientSection, source: SourceText, states: dict[str, Path]) -> Path:
+    wanted = section.start_point
+    if not states:
+        raise source.error(KEY, f"no design point of '{section.start}' has reached its end")
+    if wanted is None and len(states) == 1:
+        return next(iter(states.values()))
+    if wanted is None:
+        raise source.error(
+            KEY,
+            f"'{section.start}' has {len(states)} final states: name one by start_point, "
+            f"for example '{next(iter(states))}'",
+        )
+    found = [path for name, path in states.items() if name.startswith(wanted)]
+    if len(found) != 1:
+        what = "is not unique" if found else "is not finished, failed, or is unknown"
+        raise source.error(POINT_KEY, f"point '{wanted}' of '{section.start}' {what}")
+    return found[0]
+
+
+def _read(path: Path) -> StartState:
+    with np.load(path) as data:
+        return StartState(path.stem, str(data["prepared_key"]), str(data["representation"]), path)
+
+
+def check_model(start: StartState, prepared_keys: set[str], section: TransientSection) -> str:
+    """Why a state does not fit the models of a study; empty where it does."""
+    if prepared_keys != {start.prepared_key}:
+        return (
+            f"'{section.start}' is of another model, basis, nominal point or pressure range "
+            f"(reduction {start.prepared_key}, this study has {', '.join(sorted(prepared_keys))})"
+        )
+    if start.representation != section.representation:
+        return f"'{section.start}' is {start.representation}, this study {section.representation}"
+    return ""

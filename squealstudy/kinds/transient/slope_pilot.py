@@ -20,9 +20,9 @@ from squealstudy.engine.store import read_chunks
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.measuring import measure_tasks, run_finding
-from squealstudy.kinds.transient.regularisation import regularised
-from squealstudy.kinds.transient.rows import SCHEMA
+from squealstudy.kinds.transient.plan_facts import regularised
 from squealstudy.kinds.transient.section import PILOT_POINTS
+from squealstudy.kinds.transient.tables import SCHEMA
 from squealstudy.models.operating import REGULARISATION_SPEED
 from squealstudy.tables.method_quality import run_errors
 

@@ -11,7 +11,7 @@ from squealstudy.kernels.explicit_methods import central_difference, exponential
 from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.laboratory.integrators.fixed_step import OwnKernel
 from squealstudy.motion.arrays import aligned_zeros
-from squealstudy.motion.propagators import propagators
+from squealstudy.motion.integrators.exact_free_motion import propagators
 from squealstudy.motion.simulate import KernelRun
 
 

@@ -14,8 +14,7 @@ from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.laws import friction_tangent, law_row
 from squealstudy.kernels.newmark_batch import newmark_batch, newmark_trace
 from squealstudy.laboratory.method_stability.contact_models import ContactState
-from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.integrators.newmark_newton import NewmarkNewton
+from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
 

@@ -1,1 +1,1 @@
-"""Integrators of the batched kernel, one a file: what is here is known to studies by its name."""
+"""Integrators of the batched kernel: what is here is known to studies by its name."""

@@ -1,13 +1,17 @@
-"""Exact free motion, contact forces by the trapezoidal rule: what a study does by default."""
+"""Exact free motion, contact forces by the trapezoidal rule: what a study does by default.
+
+What a step does to free modes, and to forces beyond them, comes from matrix exponentials.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as la
 from pydantic import Field
 
+from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.motion.integrator import FixedJacobian
 from squealstudy.motion.integrators.newmark import average_acceleration
-from squealstudy.motion.propagators import propagator_levels
 
 
 class ExactFreeMotion(FixedJacobian):
@@ -48,3 +52,60 @@ class ExactFreeMotion(FixedJacobian):
         both = np.concatenate([exact[:4], exact[4:6] - exact[6:8], exact[6:8]])
         table[:, slow] = both[:, slow]
         return table
+
+
+def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) -> list[np.ndarray]:
+    """`propagators` of h, h/2, ..., all from the shortest step by squaring."""
+    parts = 2**halvings
+    X, rate = _chain(w2, c, h / parts)
+    levels = []
+    for level in range(halvings, -1, -1):
+        levels.append(_answers(X, rate, h / parts, parts >> level))
+        X = X @ X if level else X
+    return levels[::-1]
+
+
+def propagators(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
+    """What a step does to each mode of q'' + c q' + w2 q = f, with f a polynomial in time.
+
+    Parameters
+    ----------
+    w2, c : ndarray (n,)
+        Stiffness (any sign) and damping: free, rigid, critically and over-damped modes alike.
+    h : float
+        Step, s.
+
+    Returns
+    -------
+    ndarray (10, n)
+        Rows newmark_layout.E_*, P*: the matrix exponential of (q, v), then the answers in q
+        and v to f = 1, f = t/h and f = (t/h)^2 / 2: phi-functions of the mode times h.
+
+    Notes
+    -----
+    All come from one exponential of a 5 x 5 matrix that holds the mode and the integrator chain
+    of its force (Saad 1992), with displacements scaled to velocities.
+    """
+    return _answers(*_chain(w2, c, h), h, 1)
+
+
+def _chain(w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix exponentials (n, 5, 5) over h, and the factors (n,) that scale displacements."""
+    rate = np.maximum(np.sqrt(np.abs(w2)), 1.0 / h)
+    A = np.zeros((len(w2), 5, 5))
+    A[:, 0, 1] = rate * h
+    A[:, 1, 0] = -w2 / rate * h
+    A[:, 1, 1] = -c * h
+    A[:, 1, 2] = 1.0
+    A[:, 2, 3] = A[:, 3, 4] = 1.0
+    return (la.expm(A) if len(w2) else A), rate
+
+
+def _answers(X: np.ndarray, rate: np.ndarray, h: float, times: int) -> np.ndarray:
+    """Rows of `propagators` over `times` h, X (n, 5, 5) in units of h."""
+    rows = np.empty((N_COEFFICIENT, len(X)))
+    rows[:4] = X[:, 0, 0], X[:, 0, 1] / rate, X[:, 1, 0] * rate, X[:, 1, 1]
+    for k in range(3):
+        unit = h / times**k
+        rows[4 + 2 * k], rows[5 + 2 * k] = unit * X[:, 0, 2 + k] / rate, unit * X[:, 1, 2 + k]
+    return rows

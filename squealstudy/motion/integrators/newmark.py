@@ -1,11 +1,11 @@
-"""Average acceleration: Newmark's method with beta = 1/4 and gamma = 1/2."""
+"""Newmark's method with beta = 1/4 and gamma = 1/2: fixed Jacobian, and Newton's iteration."""
 
 from __future__ import annotations
 
 import numpy as np
 from pydantic import Field
 
-from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
+from squealstudy.motion.integrator import SLOW_TOLERANCE, FixedJacobian, KernelIntegrator
 
 WARP_LIMIT = 2.0  # omega h up to which a mode is pre-warped
 
@@ -56,3 +56,15 @@ def prewarped(w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.n
     s2 = 2 / h * np.tanh((-c / 2 - root) * h / 2)
     slow = np.maximum(np.abs(-c / 2 + root), np.abs(-c / 2 - root)) * h <= WARP_LIMIT
     return np.where(slow, (s1 * s2).real, w2), np.where(slow, -(s1 + s2).real, c)
+
+
+class NewmarkNewton(AverageAcceleration):
+    """Average acceleration, a fresh Jacobian an iteration.
+
+    It converges quadratically: squares of a run's tolerances are taken.
+    """
+
+    name = "newmark_newton"
+    label = "Newmark, Newton"
+    description = "average acceleration, a fresh Jacobian an iteration"
+    tolerance = SLOW_TOLERANCE

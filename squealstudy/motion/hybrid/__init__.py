@@ -1,1 +1,0 @@
-"""The hybrid model in time: contact layers as finite elements, the rest in modes."""
