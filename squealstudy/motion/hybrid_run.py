@@ -84,7 +84,14 @@ def simulate_hybrid(
             raise ParameterError(name, "belongs to the modal representation")
     if sensed is None:
         sensed = np.arange(len(model.omega)) + 1
-    return _Run(model, design, settings, method.max_halvings, sensed).motion()
+    run = _Run(
+        model=model,
+        design=design,
+        settings=settings,
+        max_halvings=method.max_halvings,
+        sensed=sensed,
+    )
+    return run.motion()
 
 
 class _Run:
@@ -102,8 +109,14 @@ class _Run:
         self._max_halvings, self._sensed = max_halvings, sensed
         self._hybrid = hybrid_arrays(model, design)
         self._state = initial_state(model, self._hybrid, *design.start(model.n))
-        watching = design.growing.sensors
-        self._recorder = Recorder(model, self._hybrid, self._state, settings, sensed, watching)
+        self._recorder = Recorder(
+            model=model,
+            hybrid=self._hybrid,
+            state=self._state,
+            settings=settings,
+            sensed=sensed,
+            watching=design.growing.sensors,
+        )
         self._solvers: dict[int, StepSolver] = {}
         self._equal = 0  # steps of one size behind the present
         self._position, self._level, self._step = 0, 0, 0
@@ -176,7 +189,9 @@ class _Run:
             drag = self._hybrid.law[LAW_MU] * normal
             forces = np.column_stack([normal, drag, drag]).ravel()
             h = self._settings.step / (1 << self._level)
-            self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)
+            self._solvers[self._level] = StepSolver(
+                M=self._model.M, model=self._hybrid, h=h, forces=forces
+            )
         return self._solvers[self._level]
 
     def motion(self) -> HybridMotion:

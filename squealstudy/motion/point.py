@@ -44,7 +44,9 @@ def friction_law(
     """
     operating = state.operating
     k_t = slope if slope > 0 else automatic_slope(state, point, saturation)
-    friction = FrictionLaw(operating.friction, k_t, operating.curve, kind)
+    friction = FrictionLaw(
+        friction=operating.friction, k_t=k_t, curve=operating.curve, regularisation=kind
+    )
     _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
     return friction
 

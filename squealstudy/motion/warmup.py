@@ -115,4 +115,4 @@ def smallest() -> tuple[ModalSystem, MotionPoint]:
         sensed=np.array([1]),
     )
     law = contact_law("exponential", p0=1.0, lam=1.0)
-    return system, MotionPoint(law, FrictionLaw(0.5, 1.0), 1.0, one)
+    return system, MotionPoint(contact=law, friction=FrictionLaw(0.5, 1.0), speed=1.0, c=one)

@@ -219,7 +219,12 @@ def _chosen(section: TransientSection, source: SourceText, states: dict[str, Pat
 
 def _read(path: Path) -> StartState:
     with np.load(path) as data:
-        return StartState(path.stem, str(data["prepared_key"]), str(data["representation"]), path)
+        return StartState(
+            point_id=path.stem,
+            prepared_key=str(data["prepared_key"]),
+            representation=str(data["representation"]),
+            path=path,
+        )
 
 
 def check_model(start: StartState, prepared_keys: set[str], section: TransientSection) -> str:

@@ -268,7 +268,7 @@ def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> Straight
     deviation = np.sqrt(variance * (1 / spread_a + 1 / spread_b))
     scatter = np.maximum(rest, 0.0) / (last - first - 2) + LEAST_SCATTER**2
     error = np.sqrt(12 * scatter / (last - first))
-    return Straight(slope, slope_b - slope_a, deviation, error)
+    return Straight(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
 
 
 class _Sums:
