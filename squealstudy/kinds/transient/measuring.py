@@ -18,7 +18,7 @@ from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import memory_above, silent
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
-from squealstudy.kinds.transient import preparation as forecast
+from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import batch_task
 from squealstudy.kinds.transient.preparation import make_training_runs, training_seconds
 from squealstudy.kinds.transient.worker import integrate, set_up
@@ -67,7 +67,7 @@ def measure_tasks(
 ) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
-    forecast.warm(section)
+    preparation.warm(section)
     with threadpool_limits(1):
         make_training_runs(plan, silent, {task.structure for task in chosen})
         findings: dict[str, dict[str, Any]] = {}
