@@ -67,16 +67,16 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
         source = SourceText(study.path, study.text)
         return FamilyTask(structure.key, study.model, source, plan.band_hz, threads)
     return BuildTask(
-        structure,
-        study.options,
-        plan.nominal,
-        plan.training,
-        plan.settings,
-        plan.judged_to_hz,
-        plan.trained_scales,
-        plan.enriching,
-        plan.structure_key(structure.design, False) if plan.enriched else "",
-        threads,
+        structure=structure,
+        options=study.options,
+        nominal=plan.nominal,
+        training=plan.training,
+        settings=plan.settings,
+        top_hz=plan.judged_to_hz,
+        scales=plan.trained_scales,
+        enriching=plan.enriching,
+        coarse_key=plan.structure_key(structure.design, False) if plan.enriched else "",
+        threads=threads,
     )
 
 

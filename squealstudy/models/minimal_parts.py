@@ -31,12 +31,12 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
     """
     n = len(stiffness)
     return ContactInterface(
-        sp.csr_matrix(N),
-        sp.csr_matrix(T),
-        sp.csr_matrix(N.shape),
-        stiffness / LAW.value(STIFFNESS.name),
-        np.zeros(n),
-        np.full(n, ARM),
-        LAW,
-        np.ones(n),
+        N=sp.csr_matrix(N),
+        T=sp.csr_matrix(T),
+        T_perp=sp.csr_matrix(N.shape),
+        area=stiffness / LAW.value(STIFFNESS.name),
+        gap0=np.zeros(n),
+        radius=np.full(n, ARM),
+        law=LAW,
+        frictional=np.ones(n),
     )

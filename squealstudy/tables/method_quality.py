@@ -165,7 +165,9 @@ def _interval_error(
     if truth[0] is None:
         return None
     if found[0] is None:
-        return FoundError(name, 0, np.nan, truth[0], 1.0, 1.0, 1.0)
+        return FoundError(
+            quantity=name, mode=0, value=np.nan, truth=truth[0], error=1.0, low=1.0, high=1.0
+        )
     value, ref = found[0], truth[0]
     low, high = (value if x is None else x for x in found[1:])
     ref_low, ref_high = (ref if x is None else x for x in truth[1:])
@@ -174,7 +176,16 @@ def _interval_error(
     nearest = max(0.0, low - ref_high, ref_low - high) / size
     farthest = max(high - ref_low, ref_high - low) / size
     chance = float(np.hypot(high - low, ref_high - ref_low)) / 2 / size
-    return FoundError(name, 0, value, ref, abs(value - ref) / size, nearest, farthest, chance)
+    return FoundError(
+        quantity=name,
+        mode=0,
+        value=value,
+        truth=ref,
+        error=abs(value - ref) / size,
+        low=nearest,
+        high=farthest,
+        chance=chance,
+    )
 
 
 def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:
@@ -183,7 +194,17 @@ def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> lis
     for mode in sorted({*found, *truth}, key=int):
         value, ref = found.get(mode, 0.0), truth.get(mode, 0.0)
         error = abs(value - ref)
-        errors.append(FoundError("energy_share", int(mode), value, ref, error, error, error))
+        errors.append(
+            FoundError(
+                quantity="energy_share",
+                mode=int(mode),
+                value=value,
+                truth=ref,
+                error=error,
+                low=error,
+                high=error,
+            )
+        )
     return errors
 
 

@@ -76,7 +76,15 @@ def growth_columns(
         np.maximum.at(largest, code[own], growth[own])
         present = np.isfinite(largest)
         shown = np.where(present, largest, np.nan)
-        return GrowthColumn(number, mean_hz, shown, at[0], at[1], at[2], absent & ~present)
+        return GrowthColumn(
+            track=number,
+            frequency_hz=mean_hz,
+            growth=shown,
+            unstable=at[0],
+            surely=at[1],
+            maybe=at[2],
+            absent=absent & ~present,
+        )
 
     columns = [column(LARGEST, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)]
     if diverging.any():

@@ -138,14 +138,14 @@ def read_columns(
     energies, error = _flat(table, "energies"), _flat(table, "error_rung")
     points = table.select([name for name, _ in POINT_FIELDS])
     return ModeColumns(
-        _judged(points, counts.astype(np.int64), lam, error, largest_error),
-        counts.astype(np.int64),
-        lam,
-        _flat(table, "overdamped").astype(bool),
-        _flat(table, "residual"),
-        error,
-        energies.reshape(len(lam), energies.size // max(len(lam), 1)),
-        None if writer is None else writer.close(order, counts),
+        points=_judged(points, counts.astype(np.int64), lam, error, largest_error),
+        counts=counts.astype(np.int64),
+        lam=lam,
+        overdamped=_flat(table, "overdamped").astype(bool),
+        residual=_flat(table, "residual"),
+        error_rung=error,
+        energies=energies.reshape(len(lam), energies.size // max(len(lam), 1)),
+        shapes=None if writer is None else writer.close(order, counts),
     )
 
 

@@ -79,15 +79,15 @@ def measure_modes(
     setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
     coordinates = int(load_any(chosen[0].structure).model.n)
     return Measurement(
-        seconds,
-        setup,
-        reduction,
-        memory.megabytes,
-        np.nan,
-        coordinates,
-        findings,
-        onset_s,
-        line_points,
+        seconds=seconds,
+        setup_seconds=setup,
+        reduction_seconds=reduction,
+        memory_mb=memory.megabytes,
+        iterations=np.nan,
+        n_coordinates=coordinates,
+        findings=findings,
+        onset_seconds=onset_s,
+        line_points=line_points,
     )
 
 

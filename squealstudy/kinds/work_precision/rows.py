@@ -53,5 +53,13 @@ def failed_row(
     name: str, variant: str, number: int, wall_s: float, status: str, message: str
 ) -> dict[str, Any]:
     """Chunk row of a method that could not run at all."""
-    empty = Measurement(np.nan, np.nan, np.nan, np.nan, np.nan, 0, {})
+    empty = Measurement(
+        seconds=np.nan,
+        setup_seconds=np.nan,
+        reduction_seconds=np.nan,
+        memory_mb=np.nan,
+        iterations=np.nan,
+        n_coordinates=0,
+        findings={},
+    )
     return row(name, variant, number, wall_s, empty) | {"status": status, "message": message}

@@ -109,14 +109,14 @@ def one_point(tension: float) -> ContactSpace:
     values, vectors = np.linalg.eigh(K)
     springs = SpringInterface("springs", sp.csr_matrix(vectors.T), values)
     contact = ContactInterface(
-        sp.csr_matrix([[0.0, 1.0]]),
-        sp.csr_matrix([[1.0, 0.0]]),
-        sp.csr_matrix((1, 2)),
-        np.array([AREA]),
-        np.zeros(1),
-        np.ones(1),
-        contact_law(),
-        np.ones(1),
+        N=sp.csr_matrix([[0.0, 1.0]]),
+        T=sp.csr_matrix([[1.0, 0.0]]),
+        T_perp=sp.csr_matrix((1, 2)),
+        area=np.array([AREA]),
+        gap0=np.zeros(1),
+        radius=np.ones(1),
+        law=contact_law(),
+        frictional=np.ones(1),
     )
     loads = np.array([0.0, -AREA]), np.array([0.0, tension])
     assembly = Assembly((point_mass("mass", 1.0),), contact, (springs,), *loads)

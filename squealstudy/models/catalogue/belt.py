@@ -80,11 +80,11 @@ def build(
 
 
 BELT = ModelDefinition(
-    "belt",
-    "mass on a belt with falling friction: stick-slip, stable above 1.151 m/s; 2 DOF",
-    (FRICTION_OPTION,),
-    PARAMETERS,
-    ("mass",),
-    build,
-    ASSUMPTIONS,
+    name="belt",
+    description="mass on a belt with falling friction: stick-slip, stable above 1.151 m/s; 2 DOF",
+    options=(FRICTION_OPTION,),
+    declared=PARAMETERS,
+    components=("mass",),
+    build=build,
+    assumptions=ASSUMPTIONS,
 )

@@ -92,11 +92,15 @@ def build(
 
 
 HOFFMANN = ModelDefinition(
-    "hoffmann",
-    "mass on two inclined springs and a belt (Hoffmann et al. 2002): flutter above mu 0.75; 2 DOF",
-    (Option(CONTACT_OPTION.name, bilateral_first, CONTACT_OPTION.description), FRICTION_OPTION),
-    PARAMETERS,
-    ("mass",),
-    build,
-    ASSUMPTIONS,
+    name="hoffmann",
+    description="mass on two inclined springs and a belt (Hoffmann et al. 2002): "
+    "flutter above mu 0.75; 2 DOF",
+    options=(
+        Option(CONTACT_OPTION.name, bilateral_first, CONTACT_OPTION.description),
+        FRICTION_OPTION,
+    ),
+    declared=PARAMETERS,
+    components=("mass",),
+    build=build,
+    assumptions=ASSUMPTIONS,
 )

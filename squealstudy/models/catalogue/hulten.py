@@ -79,11 +79,12 @@ def build(
 
 
 HULTEN = ModelDefinition(
-    "hulten",
-    "mass on two bilateral contacts at right angles (Hulten): flutter in closed form; 2 DOF",
-    (FRICTION_OPTION,),
-    PARAMETERS,
-    ("mass",),
-    build,
-    (*ASSUMPTIONS, BOTH_PRESS),
+    name="hulten",
+    description="mass on two bilateral contacts at right angles (Hulten): flutter in "
+    "closed form; 2 DOF",
+    options=(FRICTION_OPTION,),
+    declared=PARAMETERS,
+    components=("mass",),
+    build=build,
+    assumptions=(*ASSUMPTIONS, BOTH_PRESS),
 )

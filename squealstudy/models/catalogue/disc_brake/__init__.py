@@ -26,13 +26,14 @@ def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Asse
 
 
 DISC_BRAKE = ModelDefinition(
-    "disc_brake",
-    "finite-element disc brake: disc with bell, two pads, floating caliper; about 29,000 DOF",
-    OPTIONS,
-    PARAMETERS,
-    COMPONENTS,
-    build,
-    BRAKE_ASSUMPTIONS,
+    name="disc_brake",
+    description="finite-element disc brake: disc with bell, two pads, floating "
+    "caliper; about 29,000 DOF",
+    options=OPTIONS,
+    declared=PARAMETERS,
+    components=COMPONENTS,
+    build=build,
+    assumptions=BRAKE_ASSUMPTIONS,
     vanishing=vanishing,
     torque_unit="N m",
     changes=(
