@@ -487,7 +487,7 @@ def test_adaptive_solvers_give_up_in_words(smooth):
 @pytest.mark.parametrize(
     ("name", "options", "key", "message"),
     [
-        ("runge_kutta", {}, "integrator", "none of exponential, newmark, newmark_newton"),
+        ("runge_kutta", {}, "integrator", r"is none of .*exponential, newmark, newmark_newton"),
         ("newmark", {"rho_inf": 0.5}, "rho_inf", "it takes extrapolate, max_halvings"),
         ("exponential_2", {"prewarp": True}, "prewarp", "it takes nothing"),
         ("hht_alpha", {"alpha": 0.1}, "alpha", "less than or equal to 0, got 0.1"),
@@ -535,5 +535,5 @@ def test_two_integrators_of_one_name_are_refused():
 
 def test_warming_runs_every_integrator():
     assert warm_integrators() >= 0.0
-    with pytest.raises(ParameterError, match="none of exponential"):
+    with pytest.raises(ParameterError, match=r"is none of .*exponential"):
         warm_integrators(["euler"])

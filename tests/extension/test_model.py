@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from registries import registered  # noqa: F401 - a fixture of the module
 
 from squealstudy import open_results
 from squealstudy.engine.runner import run_study
