@@ -8,15 +8,16 @@ import numpy as np
 def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
     """For each row of distances (n, m) the column of its partner, -1 for none.
 
-    No two rows have the same partner. The sum of the distances is least, those beyond the `limit`,
-    which make no pair, counting as that.
+    No two rows have the same partner. The sum of the square roots of the distances is least, those
+    beyond the `limit`, which make no pair, counting as that: one mode that is missing must not
+    shift its neighbours' partners by one each, as the sum of the distances themselves allows.
     """
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     found = np.full(len(distance), -1)
     if not distance.size:
         return found
-    rows, columns = linear_sum_assignment(np.minimum(distance, limit))
+    rows, columns = linear_sum_assignment(np.sqrt(np.minimum(distance, limit)))
     near = distance[rows, columns] < limit
     found[rows[near]] = columns[near]
     return found

@@ -23,11 +23,11 @@ def summary(results: Results, drawn: list[Path]) -> Rows:
         failed = f", {lost} not ok ({_failures(results)}; see message in {results.tables[0]})"
     counts = f"{total}: {solved} solved now, {total - solved} found in {directory}{failed}"
     return [
-        (results.screen.rows_word, counts),
+        (f"{results.screen.row_word}s", counts),
         *(
             []
             if solved
-            else [("nothing to do", f"all {results.screen.rows_word} were there already")]
+            else [("nothing to do", f"all {results.screen.row_word}s were there already")]
         ),
         ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
         *fidelity(manifest.get("fidelity")),

@@ -75,8 +75,8 @@ class Kind:
         Files of a complete results directory; the first has a row a design point, with its status.
     schema : pyarrow.Schema
         Of its chunk files.
-    rows_word : str
-        What its rows are, for progress.
+    row_word : str
+        What a row is, in the singular.
     of_methods : bool
         It measures methods, and has no design points of a model of its own.
     """
@@ -87,8 +87,13 @@ class Kind:
     definition: type[BaseModel]
     tables: tuple[str, ...]
     schema: pa.Schema
-    rows_word: str = "design points"
+    row_word: str = "design point"
     of_methods: bool = False
+
+    @property
+    def rows_word(self) -> str:
+        """What its rows are, for progress."""
+        return f"{self.row_word}s"
 
     # -- the study file --------------------------------------------------------------------------
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> Any:
@@ -171,7 +176,7 @@ class Kind:
     @property
     def screen(self) -> KindScreen:
         """What is shown of its results; without more than this, its first table."""
-        return KindScreen(tuple(Path(name).stem for name in self.tables), self.rows_word)
+        return KindScreen(tuple(Path(name).stem for name in self.tables), self.row_word)
 
     # -- what is said of it ----------------------------------------------------------------------
     def manifest(self, plan: Any) -> dict[str, Any]:
@@ -190,18 +195,18 @@ class KindScreen:
     ----------
     tables : tuple of str
         Tables of finished results, by the names of their files without ending.
-    rows_word : str
-        What the first table has a row of.
+    row_word : str
+        What a row of the first table is, in the singular.
     unfinished : bool
         Whether results can be read while a later run of the study is not finished.
     """
 
     tables: tuple[str, ...] = ()
-    rows_word: str = "design points"
+    row_word: str = "design point"
     unfinished: bool = True
 
-    def __init__(self, tables: tuple[str, ...] = (), rows_word: str = "") -> None:
-        self.tables, self.rows_word = tables or self.tables, rows_word or self.rows_word
+    def __init__(self, tables: tuple[str, ...] = (), row_word: str = "") -> None:
+        self.tables, self.row_word = tables or self.tables, row_word or self.row_word
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """What matters most, first; ResultsError where there is nothing to rank."""

@@ -58,7 +58,7 @@ class Results:
         text = f"{self.kind} of {facts.get('model', 'methods')}"
         text += f" over {', '.join(self.swept)}" if self.swept else ""
         count, failed = facts["n_points"], facts.get("n_failed", 0)
-        text += f": {plural(count, self.screen.rows_word.removesuffix('s'))}"
+        text += f": {plural(count, self.screen.row_word)}"
         text += f", {failed} failed" if failed else ""
         return f"<Results {str(self.directory)!r}: {text}>"
 

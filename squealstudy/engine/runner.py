@@ -99,7 +99,7 @@ def run_study(
             failures |= kind.build(plan, workers)
         found = check_owner(directory, plan.owner)
         if found and _is_complete(found, plan, directory):
-            _expect_solved(directory, pq.read_table(directory / kind.tables[0]).to_pandas())
+            _expect_solved(plan, directory, pq.read_table(directory / kind.tables[0]).to_pandas())
             return RunReport(directory, found, 0, len(plan.tasks))
         if text := outdated(directory, found):
             warn(f"{text}; all {kind.rows_word} are solved again")
@@ -197,17 +197,18 @@ def _finish(
     manifest["status"] = "complete"
     write_manifest(directory, manifest)
     workers.report("tables", 1, 1)
-    _expect_solved(directory, points)
+    _expect_solved(plan, directory, points)
 
 
-def _expect_solved(directory: Path, points: pd.DataFrame) -> None:
+def _expect_solved(plan: Planned, directory: Path, points: pd.DataFrame) -> None:
     """Raise ResultsError, with the reasons, where no row of a finished run is ok."""
     if (points["status"] == "ok").any():
         return
     what = "is inaccurate" if (points["status"] == INACCURATE).any() else "failed"
+    counts = failure_counts(points["status"])
     raise ResultsError(
-        f"{directory}: every design point {what} ({failure_counts(points['status'])}), the first "
-        f"with: {points['message'].iloc[0]}"
+        f"{directory}: every {plan.kind.row_word} {what} ({counts}), the first with: "
+        f"{points['message'].iloc[0]}"
     )
 
 

@@ -42,7 +42,8 @@ def silent(stage: str, done: int, total: int) -> None:
     """Progress that nobody is told of."""
 
 
-def _at_once() -> float:
+def at_once() -> float:
+    """The patience of work that goes to worker processes at once."""
     return 0.0
 
 
@@ -63,7 +64,7 @@ class Workers:
 
     jobs: int = 1
     report: Progress = silent
-    patience: Callable[[], float] = _at_once
+    patience: Callable[[], float] = at_once
 
     def each(
         self, function: Callable[[Item], Found], tasks: Sequence[Item], stage: str = ""

@@ -62,7 +62,7 @@ class MethodStability(Kind):
     definition = MethodStabilityDefinition
     tables: tuple[str, ...] = (CELLS,)
     schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
-    rows_word = "cells"
+    row_word = "cell"
     of_methods = True
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> StabilityFile:

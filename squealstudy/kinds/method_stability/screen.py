@@ -17,7 +17,7 @@ class MethodStabilityScreen(KindScreen):
     """Where a method works, and where it fails."""
 
     tables = ("cells",)
-    rows_word = "cells"
+    row_word = "cell"
     unfinished = False
 
     def findings(self, results: Results) -> list[RenderableType]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, read_chunks, write_parquet
-from squealstudy.engine.workers import Solved, Workers
+from squealstudy.engine.workers import Solved, Workers, at_once
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
 from squealstudy.kinds.work_precision import rows
@@ -45,7 +46,7 @@ class WorkPrecision(Kind):
     definition = WorkPrecisionDefinition
     tables: tuple[str, ...] = (MEASUREMENTS, ERRORS)
     schema = rows.SCHEMA
-    rows_word = "runs"
+    row_word = "run"
     of_methods = True
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> PrecisionFile:
@@ -94,7 +95,7 @@ class WorkPrecision(Kind):
         _, variants = plan.content
         for variant in variants:
             try:
-                build_structures(variant.plan, workers)
+                build_structures(variant.plan, replace(workers, patience=at_once))
             except StudyFileError:
                 raise
             except SquealstudyError:  # no structure of it can be made: its rows say so

@@ -34,7 +34,7 @@ class WorkPrecisionScreen(KindScreen):
     """Error against cost of methods."""
 
     tables = ("measurements", "errors")
-    rows_word = "measurements"
+    row_word = "measurement"
     unfinished = False
 
     def findings(self, results: Results) -> list[RenderableType]:

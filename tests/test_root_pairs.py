@@ -1,0 +1,50 @@
+"""One pairing of roots: the same modes found twice."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from squealstudy.root_pairs import partner_distances, partners
+
+LIMIT = 0.05
+
+
+def relative(full: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    return np.abs(full[:, None] - lam[None, :]) / np.abs(full)[:, None]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 12))
+def test_a_missing_mode_and_a_spurious_one_leave_the_others_their_partners(seed, count):
+    """Modes 1 % apart: partners shifted by one each would be near enough for a pair."""
+    rng = np.random.default_rng(seed)
+    full = 1j * 1e4 * 1.01 ** np.arange(count) - rng.uniform(1.0, 50.0, count)
+    lost = int(rng.integers(count))
+    order = rng.permutation(count)
+    found = np.delete(full, lost)
+    spurious = full[-1] * 1.01 if lost < count // 2 else full[0] / 1.01
+    lam = np.append(found, spurious)[order]
+    partner = partners(relative(full, lam), LIMIT)
+    kept = np.delete(np.arange(count), lost)
+    np.testing.assert_array_equal(lam[partner[kept]], full[kept])
+
+
+def test_no_root_is_the_partner_of_two():
+    full = np.array([1.0, 1.001]) * 1j
+    assert sorted(partners(relative(full, full[:1]), LIMIT)) == [-1, 0]
+    assert np.isinf(partner_distances(full, full[:1])).sum() == 1
+
+
+def test_two_modes_near_lock_in_share_their_distances():
+    """Taking the nearest first would leave the other root its far partner."""
+    full, lam = np.array([0.0, 1.0]), np.array([-0.6, 0.45])
+    np.testing.assert_allclose(partner_distances(full, lam), [0.6, 0.55])
+
+
+def test_roots_beyond_the_limit_make_no_pair():
+    full = np.array([1.0, 2.0]) * 1j
+    np.testing.assert_array_equal(partners(relative(full, 1.06 * full), LIMIT), [-1, -1])
+    np.testing.assert_array_equal(partners(relative(full, 1.04 * full[::-1]), LIMIT), [1, 0])
+    assert len(partners(np.zeros((0, 3)))) == 0
+    np.testing.assert_array_equal(partners(np.zeros((2, 0))), [-1, -1])
