@@ -191,7 +191,7 @@ def prepare_brake(mesh, top=TOP) -> Brake:
 
 def reduce_brake(brake, top=TOP) -> tuple[ReducedModel, Basis]:
     """Trained at the nominal point and at the ends of a pressure range."""
-    ends = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in PRESSURES]
+    ends = [working_point(brake.space, replace(NOMINAL, brake_pressure=p)) for p in PRESSURES]
     settings = BasisSettings(1.5 * top, 1.5 * top, LOAD_FACTOR * top)
     return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)
 

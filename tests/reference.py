@@ -47,7 +47,7 @@ def static_stiffness(assembly):
 def static_imbalance(assembly, q, p, operating):
     """K q - f - N^T A p + T^T mu A p: zero at steady sliding."""
     c = assembly.contact
-    f = operating.pressure * assembly.load + assembly.constant_load
+    f = operating.brake_pressure * assembly.load + assembly.constant_load
     force = c.area * p
     friction = operating.friction * c.frictional * force
     return static_stiffness(assembly) @ q - f - c.N.T @ force + c.T.T @ friction
@@ -59,7 +59,7 @@ def newton_equilibrium(assembly, operating, q, tolerance=1e-10, max_iterations=3
     K = static_stiffness(assembly)
     mu = operating.friction * c.frictional
     a, b = law.parameters  # an exponential law
-    f = operating.pressure * assembly.load + assembly.constant_load
+    f = operating.brake_pressure * assembly.load + assembly.constant_load
     for _ in range(max_iterations):
         g = c.gap0 + c.N @ q
         p = np.array([contact_pressure(law.kind, a, b, x) for x in g])

@@ -12,6 +12,7 @@ from motions import run_one
 
 from squealstudy.laws import FrictionLaw
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import (
     growth_sensors,
     none_growing,
@@ -21,7 +22,6 @@ from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 
 ZETA = 0.005
 BETA = 1.5e-7  # s; holds modes above the band, which friction excites too
@@ -45,14 +45,14 @@ def most_unstable(C, K):
 
 @pytest.mark.parametrize(("pressure", "friction"), POINTS)
 def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pressure, friction):
-    operating = replace(NOMINAL, pressure=pressure, friction=friction)
+    operating = replace(NOMINAL, brake_pressure=pressure, friction=friction)
     point = working_point(brake.space, operating)
     state = DesignState(operating, damping_ratio=ZETA, stiffness_damping=BETA)
     bare = reference_modes(reduced[0], point, state)
     lam, right, left = most_unstable(bare.C, bare.K)
     system = bare.system
     speed = operating.sliding_speed
-    law = FrictionLaw(friction, friction * point.pressure.max() / (0.02 * speed))
+    law = FrictionLaw(friction, friction * point.contact_pressure.max() / (0.02 * speed))
     design = MotionPoint(
         operating.law,
         law,

@@ -17,7 +17,7 @@ from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order import modes as full_order_module
 from squealstudy.modes.full_order.modes import (
     expected_roots,
@@ -31,7 +31,6 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.study.design import DesignPoint
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies, linearise
 
 K_T = 1e12  # N s/m3: saturated long before any sliding speed here
@@ -105,7 +104,7 @@ def test_working_point_slides_at_the_friction_of_its_speed(brake):
     constant = working_point(brake.space, CONSTANT)
     np.testing.assert_array_equal(falling.gap, constant.gap)
     slow = working_point(brake.space, replace(FALLING, sliding_speed=0.05))
-    assert np.abs(slow.pressure / falling.pressure - 1).max() > 0.01
+    assert np.abs(slow.contact_pressure / falling.contact_pressure - 1).max() > 0.01
 
 
 def test_damping_is_the_derivative_of_the_friction_forces(brake, reduced):
@@ -117,7 +116,9 @@ def test_damping_is_the_derivative_of_the_friction_forces(brake, reduced):
 
     def force(v):
         slip = FALLING.sliding_speed + model.T @ v, model.T_perp @ v
-        t = np.array([traction(FALLING, *row) for row in zip(point.pressure, *slip, strict=True)])
+        t = np.array(
+            [traction(FALLING, *row) for row in zip(point.contact_pressure, *slip, strict=True)]
+        )
         t *= (model.area * model.frictional)[:, None]
         return model.T.T @ t[:, 0] + model.T_perp.T @ t[:, 1]
 

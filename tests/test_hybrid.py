@@ -17,6 +17,7 @@ from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import none_growing
 from squealstudy.motion.hybrid_arrays import uniform_damping
 from squealstudy.motion.hybrid_run import simulate_hybrid
@@ -34,7 +35,6 @@ from squealstudy.reduction.hybrid import (
     static_state,
 )
 from squealstudy.reduction.working_point import WorkingPoint, working_point
-from squealstudy.system.design_state import DesignState
 
 ZETA = 0.01
 
@@ -66,7 +66,7 @@ def reduced_case(case, traces_hz, damping_hz=1e9, layers=1, **options):
 
 def friction_law(case, share=0.02):
     mu = OPERATING.friction
-    k_t = mu * case.point.pressure.max() / (share * OPERATING.sliding_speed)
+    k_t = mu * case.point.contact_pressure.max() / (share * OPERATING.sliding_speed)
     return FrictionLaw(mu, k_t)
 
 
@@ -154,7 +154,7 @@ def test_the_working_point_stays_at_rest(case):
     assert np.abs(result.v).max() < 1e-12
     assert result.solves == pytest.approx(1.0, abs=0.05)
     np.testing.assert_allclose(
-        result.history["normal_force"], model.area @ case.point.pressure, rtol=1e-12
+        result.history["normal_force"], model.area @ case.point.contact_pressure, rtol=1e-12
     )
 
 
@@ -360,7 +360,7 @@ def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hy
     psi *= 1e-6 / np.abs(psi * lam[k]).max()
     model, _ = brake_hybrid
     speed = NOMINAL.sliding_speed
-    friction = FrictionLaw(0.5, 0.5 * brake.point.pressure.max() / (0.02 * speed))
+    friction = FrictionLaw(0.5, 0.5 * brake.point.contact_pressure.max() / (0.02 * speed))
     c, beta = uniform_damping(model, zeta)
     design = MotionPoint(NOMINAL.law, friction, speed, c, beta=beta)
     settings = MotionSettings(2e-3, 2e-6, 5, tolerance=1e-4)

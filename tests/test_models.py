@@ -22,12 +22,11 @@ from squealstudy.models.assembly import (
 )
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.fem.sampling import Surface
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 I2 = sp.csr_matrix(np.eye(2))

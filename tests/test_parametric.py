@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from squealstudy.errors import ModelError
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.reanalysis.polynomials import collocate
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise, reduced_structure, symmetric_stiffness
 from squealstudy.system.parametric import (
     DAMPING,
@@ -226,7 +226,7 @@ STATES = {
 @pytest.mark.parametrize("friction", [0.0, 0.6])
 def test_the_brakes_terms_are_its_linearisation(brake, reduced, name, falling, friction):
     model, _ = reduced
-    operating = replace(NOMINAL, friction=friction, pressure=5e5, sliding_speed=0.2)
+    operating = replace(NOMINAL, friction=friction, brake_pressure=5e5, sliding_speed=0.2)
     if falling:
         operating = replace(operating, curve=friction_curve(static_ratio=1.5, decay_speed=0.3))
     point = working_point(brake.space, operating)
@@ -255,7 +255,7 @@ def plain_linearisation(model, point, state):
     for (name, mode), zeta in state.mode_damping.items():
         i = model.mode_coordinate(name, mode)
         dampers[i] = 2 * zeta * np.sqrt(k_el[i])
-    k_n, normal = (np.diag(model.area * x) for x in (point.tangent, point.pressure))
+    k_n, normal = (np.diag(model.area * x) for x in (point.tangent, point.contact_pressure))
     ratio, decay = o.curve.parameters
     fall = o.friction * (ratio - 1) * np.exp(-o.sliding_speed / decay)
     mu = np.diag(model.frictional) * (o.friction + fall)

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.reduction.orthonormal import complete_basis
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies, linearise
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
@@ -86,7 +86,7 @@ def test_nominal_real_modes(brake, reduced):
 def full_order(brake, point, state, band, n_roots):
     """Roots of the unreduced brake in the band, by THEORY.md eq. (17), residual checked."""
     k_n = brake.assembly.contact.area * point.tangent
-    M, C, K = reference.linearised(brake.assembly, point.pressure, k_n, state.operating)
+    M, C, K = reference.linearised(brake.assembly, point.contact_pressure, k_n, state.operating)
     U, dk, dc = [], [], []
     masses = {c.name: c.M for c in brake.assembly.components}
     for name, j in {**state.frequency_scale, **state.mode_damping}:
@@ -138,12 +138,12 @@ def test_complex_modes_at_the_nominal_point(brake, reduced):
 
 
 def test_complex_modes_at_low_pressure(brake, reduced):
-    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=2e5)), 1e-3)
+    compare(brake, reduced[0], DesignState(replace(NOMINAL, brake_pressure=2e5)), 1e-3)
 
 
 def test_complex_modes_at_high_pressure_with_caliper_modes_at_half(brake, reduced):
     shifted = {("caliper", j): 0.5 for j in (7, 8, 9)}
-    compare(brake, reduced[0], DesignState(replace(NOMINAL, pressure=30e5), shifted), 1e-3)
+    compare(brake, reduced[0], DesignState(replace(NOMINAL, brake_pressure=30e5), shifted), 1e-3)
 
 
 def test_complex_modes_with_modes_shifted_up_and_damped(brake, reduced):
@@ -163,8 +163,8 @@ def test_medium_brake():
     compare(medium, model, DesignState(NOMINAL), 1e-5, **size)
     shifted = {("caliper", j): 1.5 for j in (7, 8, 9)}
     for state in (
-        DesignState(replace(NOMINAL, pressure=2e5)),
-        DesignState(replace(NOMINAL, pressure=30e5)),
+        DesignState(replace(NOMINAL, brake_pressure=2e5)),
+        DesignState(replace(NOMINAL, brake_pressure=30e5)),
         DesignState(NOMINAL, shifted),
         DesignState(NOMINAL, dict.fromkeys(shifted, 0.5)),
     ):

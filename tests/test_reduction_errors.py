@@ -23,7 +23,7 @@ from squealstudy.kinds.complex_modes.rows import uncertain_roots
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes import point as point_module
 from squealstudy.modes.full_order import finer_model
 from squealstudy.modes.full_order.finer_model import (
@@ -38,7 +38,6 @@ from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.working_point import working_point_result
 from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import contact_weights
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import component_frequencies
 
 NODES = 40
@@ -128,8 +127,8 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
 
 
 UNTRAINED = [
-    DesignState(replace(NOMINAL, friction=0.25, pressure=6e4)),
-    DesignState(replace(NOMINAL, friction=0.6, pressure=2e5)),
+    DesignState(replace(NOMINAL, friction=0.25, brake_pressure=6e4)),
+    DesignState(replace(NOMINAL, friction=0.6, brake_pressure=2e5)),
     DesignState(replace(NOMINAL, friction=0.5, law=contact_law(lam=1e6), sliding_speed=0.2)),
     DesignState(NOMINAL, {("pad", 9): 0.8}, {("disc", 8): 0.02}, stiffness_damping=1e-7),
     DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.02),
@@ -260,8 +259,8 @@ def test_the_contact_compliance_neglects_nothing_of_the_full_order_equilibrium(b
         U = np.zeros(assembly.n_dof)
         U[span] = assembly.components[list(assembly.slices).index(name)].M @ mode.phi[:, j - 1]
         K = K + sp.csr_matrix(np.outer(U, U) * (scale**2 - 1) * mode.omega[j - 1] ** 2)
-    normal = c.area * point.pressure
-    load = assembly.load * operating.pressure + c.N.T @ normal
+    normal = c.area * point.contact_pressure
+    load = assembly.load * operating.brake_pressure + c.N.T @ normal
     load -= c.T.T @ (operating.friction * c.frictional * normal)
     q = sp.linalg.spsolve(K.tocsc(), load)
     gap = c.gap0 + c.N @ q

@@ -12,6 +12,7 @@ from reference import MU_C, W1
 from test_family_reanalysis import closed_form, dense_roots, distance, hulten, machine
 
 from squealstudy.linalg.companion import all_pairs
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
@@ -20,7 +21,6 @@ from squealstudy.modes.rungs.two_step import (
     symmetric_modes,
     two_step_roots,
 )
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import StructureWeights, linearise, reduced_structure
 
 REACH = 30.0  # of anchors: all modes
@@ -171,7 +171,9 @@ def damped_problem(prepared, damping):
     """Over friction and pressure, band up to 3.5 kHz."""
 
     def state_at(theta):
-        point = replace(NOMINAL, friction=0.5 + 0.2 * theta[0], pressure=12e5 + 6e5 * theta[1])
+        point = replace(
+            NOMINAL, friction=0.5 + 0.2 * theta[0], brake_pressure=12e5 + 6e5 * theta[1]
+        )
         return DesignState(point, **DAMPED[damping])
 
     return BrakeProblem(prepared, 2, state_at, (500.0, 3500.0), exact_damping=True)

@@ -17,7 +17,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve, law_from_values
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import DampingGradient
 from squealstudy.modes.sensitivity.mode_sensitivities import (
@@ -37,8 +37,7 @@ from squealstudy.modes.sensitivity.reduced import (
     point_sensitivities,
     solve_families,
 )
-from squealstudy.modes.sensitivity.state_derivatives import friction_change
-from squealstudy.modes.sensitivity.state_parameter import StateParameter
+from squealstudy.modes.sensitivity.state_derivatives import StateParameter, friction_change
 from squealstudy.modes.sensitivity.structural import (
     Structure,
     check_same_mesh,
@@ -46,7 +45,6 @@ from squealstudy.modes.sensitivity.structural import (
 )
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 LARGE = 1e9  # Hz, above every mode of a minimal model

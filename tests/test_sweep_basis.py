@@ -12,6 +12,7 @@ from synthetic import SyntheticProblem, constant, in_order, random_brake, random
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
@@ -24,7 +25,6 @@ from squealstudy.modes.reanalysis.sweep_basis import (
     sample_box,
 )
 from squealstudy.modes.rungs.windows import Windows
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 BAND = (500.0, 4000.0)
@@ -34,7 +34,7 @@ ENERGETIC = ("caliper", 7)
 
 def friction_pressure(theta):
     pressure = 4e5 * 5 ** ((1 + theta[1]) / 2)
-    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * theta[0], pressure=pressure))
+    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * theta[0], brake_pressure=pressure))
 
 
 def friction(theta):
@@ -62,7 +62,7 @@ def lifting_off(middle, half):
 
     def state_at(theta):
         friction = middle + half * theta[0]
-        return DesignState(replace(NOMINAL, friction=friction, pressure=6e5, law=law))
+        return DesignState(replace(NOMINAL, friction=friction, brake_pressure=6e5, law=law))
 
     return state_at
 

@@ -14,11 +14,11 @@ from study_runs import plan_of, solved
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.tracking.labels import TrackTree, expected_roots, track
 from squealstudy.modes.tracking.pairing import mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, Refinement
 from squealstudy.modes.tracking.tree import levels, tracking_tree
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 HZ = 2 * np.pi

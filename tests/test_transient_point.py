@@ -12,6 +12,7 @@ from motions import run_one
 from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import growing_modes, left_vectors
 from squealstudy.motion.point import (
     contact_speed,
@@ -25,7 +26,6 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 BAND = (500.0, 8000.0)
@@ -56,7 +56,7 @@ def at(brake, reduced, reference, state, point=None):
 
 STATES = [
     NOMINAL_STATE,
-    DesignState(replace(NOMINAL, pressure=25e5, friction=0.3), damping_ratio=0.01),
+    DesignState(replace(NOMINAL, brake_pressure=25e5, friction=0.3), damping_ratio=0.01),
     DesignState(NOMINAL, {("caliper", 7): 1.25}, {("caliper", 8): 0.05}, 0.0),
     DesignState(
         replace(NOMINAL, curve=friction_curve(static_ratio=1.5, decay_speed=0.4), sliding_speed=0.3)

@@ -19,9 +19,9 @@ from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import solve_point, state_working_point
 from squealstudy.study.definition import load_study
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 from squealstudy.wording import in_digits
 

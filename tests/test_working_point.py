@@ -30,8 +30,8 @@ def recover(brake):
     factor = factorise((K + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc())
 
     def solve(point, operating):
-        f = operating.pressure * brake.assembly.load + brake.assembly.constant_load
-        p = point.pressure
+        f = operating.brake_pressure * brake.assembly.load + brake.assembly.constant_load
+        p = point.contact_pressure
         normal = c.N.T @ (c.area * (p + k_c * (point.gap - c.gap0)))
         return factor.solve(f + normal - operating.friction * (c.T.T @ (c.area * p)))
 
@@ -47,7 +47,7 @@ def full_order_residual(brake, q, operating):
     p, _ = operating.law.evaluate(c.gap0 + c.N @ q)
     imbalance = reference.static_imbalance(brake.assembly, q, p, operating)
     friction = operating.friction * (c.T.T @ (c.area * p))
-    forces = (operating.pressure * brake.assembly.load, c.N.T @ (c.area * p), friction)
+    forces = (operating.brake_pressure * brake.assembly.load, c.N.T @ (c.area * p), friction)
     return np.linalg.norm(imbalance) / sum(np.linalg.norm(f) for f in forces)
 
 
@@ -58,7 +58,7 @@ def round_off_of_gaps(brake, off, point, operating):
     """
     c = brake.assembly.contact
     forces = c.N.T @ (c.area * point.tangent * off)
-    return np.linalg.norm(forces) / np.linalg.norm(operating.pressure * brake.assembly.load)
+    return np.linalg.norm(forces) / np.linalg.norm(operating.brake_pressure * brake.assembly.load)
 
 
 @pytest.mark.parametrize("lam", [5e4, 5e5, 5e6])
@@ -85,7 +85,7 @@ def test_lift_off(brake, recover, kind, friction):
     assert full_order_residual(brake, recover(point, operating), operating) <= 1e-10
     is_open = point.gap >= 0
     assert is_open.any()
-    np.testing.assert_array_equal(point.pressure == 0, is_open)
+    np.testing.assert_array_equal(point.contact_pressure == 0, is_open)
     np.testing.assert_array_equal(point.tangent == 0, is_open)
     area = brake.assembly.contact.area
     assert point.open_share >= area[is_open].sum() / area.sum()
@@ -101,17 +101,17 @@ def test_bilateral_law_is_one_linear_solve(brake):
     gap = c.N @ spla.splu(K.tocsc()).solve(12e5 * brake.assembly.load)
     np.testing.assert_allclose(point.gap, gap, atol=1e-8 * np.abs(gap).max())
     assert (gap > 0).any()  # bilateral: it pulls there
-    assert point.pressure.min() < 0
+    assert point.contact_pressure.min() < 0
 
 
 def test_agrees_with_a_plain_full_order_newton(brake, recover):
     operating = OperatingPoint(0.35, 3e5, 1.0, contact_law(lam=2e5))
     # started elsewhere: at the equilibrium of another pressure and friction
-    other = replace(operating, pressure=2 * operating.pressure, friction=0.0)
+    other = replace(operating, brake_pressure=2 * operating.brake_pressure, friction=0.0)
     q0 = recover(working_point(brake.space, other), other)
     q, p = reference.newton_equilibrium(brake.assembly, operating, q0)
     point = working_point(brake.space, operating)
-    np.testing.assert_allclose(point.pressure, p, rtol=1e-7)
+    np.testing.assert_allclose(point.contact_pressure, p, rtol=1e-7)
     gap = brake.assembly.contact.N @ q
     np.testing.assert_allclose(point.gap, gap, atol=1e-9 * np.abs(gap).max())
 
@@ -127,9 +127,9 @@ def test_forces_balance(brake, recover, friction):
     def axial(force, *names):
         return sum(force[assembly.slices[name]][2::3].sum() for name in names)
 
-    force = assembly.contact.area * point.pressure
+    force = assembly.contact.area * point.contact_pressure
     inner, outer = np.split(force, 2)
-    push = operating.pressure * 25e-4
+    push = operating.brake_pressure * 25e-4
     # the fluid pushes the inner pad along +z and the caliper, which holds the outer pad, along -z;
     # friction acts in the plane of the disc
     assert inner.sum() == pytest.approx(push - axial(springs, "inner_pad"), rel=1e-9)
@@ -149,11 +149,13 @@ def test_reference_stiffness_changes_nothing(brake):
     other = contact_space(brake.assembly, 20 * brake.space.k_c, np.zeros((brake.assembly.n_dof, 0)))
     point = working_point(other, NOMINAL)
     np.testing.assert_allclose(point.gap, brake.point.gap, atol=1e-9 * np.abs(point.gap).max())
-    assert c.area @ point.pressure == pytest.approx(c.area @ brake.point.pressure, rel=1e-9)
+    assert c.area @ point.contact_pressure == pytest.approx(
+        c.area @ brake.point.contact_pressure, rel=1e-9
+    )
 
 
 def test_start_changes_nothing(brake):
-    far = working_point(brake.space, replace(NOMINAL, pressure=2e5, friction=0.1))
+    far = working_point(brake.space, replace(NOMINAL, brake_pressure=2e5, friction=0.1))
     point = working_point(brake.space, NOMINAL, far.gap)
     np.testing.assert_allclose(point.gap, brake.point.gap, rtol=1e-9, atol=1e-15)
     again = working_point(brake.space, NOMINAL, brake.point.gap)
@@ -184,15 +186,17 @@ def test_known_gaps_are_verified(brake):
     np.testing.assert_array_equal(known.tangent, brake.point.tangent)
     assert known.residual < 1e-11
     # gaps of a slightly different pressure, or lost ones, are no working point of this one
-    for other in (replace(NOMINAL, pressure=12.001e5), replace(NOMINAL, friction=0.5001)):
+    for other in (replace(NOMINAL, brake_pressure=12.001e5), replace(NOMINAL, friction=0.5001)):
         assert known_working_point(brake.space, other, brake.point.gap) is None
     assert known_working_point(brake.space, NOMINAL, np.nan * brake.point.gap) is None
 
 
 def test_more_pressure_closes_the_contact(brake):
-    points = [working_point(brake.space, replace(NOMINAL, pressure=p)) for p in (2e5, 12e5, 40e5)]
+    points = [
+        working_point(brake.space, replace(NOMINAL, brake_pressure=p)) for p in (2e5, 12e5, 40e5)
+    ]
     area = brake.assembly.contact.area
-    force = [area @ p.pressure for p in points]
+    force = [area @ p.contact_pressure for p in points]
     np.testing.assert_allclose(np.array(force) / force[0], [1, 6, 20], rtol=0.05)
 
 
@@ -235,7 +239,7 @@ def test_hulten_contact_forces(k_c):
     assembly = build_model("hulten", normal_force=F)
     space = contact_space(assembly, k_c, NO_SHAPES)
     point = working_point(space, OperatingPoint(mu, 1.0, 0.5, assembly.contact.law))
-    force = assembly.contact.area * point.pressure
+    force = assembly.contact.area * point.contact_pressure
     exact = np.array([F * (1 + mu), F * (1 - mu)]) / (1 + mu**2)
     np.testing.assert_allclose(force, exact, rtol=1e-10)
 
@@ -251,7 +255,7 @@ def test_hoffmann_contact_force(k_c):
     )
     k3 = 4e6 / 3
     y = np.linalg.solve([[2e6, 1e6 - mu * k3], [1e6, 2e6]], [0.0, -F])[1]
-    assert assembly.contact.area[0] * point.pressure[0] == pytest.approx(-k3 * y, rel=1e-10)
+    assert assembly.contact.area[0] * point.contact_pressure[0] == pytest.approx(-k3 * y, rel=1e-10)
 
 
 def test_sprag_has_no_equilibrium():
@@ -267,7 +271,7 @@ def test_sprag_has_no_equilibrium():
     operating = OperatingPoint(0.0, 1.0, 0.5, law)
     space = contact_space(assembly, reference_stiffness(assembly, operating), NO_SHAPES)
     for friction in (0.0, 0.5 * limit, 0.9 * limit):
-        assert working_point(space, replace(operating, friction=friction)).pressure[0] > 0
+        assert working_point(space, replace(operating, friction=friction)).contact_pressure[0] > 0
     with pytest.raises(ConvergenceError, match="no steady sliding") as failure:
         working_point(space, replace(operating, friction=1.5 * limit))
     assert failure.value.status == "working_point"

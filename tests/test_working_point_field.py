@@ -11,6 +11,7 @@ from synthetic import random_points
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.patch import Box
@@ -21,7 +22,6 @@ from squealstudy.reduction.working_point import (
     WorkingPoint,
     WorkingPointField,
 )
-from squealstudy.system.design_state import DesignState
 
 BAND = (500.0, 4000.0)
 ENERGETIC = ("caliper", 7)
@@ -29,7 +29,7 @@ ENERGETIC = ("caliper", 7)
 
 def friction_pressure(theta):
     operating = replace(
-        NOMINAL, friction=0.35 + 0.35 * theta[0], pressure=2e5 * 20 ** ((1 + theta[1]) / 2)
+        NOMINAL, friction=0.35 + 0.35 * theta[0], brake_pressure=2e5 * 20 ** ((1 + theta[1]) / 2)
     )
     return DesignState(operating)
 
@@ -110,7 +110,7 @@ def test_lift_off_of_part_of_the_contact(prepared):
     def state_at(theta):
         law = contact_law("unilateral", stiffness=5e11)
         friction, pressure = 0.35 + 0.35 * theta[0], 6e5 * (1 + 0.5 * theta[1])
-        return DesignState(replace(NOMINAL, friction=friction, pressure=pressure, law=law))
+        return DesignState(replace(NOMINAL, friction=friction, brake_pressure=pressure, law=law))
 
     problem = BrakeProblem(prepared, 2, state_at, BAND)
     theta = random_points(8, 2, seed=5)

@@ -198,7 +198,7 @@ def working_point_key(design: DesignPoint) -> str:
     return content_hash(
         [
             [x if isinstance(x, str) else x.hex() for x in op.sliding_friction],
-            float(op.pressure).hex(),
+            float(op.brake_pressure).hex(),
             op.law.kind,
             [x.hex() for x in op.law.parameters],
             sorted((c, j, float(s).hex()) for (c, j), s in state.frequency_scale.items() if s != 1),

@@ -17,6 +17,7 @@ from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
     FRICTION_OPTION,
+    ModeKey,
     OperatingPoint,
     contact_parameters,
 )
@@ -27,7 +28,6 @@ from squealstudy.study.family import file_digests
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
-from squealstudy.system.design_state import ModeKey
 
 if TYPE_CHECKING:
     from squealstudy.engine.model_kind import ModelKind
@@ -175,7 +175,7 @@ class Plan:
                 "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
                 "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
                 "trained at": [
-                    [*p.sliding_friction, p.pressure, p.law.kind, *p.law.parameters]
+                    [*p.sliding_friction, p.brake_pressure, p.law.kind, *p.law.parameters]
                     for p in (self.nominal, *self.training)
                 ],
                 "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],

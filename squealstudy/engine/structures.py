@@ -14,7 +14,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import Reduction, with_finer_model
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.cmt import BasisSettings
@@ -22,7 +22,6 @@ from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.prepared_family import prepare_family
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
-from squealstudy.system.design_state import ModeKey
 
 SMALL = 100  # degrees of freedom of a family of matrices whose points take milliseconds
 PATIENCE = 3.0  # s: two workers take 2 s to start

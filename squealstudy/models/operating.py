@@ -1,4 +1,8 @@
-"""Parameters of the working point: they enter through the contact points, never the components."""
+"""What the mechanics sees of a design point: operating point and design state.
+
+And the parameters of the working point, as study files name them: they enter through the contact
+points, never through the components.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.errors import ParameterError
 from squealstudy.laws import (
     CONTACT_LAWS,
     FRICTION_CURVES,
@@ -104,15 +109,23 @@ LIGHTLY_DAMPED = Assumption(
 ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # of every model with contact
 
 
+# fields of OperatingPoint that are parameters, by their names in study files
+_OWN = {
+    FRICTION.name: "friction",
+    PRESSURE.name: "brake_pressure",
+    SLIDING_SPEED.name: "sliding_speed",
+}
+
+
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where the linearisation is done.
+    """Friction, loads, sliding and the laws of the contact: where the model is linearised.
 
     Attributes
     ----------
     friction : float
         The coefficient of fast sliding, which scales `curve`.
-    pressure : float
+    brake_pressure : float
         Pa; factor on the assembly's `load`.
     sliding_speed : float
         |w0|, m/s.
@@ -122,7 +135,7 @@ class OperatingPoint:
     """
 
     friction: float
-    pressure: float
+    brake_pressure: float
     sliding_speed: float
     law: ContactLaw
     curve: FrictionCurve = field(default_factory=friction_curve)
@@ -148,21 +161,81 @@ class OperatingPoint:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its parameters, as in study files."""
-        own = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)
-        return (*own, *self.curve.names, *self.law.names)
+        """Its parameters, as in study files; one that both laws have stands once."""
+        return tuple(dict.fromkeys([*_OWN, *self.curve.names, *self.law.names]))
 
     def value(self, name: str) -> float:
         """Value of one of its parameters."""
-        if name in self.curve.names:
-            return self.curve.value(name)
-        return self.law.value(name) if name in self.law.names else float(getattr(self, name))
+        if name in _OWN:
+            return float(getattr(self, _OWN[name]))
+        return self.curve.value(name) if name in self.curve.names else self.law.value(name)
 
     def with_value(self, name: str, value: float) -> OperatingPoint:
-        """The point with another value of one of its parameters."""
+        """The point with another value of one of its parameters, in both laws if both have it."""
+        changed: dict[str, Any] = {_OWN[name]: value} if name in _OWN else {}
         if name in self.curve.names:
-            return replace(self, curve=self.curve.with_value(name, value))
+            changed["curve"] = self.curve.with_value(name, value)
         if name in self.law.names:
-            return replace(self, law=self.law.with_value(name, value))
-        changed: dict[str, Any] = {name: value}
+            changed["law"] = self.law.with_value(name, value)
         return replace(self, **changed)
+
+
+ModeKey = tuple[str, int]  # component, free-free mode numbered from 1
+
+
+@dataclass(frozen=True)
+class DesignState:
+    """Operating point, changes of component modes, and modal damping of the assembly.
+
+    Attributes
+    ----------
+    operating : OperatingPoint
+    frequency_scale : mapping of (component, mode) -> float
+        Factor on the free-free frequency.
+    mode_damping : mapping of (component, mode) -> float
+        Damping ratio of the component mode at its scaled frequency.
+    damping_ratio : float
+        Damping ratio of every real mode of the assembly at its working point.
+    assembly_damping : mapping of int -> float
+        Damping ratios of single real modes of the assembly, numbered from 1 as they ascend in
+        frequency at the working point without friction; each replaces `damping_ratio`.
+    stiffness_damping : float
+        Rayleigh's beta, s: C has beta times the symmetric stiffness of the working point.
+    """
+
+    operating: OperatingPoint
+    frequency_scale: Mapping[ModeKey, float] = field(default_factory=dict)
+    mode_damping: Mapping[ModeKey, float] = field(default_factory=dict)
+    damping_ratio: float = 0.0
+    assembly_damping: Mapping[int, float] = field(default_factory=dict)
+    stiffness_damping: float = 0.0
+
+    def stiffness_changes(self, omega: Mapping[ModeKey, float]) -> dict[ModeKey, float]:
+        """Change of the modal stiffness (scale^2 - 1) omega^2 of each scaled mode, (rad/s)^2."""
+        return {
+            key: (scale**2 - 1.0) * omega[key] ** 2 for key, scale in self.frequency_scale.items()
+        }
+
+    def modal_dampers(self, omega: Mapping[ModeKey, float]) -> dict[ModeKey, float]:
+        """Damping 2 zeta omega of each damped component mode at its scaled frequency, rad/s."""
+        return {
+            key: 2.0 * zeta * self.frequency_scale.get(key, 1.0) * omega[key]
+            for key, zeta in self.mode_damping.items()
+        }
+
+    def assembly_damping_ratios(self, n: int) -> np.ndarray:
+        """Damping ratio of each of the `n` real modes of the assembly (n,).
+
+        Raises
+        ------
+        ParameterError
+            A damped mode beyond the `n`.
+        """
+        zeta = np.full(n, self.damping_ratio)
+        for mode, value in self.assembly_damping.items():
+            if not 1 <= mode <= n:
+                raise ParameterError(
+                    f"modes[{mode}].damping_ratio", f"the assembly has modes 1 to {n} here"
+                )
+            zeta[mode - 1] = value
+        return zeta

@@ -10,13 +10,13 @@ import scipy.sparse as sp
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.root_error import root_errors
+from squealstudy.models.operating import DesignState
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (
     WorkingPoint,
     known_working_point,
     working_point,
 )
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.energy import reduced_energy_shares
 from squealstudy.system.linearise import component_frequencies, linearise
 

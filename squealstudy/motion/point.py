@@ -9,12 +9,12 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.laws import FrictionLaw
+from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import growing_modes
 from squealstudy.motion.reference_modes import ReferenceModes
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import ContactStructure, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
@@ -57,7 +57,7 @@ def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> fl
     It does so at the static friction coefficient, where the working point presses hardest.
     """
     operating = state.operating
-    hardest = max(float(point.pressure.max()), 1e-300)
+    hardest = max(float(point.contact_pressure.max()), 1e-300)
     mu = max(operating.curve.at_rest(operating.friction, hardest), LEAST_FRICTION)
     return mu * hardest / speed
 
@@ -70,7 +70,7 @@ def _check_slope(
     `saturation` [m/s] is what its slope follows from; 0 where the slope itself is given.
     """
     operating = state.operating
-    least = float(operating.traction(point.pressure).max()) / operating.sliding_speed
+    least = float(operating.traction(point.contact_pressure).max()) / operating.sliding_speed
     least *= friction.saturation
     if friction.k_t >= least:
         return
@@ -119,8 +119,8 @@ def motion_point(
     """
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
-    normal = system.area * point.pressure
-    drag = -system.area * system.frictional * operating.traction(point.pressure)
+    normal = system.area * point.contact_pressure
+    drag = -system.area * system.frictional * operating.traction(point.contact_pressure)
     made = MotionPoint(
         contact=operating.law,
         friction=friction,

@@ -13,10 +13,10 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
+from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.motion.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.energy import reduced_energy_shares
 from squealstudy.system.linearise import component_frequencies, linearise
 
@@ -86,8 +86,8 @@ def reference_modes(
     """
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
-    normal = model.area * point.pressure
-    drag = -model.area * model.frictional * state.operating.traction(point.pressure)
+    normal = model.area * point.contact_pressure
+    drag = -model.area * model.frictional * state.operating.traction(point.contact_pressure)
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
         omega2=omega2,

@@ -213,7 +213,7 @@ def _load_responses(
         return np.zeros((assembly.n_dof, 0))
     c = assembly.contact
     k_n = c.area * nominal.tangent
-    drag = c.area * c.frictional * nominal.pressure
+    drag = c.area * c.frictional * nominal.contact_pressure
     normal = c.N @ phi
     loads = [
         c.T_perp.T @ (drag[:, None] * (c.T_perp @ phi)),

@@ -150,8 +150,8 @@ def hybrid_model(
     basis = hybrid_basis(assembly, K, modes[1], static, settings.layers, settings.by_component)
     M_h, K_h = basis.project(assembly.M), basis.project(K)
     omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
-    normal = c.area * point.pressure
-    drag = -c.area * c.frictional * operating.traction(point.pressure)
+    normal = c.area * point.contact_pressure
+    drag = -c.area * c.frictional * operating.traction(point.contact_pressure)
     return HybridModel(
         basis=basis,
         M=M_h,
@@ -345,10 +345,10 @@ def static_state(assembly: Assembly, point: WorkingPoint, operating: OperatingPo
     """
     c = assembly.contact
     k_n = c.area * point.tangent
-    normal = c.area * point.pressure
+    normal = c.area * point.contact_pressure
     K = assembly.K_el + assembly.K_springs(static=True) + c.N.T @ sp.diags(k_n) @ c.N
-    force = operating.pressure * assembly.load + assembly.constant_load
+    force = operating.brake_pressure * assembly.load + assembly.constant_load
     force = force + c.N.T @ (normal + k_n * (point.gap - c.gap0))
-    force = force - c.T.T @ (c.area * c.frictional * operating.traction(point.pressure))
+    force = force - c.T.T @ (c.area * c.frictional * operating.traction(point.contact_pressure))
     q: np.ndarray = factorise(K.tocsr()).solve(force)
     return q

@@ -166,7 +166,7 @@ def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[Wo
 
 def reference_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float:
     """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m."""
-    force = np.abs(nominal.pressure * assembly.load + assembly.constant_load).sum()
+    force = np.abs(nominal.brake_pressure * assembly.load + assembly.constant_load).sum()
     pressure = max(force / assembly.contact.area.sum(), 1e-300)
     gap = np.array([nominal.law.gap_at(pressure)])
     return float(nominal.law.evaluate(gap)[1][0])

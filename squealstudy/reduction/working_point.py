@@ -37,8 +37,8 @@ class WorkingPoint:
     ----------
     gap : ndarray (nc,)
         m, positive when open.
-    pressure : ndarray (nc,)
-        Contact pressure, Pa.
+    contact_pressure : ndarray (nc,)
+        Pa.
     tangent : ndarray (nc,)
         -dp/dg, Pa/m.
     iterations : int
@@ -52,7 +52,7 @@ class WorkingPoint:
     """
 
     gap: np.ndarray
-    pressure: np.ndarray
+    contact_pressure: np.ndarray
     tangent: np.ndarray
     iterations: int
     residual: float
@@ -112,7 +112,7 @@ def working_point(
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
-        f"{point.friction:g}, pressure {point.pressure:g} Pa",
+        f"{point.friction:g}, pressure {point.brake_pressure:g} Pa",
     )
 
 
@@ -136,7 +136,7 @@ class GapEquations:
         self._point, self._frictional = point, space.frictional
         self._law, self._k_c, self._gap0 = point.law, space.k_c, space.gap0
         self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * space.area
-        load = space.H_Nf @ np.array([point.pressure, 1.0])
+        load = space.H_Nf @ np.array([point.brake_pressure, 1.0])
         self._fixed = space.gap0 + load
         self._size = float(np.abs(load).max())
 
@@ -172,7 +172,7 @@ def working_point_result(
     error = _tangent_error(area, p, kappa, F)
     return WorkingPoint(
         gap=g,
-        pressure=p,
+        contact_pressure=p,
         tangent=kappa,
         iterations=iterations,
         residual=residual,
@@ -200,7 +200,7 @@ def open_share(area: np.ndarray, p: np.ndarray) -> float:
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
-    gap = space.H_Nf @ np.array([point.pressure, 1.0])
+    gap = space.H_Nf @ np.array([point.brake_pressure, 1.0])
     stiffness = np.abs(space.k_c * gap)
     return float(max(space.area @ stiffness / space.area.sum(), 1e-300))
 
@@ -227,7 +227,7 @@ def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> Anchor:
     """An anchor at a working point; `space` is that of its component changes."""
-    J = GapEquations(space, operating).jacobian(point.pressure, point.tangent)
+    J = GapEquations(space, operating).jacobian(point.contact_pressure, point.tangent)
     return Anchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
 
 
@@ -314,7 +314,7 @@ class BatchEquations:
         self.space, self._operating = space, operating
         self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
         self._cores = [self._core(c) for c in changes]
-        self._load = np.array([[o.pressure, 1.0] for o in operating])
+        self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
         still = np.zeros((len(operating), len(space.area)))
         self._fixed = space.gap0 + self._movement(still, still)
         self._size = np.abs(self._fixed - space.gap0).max(axis=1)

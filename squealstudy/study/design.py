@@ -12,10 +12,15 @@ from squealstudy.laws import (
     law_from_values,
 )
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    FRICTION_OPTION,
+    DesignState,
+    ModeKey,
+    OperatingPoint,
+)
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import ModeParameter, parse_parameter
-from squealstudy.system.design_state import DesignState, ModeKey
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ class DesignPoint:
         v = self.values
         return OperatingPoint(
             friction=v["friction"],
-            pressure=v.get("pressure", 1.0),
+            brake_pressure=v.get("pressure", 1.0),
             sliding_speed=v["sliding_speed"],
             law=law_from_values(self.law_kind, v),
             curve=curve_from_values(self.curve_kind, v),

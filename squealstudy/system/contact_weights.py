@@ -60,12 +60,12 @@ def contact_weights(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint
 ) -> ContactWeights:
     """Weights of contact and friction at a working point."""
-    friction = operating.friction_at(point.pressure)
+    friction = operating.friction_at(point.contact_pressure)
     k_n = contact.area * point.tangent
-    rubbing = contact.area * point.pressure * contact.frictional
+    rubbing = contact.area * point.contact_pressure * contact.frictional
     return ContactWeights(
         normal=k_n,
-        coupling=-friction.following(point.pressure) * contact.frictional * k_n,
+        coupling=-friction.following(point.contact_pressure) * contact.frictional * k_n,
         across=friction.mu * rubbing / operating.sliding_speed,
         along=friction.by_speed * rubbing if np.any(friction.by_speed) else 0.0,
     )
@@ -101,7 +101,7 @@ def contact_weights_change(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint, by: ContactChange
 ) -> ContactWeights:
     """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
-    friction, p = operating.friction_at(point.pressure), point.pressure
+    friction, p = operating.friction_at(point.contact_pressure), point.contact_pressure
     k_n, force = contact.area * point.tangent, contact.area * p
     d_k_n = contact.area * by.tangent + by.area * point.tangent
     d_force = contact.area * by.pressure + by.area * p

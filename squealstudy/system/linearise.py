@@ -21,10 +21,10 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
-from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,

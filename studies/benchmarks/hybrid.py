@@ -32,7 +32,7 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.motion.growing_modes import growing_modes
 from squealstudy.motion.hybrid_arrays import uniform_damping
 from squealstudy.motion.hybrid_run import simulate_hybrid
@@ -45,7 +45,6 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
 from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.design_state import DesignState
 
 ZETA = 0.005
 SPEED = 0.5  # m/s
@@ -78,7 +77,7 @@ def main() -> None:
     point = working_point(space, NOMINAL)
     if options.above:
         print_above(assembly, point)
-    friction = FrictionLaw(0.5, 0.5 * point.pressure.max() / (0.02 * SPEED))
+    friction = FrictionLaw(0.5, 0.5 * point.contact_pressure.max() / (0.02 * SPEED))
     print(f"brake and working point: {time.perf_counter() - started:.0f} s", flush=True)
     found = {}
     lam, u, v = 0j, np.zeros(0), np.zeros(0)
@@ -228,7 +227,7 @@ def print_above(assembly, point) -> None:
     c, mu = assembly.contact, NOMINAL.friction * assembly.contact.frictional
     K = assembly_stiffness(assembly, point)
     K = (K - c.T.T @ sp.diags(mu * c.area * point.tangent) @ c.N).tocsr()
-    C = c.T_perp.T @ sp.diags(mu * c.area * point.pressure / SPEED) @ c.T_perp
+    C = c.T_perp.T @ sp.diags(mu * c.area * point.contact_pressure / SPEED) @ c.T_perp
     for centre in np.arange(14e3, 40e3, 4e3):
         lam = roots_near(assembly.M, C.tocsr(), K, 2j * np.pi * centre, 40)
         worst = lam[np.argmax(lam.real / np.abs(lam))]

@@ -31,11 +31,10 @@ from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, MEDIUM, BrakeMesher
 from squealstudy.models.fem.solid import FULL, REDUCED
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import solve_point
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import prepare
-from squealstudy.system.design_state import DesignState
 
 TOP = 6e3  # Hz, of the free modes
 BAND = (500.0, 8000.0)

@@ -47,10 +47,10 @@ class SteadySliding(ModelKind):
             found = state_working_point(prepared, point.state())
         except FAILURES as error:
             return self.failed_row(point.point_id, *reason(error))
-        forces = prepared.model.area * found.pressure
+        forces = prepared.model.area * found.contact_pressure
         return head(point.point_id, time.perf_counter() - started) | {
             "contact_force": float(forces.sum()),
-            "largest_pressure": float(found.pressure.max()),
+            "largest_pressure": float(found.contact_pressure.max()),
         }
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.reference import Unreduced
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.problem import BrakeReader, FamilyReader, Problem
@@ -33,7 +34,6 @@ from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import FREQUENCY_SCALE
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS
 
 MOST_KEPT = 2  # problems a process holds: of each its basis

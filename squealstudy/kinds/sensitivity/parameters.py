@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.sensitivity.section import UNSTABLE, SensitivitySection
 from squealstudy.models.operating import (
+    DAMPING,
     IN_TIME_ONLY,
+    ModeKey,
     OperatingPoint,
     contact_parameters,
     friction_parameters,
 )
 from squealstudy.modes.sensitivity.reduced import ModeChoice
-from squealstudy.modes.sensitivity.state_parameter import DAMPING, FREQUENCY, StateParameter
+from squealstudy.modes.sensitivity.state_derivatives import FREQUENCY, StateParameter
 from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import (
@@ -24,7 +26,6 @@ from squealstudy.study.parameters import (
     parse_parameter,
 )
 from squealstudy.study.source import SourceText
-from squealstudy.system.design_state import ModeKey
 
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
@@ -96,7 +97,7 @@ def _default_names(study: Study, operating: OperatingPoint) -> Iterator[str]:
     yield from (name for name in DEFAULTS if name in known - ignored)
     for component in study.model.components:
         yield f"{component}.modes{EVERY}.{FREQUENCY}"
-        yield f"{component}.modes{EVERY}.{DAMPING}"
+        yield f"{component}.modes{EVERY}.{DAMPING.name}"
 
 
 def mode_choice(section: SensitivitySection, stability_tolerance: float) -> ModeChoice:

@@ -18,7 +18,7 @@ from squealstudy.kinds.transient.plan_facts import (
     training_designs,
 )
 from squealstudy.kinds.transient.section import TransientSection
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.reference_modes import (
@@ -30,7 +30,6 @@ from squealstudy.motion.reference_modes import (
 )
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.study.design import DesignPoint
-from squealstudy.system.design_state import DesignState, ModeKey
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
 TRAINING_KEYS = {"step", "duration", "friction"}

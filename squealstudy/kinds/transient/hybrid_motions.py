@@ -18,6 +18,7 @@ from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.motion import Motion
@@ -26,7 +27,6 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
 from squealstudy.study.design import DesignPoint
-from squealstudy.system.design_state import DesignState
 
 SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
 

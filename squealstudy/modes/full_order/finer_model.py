@@ -21,14 +21,13 @@ import scipy.sparse as sp
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import PointModes, solve_point, state_working_point
 from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel, project
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
-from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.linearise import component_frequencies, linearise, unreduced_structure
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out

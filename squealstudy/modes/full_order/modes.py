@@ -24,13 +24,13 @@ from squealstudy.linalg.sparse_qep import (
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import PointModes, angular_band, state_working_point
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import PreparedModel, contact_stiffness
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.energy import energy_shares, squared
 from squealstudy.system.linearise import (
     SYMMETRIC,
@@ -49,7 +49,7 @@ UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 _NOTHING = np.zeros(0)
 NO_WORKING_POINT = WorkingPoint(
     gap=_NOTHING,
-    pressure=_NOTHING,
+    contact_pressure=_NOTHING,
     tangent=_NOTHING,
     iterations=0,
     residual=np.nan,

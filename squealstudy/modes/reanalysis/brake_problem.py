@@ -18,6 +18,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import pairs_inside
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
@@ -30,7 +31,6 @@ from squealstudy.reduction.working_point import (
     WorkingPointField,
     anchor_at,
 )
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import (
     ContactStructure,
     StructureWeights,

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeFamily
 from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import linearise
 
 QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.models.operating import DAMPING, DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
@@ -31,11 +32,9 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
     reduced_pencil,
     slope_and_validity,
 )
-from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives
-from squealstudy.modes.sensitivity.state_parameter import DAMPING, StateParameter
+from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives, StateParameter
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.energy import reduced_energy_shares
 from squealstudy.system.linearise import LinearisedModel, component_frequencies, linearise
 
@@ -143,7 +142,7 @@ def parameter_step(
 def _gradients(
     design: ChosenModes, derivatives: StateDerivatives, parameters: Sequence[StateParameter]
 ) -> list[ModeGradient]:
-    asked = any(p.name == DAMPING or (p.modes and not p.component) for p in parameters)
+    asked = any(p.name == DAMPING.name or (p.modes and not p.component) for p in parameters)
     zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
     if design.families and (asked or zeta.any()):
         w2, phi = la.eigh(design.system.K_sym)

@@ -8,19 +8,24 @@ with u the static displacement and K_s the stiffness without contact.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.models.operating import FRICTION, SLIDING_SPEED, OperatingPoint
-from squealstudy.modes.sensitivity.state_parameter import (
+from squealstudy.errors import ParameterError
+from squealstudy.models.operating import (
     DAMPING,
-    FREQUENCY,
+    FRICTION,
     PRESSURE,
+    SLIDING_SPEED,
     STIFFNESS_DAMPING,
-    StateParameter,
+    DesignState,
+    ModeKey,
+    OperatingPoint,
 )
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import PreparedModel, shape_column
@@ -30,7 +35,6 @@ from squealstudy.system.contact_weights import (
     ContactWeights,
     contact_weights_change,
 )
-from squealstudy.system.design_state import DesignState
 from squealstudy.system.linearise import StructureWeights, reduced_structure, structure_weights
 
 
@@ -78,21 +82,26 @@ class StateDerivatives:
         if parameter.modes:
             return self._by_modes(parameter)
         operating, name = self._state.operating, parameter.name
-        if name == DAMPING:
+        if name == DAMPING.name:
             ratios = np.ones(self._model.n)
             ratios[[mode - 1 for mode in self._state.assembly_damping]] = 0.0
             return WeightChange(StructureWeights(), ratios)
-        if name == STIFFNESS_DAMPING:
+        if name == STIFFNESS_DAMPING.name:
             own = self.structure.weights(self._point, self._state)
             by_beta = {"spring_damping": own.springs, "normal_damping": own.normal}
             return WeightChange(StructureWeights(elastic_damping=own.elastic, **by_beta))
-        if name == PRESSURE:
+        if name == PRESSURE.name:
             return self._moved(self.motion.by_pressure())
-        if name in operating.law.names:
-            dp, dkappa = operating.law.slopes(self._point.gap)[1 + operating.law.names.index(name)]
-            return self._moved(self.motion.by_law(dp), ContactChange(pressure=dp, tangent=dkappa))
-        by = friction_change(operating, name, self._point.pressure)
-        return self._moved(self.motion.by_friction(by.mu), by)
+        by, law = ContactChange(), operating.law
+        gap = np.zeros(len(self._point.gap))
+        if name in law.names:
+            dp, dkappa = law.slopes(self._point.gap)[1 + law.names.index(name)]
+            by, gap = ContactChange(pressure=dp, tangent=dkappa), self.motion.by_law(dp)
+        if name not in law.names or name in operating.curve.names:
+            friction = friction_change(operating, name, self._point.contact_pressure)
+            by = friction._replace(pressure=by.pressure, tangent=by.tangent)
+            gap = gap + self.motion.by_friction(by.mu)
+        return self._moved(gap, by)
 
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
         """Derivative of the contact weights with the motion `gap` (nc,) of the gaps."""
@@ -101,7 +110,7 @@ class StateDerivatives:
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
         if operating.curve.pressure_dependent:
             rows = operating.curve.slopes(
-                operating.friction, operating.sliding_speed, point.pressure
+                operating.friction, operating.sliding_speed, point.contact_pressure
             )
             mu, by_speed, by_pressure = rows[1] * total.pressure
             total = total._replace(
@@ -166,7 +175,7 @@ class WorkingPointMotion:
         self._space, self._operating = space, operating
         self._changes = {j: dk for j, dk in stiffness_changes.items() if dk}
         self._now = space.changed(self._changes)
-        following = operating.friction_at(point.pressure).following(point.pressure)
+        following = operating.friction_at(point.contact_pressure).following(point.contact_pressure)
         self._grip = following * space.frictional
         self.point = point
         A = space.area
@@ -174,8 +183,8 @@ class WorkingPointMotion:
         J -= self._now.H_NT * (A * self._grip * point.tangent)
         J[np.diag_indices_from(J)] += 1.0
         self._lu = la.lu_factor(J, overwrite_a=True, check_finite=False)
-        self._normal = A * (point.pressure + space.k_c * (point.gap - space.gap0))
-        self._sliding = A * space.frictional * operating.traction(point.pressure)
+        self._normal = A * (point.contact_pressure + space.k_c * (point.gap - space.gap0))
+        self._sliding = A * space.frictional * operating.traction(point.contact_pressure)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""
@@ -186,7 +195,7 @@ class WorkingPointMotion:
         """Motion by a change of the friction coefficient, a number or (nc,)."""
         if not np.any(mu):
             return np.zeros(len(self.point.gap))
-        drag = self._space.area * self._space.frictional * self.point.pressure
+        drag = self._space.area * self._space.frictional * self.point.contact_pressure
         return self.solve(self._now.H_NT @ (drag * mu))
 
     def by_pressure(self) -> np.ndarray:
@@ -201,7 +210,7 @@ class WorkingPointMotion:
     def by_mode_stiffness(self, column: int) -> np.ndarray:
         """Motion by a component mode's modal stiffness, m s^2: column of U of the space."""
         h_N, h_T, h_f = self._shape_compliances(column)
-        loads = np.array([self._operating.pressure, 1.0])
+        loads = np.array([self._operating.brake_pressure, 1.0])
         displacement = h_f @ loads + h_N @ self._normal - h_T @ self._sliding
         return self.solve(h_N * displacement)
 
@@ -218,3 +227,104 @@ class WorkingPointMotion:
         share = la.solve(core, d * s.H_UU[j, column])
         changed = [h - H[:, j] @ share for h, H in zip(own, parts, strict=True)]
         return changed[0], changed[1], changed[2]
+
+
+FREQUENCY = "frequency_scale"
+
+
+@dataclass(frozen=True)
+class StateParameter:
+    """A number that a design state depends on, without a new structure.
+
+    Attributes
+    ----------
+    name : str
+        As in study files.
+    component : str
+        Of a component-mode parameter; empty otherwise.
+    modes : tuple of int
+        Component modes, or assembly modes where `component` is empty, that move together.
+    quantity : str
+        ``frequency_scale`` or ``damping_ratio`` of those modes; empty without modes.
+    maximum : float
+        Largest value that it can take.
+    """
+
+    name: str
+    component: str = ""
+    modes: tuple[int, ...] = ()
+    quantity: str = ""
+    maximum: float = math.inf
+
+    def value(self, state: DesignState) -> float:
+        """Value in a state.
+
+        Raises
+        ------
+        ParameterError
+            Modes that have different values; a parameter that the contact law does not have.
+        """
+        if not self.modes:
+            return self._plain_value(state)
+        values = {self._mode_value(state, mode) for mode in self.modes}
+        if len(values) > 1:
+            raise ParameterError(self.name, "its modes have different values in this study")
+        return values.pop()
+
+    def reference(self, value: float, top_hz: float) -> float:
+        """The change that counts as 100 %.
+
+        The value itself; for damping ratios 1, so that 1 % is one point of critical damping, and
+        for values of zero 1. Stiffness damping of zero is told by what it adds at `top_hz`.
+        """
+        if DAMPING.name in (self.name, self.quantity):
+            return 1.0
+        if not value and self.name == STIFFNESS_DAMPING.name:
+            return 1.0 / (math.pi * top_hz)
+        return abs(value) or 1.0
+
+    def component_hz(self, state: DesignState, omega: Mapping[ModeKey, float]) -> float:
+        """Frequency of the component mode, as scaled; NaN where it is not one mode's parameter."""
+        if not self.component or len(self.modes) > 1:
+            return math.nan
+        key = self.component, self.modes[0]
+        return state.frequency_scale.get(key, 1.0) * omega[key] / (2 * math.pi)
+
+    def moved(self, state: DesignState, value: float) -> DesignState:
+        """The state with this parameter at `value`."""
+        if self.modes:
+            return self._moved_modes(state, value)
+        if self.name == DAMPING.name:
+            return replace(state, damping_ratio=value)
+        if self.name == STIFFNESS_DAMPING.name:
+            return replace(state, stiffness_damping=value)
+        return replace(state, operating=state.operating.with_value(self.name, value))
+
+    def _plain_value(self, state: DesignState) -> float:
+        operating = state.operating
+        if self.name == DAMPING.name:
+            return float(state.damping_ratio)
+        if self.name == STIFFNESS_DAMPING.name:
+            return float(state.stiffness_damping)
+        if self.name not in operating.names:
+            laws = f"the {operating.law.kind} contact law and {operating.curve.kind} friction"
+            raise ParameterError(
+                self.name, f"{laws} do not depend on it, they have {', '.join(operating.names)}"
+            )
+        return operating.value(self.name)
+
+    def _mode_value(self, state: DesignState, mode: int) -> float:
+        if not self.component:
+            return float(state.assembly_damping.get(mode, state.damping_ratio))
+        if self.quantity == FREQUENCY:
+            return float(state.frequency_scale.get((self.component, mode), 1.0))
+        return float(state.mode_damping.get((self.component, mode), 0.0))
+
+    def _moved_modes(self, state: DesignState, value: float) -> DesignState:
+        if not self.component:
+            damping = {**state.assembly_damping, **dict.fromkeys(self.modes, value)}
+            return replace(state, assembly_damping=damping)
+        changed = {(self.component, mode): value for mode in self.modes}
+        if self.quantity == FREQUENCY:
+            return replace(state, frequency_scale={**state.frequency_scale, **changed})
+        return replace(state, mode_damping={**state.mode_damping, **changed})

@@ -21,6 +21,7 @@ from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum, WoodburyFactor
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.modes.full_order.modes import FullOrderSystem, full_order_system
 from squealstudy.modes.sensitivity.mode_family import ModeFamily, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
@@ -38,7 +39,6 @@ from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.system.contact_weights import ContactChange, ContactWeights
-from squealstudy.system.design_state import DesignState, ModeKey
 from squealstudy.system.linearise import structure_weights, unreduced_structure
 
 RELATIVE_STEP = 1e-4  # of the parameter
@@ -165,18 +165,18 @@ class StaticResponse:
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
-        self._mu = operating.friction_at(w.pressure).mu * c.frictional
-        load = operating.pressure * full.assembly.load + full.assembly.constant_load
-        normal = c.area * (w.pressure + k_c * (w.gap - c.gap0))
-        sliding = c.area * self._mu * w.pressure
+        self._mu = operating.friction_at(w.contact_pressure).mu * c.frictional
+        load = operating.brake_pressure * full.assembly.load + full.assembly.constant_load
+        normal = c.area * (w.contact_pressure + k_c * (w.gap - c.gap0))
+        sliding = c.area * self._mu * w.contact_pressure
         self._displacement = self._factor.solve(load + c.N.T @ normal - c.T.T @ sliding)
 
     def change(self, by: AssemblyChange) -> ContactWeights:
         """Total derivative of the contact weights: the working point moves."""
         c, w = self._full.assembly.contact, self._full.point
-        force = by.area * w.pressure
+        force = by.area * w.contact_pressure
         unbalanced = by.static_stiffness @ self._displacement
-        unbalanced -= self._full.state.operating.pressure * by.load + by.constant_load
+        unbalanced -= self._full.state.operating.brake_pressure * by.load + by.constant_load
         unbalanced -= c.N.T @ force - c.T.T @ (self._mu * force)
         gap = self._derivatives.motion.solve(c.N @ self._factor.solve(unbalanced))
         return self._derivatives.contact(gap, ContactChange(area=by.area))

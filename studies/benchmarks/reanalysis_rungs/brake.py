@@ -13,12 +13,11 @@ import numpy as np
 import squealstudy
 from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.operating import OperatingPoint
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.cmt import BasisSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
-from squealstudy.system.design_state import DesignState
 
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
 ENDS = (2e5, 30e5)  # Pa
@@ -36,7 +35,7 @@ def prepared(mesh: str, top: float) -> PreparedModel:
     definition = MODELS["disc_brake"]
     options = {o.name: o.choices[0] for o in definition.options} | {"mesh": mesh}
     settings = BasisSettings(1.5 * top, 1.5 * top, 1.125 * top, 3e-5)
-    others = [replace(NOMINAL, pressure=p) for p in ENDS]
+    others = [replace(NOMINAL, brake_pressure=p) for p in ENDS]
     made = prepare(definition.build(options, definition.defaults()), NOMINAL, settings, others)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(pickle.dumps(made))
@@ -65,7 +64,9 @@ def _damping(t: np.ndarray) -> DesignState:
 def _map(t: np.ndarray) -> DesignState:
     """Friction, logarithm of the pressure."""
     pressure = ENDS[0] * (ENDS[1] / ENDS[0]) ** ((float(t[1]) + 1) / 2)
-    return DesignState(replace(NOMINAL, friction=0.35 + 0.35 * float(t[0]), pressure=pressure))
+    return DesignState(
+        replace(NOMINAL, friction=0.35 + 0.35 * float(t[0]), brake_pressure=pressure)
+    )
 
 
 def _box(t: np.ndarray) -> DesignState:
@@ -74,7 +75,9 @@ def _box(t: np.ndarray) -> DesignState:
     pressure = ENDS[0] * (ENDS[1] / ENDS[0]) ** ((float(t[1]) + 1) / 2)
     slow, fast = (1 / v for v in SPEEDS)
     speed = 1 / (fast + (slow - fast) * (float(t[2]) + 1) / 2)
-    return DesignState(replace(NOMINAL, friction=friction, pressure=pressure, sliding_speed=speed))
+    return DesignState(
+        replace(NOMINAL, friction=friction, brake_pressure=pressure, sliding_speed=speed)
+    )
 
 
 BOXES: dict[str, tuple[int, Callable[[np.ndarray], DesignState]]] = {
