@@ -10,7 +10,7 @@ import pytest
 from squealstudy.laboratory.method_stability.coalescence import (
     COALESCENCE,
     exact_roots,
-    flutter_problem,
+    flutter_matrices,
 )
 from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
 from squealstudy.linalg.companion import all_pairs
@@ -20,8 +20,8 @@ CRITICAL = (100**2 - 75**2) / (2 * 100 * 75)
 
 @pytest.mark.parametrize("mu", [0.0, 0.2, CRITICAL, 0.8])
 def test_closed_form(mu):
-    _, C, K = flutter_problem(0.02).weights(np.array([mu]))
-    found = all_pairs(C, K).lam
+    C, K, coupling = flutter_matrices(0.02)
+    found = all_pairs(C, K + mu * coupling).lam
     found = found[found.imag > 0]
     for root in exact_roots(mu, 0.02):
         assert np.abs(found - root).min() < 1e-6 * abs(root)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from squealstudy.errors import ParameterError
-from squealstudy.laboratory.method_stability import plain_step
+from squealstudy.laboratory.method_stability import fixed_jacobian
 from squealstudy.laboratory.method_stability.cases import CASES
 from squealstudy.laboratory.method_stability.contact_models import (
     rough_state,
@@ -53,12 +53,12 @@ def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
 @pytest.mark.parametrize("step", [1e-6, 1e-5])
 def test_a_stuck_point_converges_up_to_its_stick_number(step):
     values = {"step": step, "friction": 5.0}
-    settings = plain_step.plain_settings(step, 1.0)
+    settings = fixed_jacobian.plain_settings(step, 1.0)
 
     def diverges(kt):
         state = stuck_state(checked(POINT.knobs, {**values, "kt": kt}))
-        end = plain_step.solved(state, step)
-        return plain_step.local_contraction(state, settings, end) > 1.0
+        end = fixed_jacobian.solved(state, step)
+        return fixed_jacobian.local_contraction(state, settings, end) > 1.0
 
     state = stuck_state(checked(POINT.knobs, values))
     own, c = state.system.omega2[1], state.design.c[1]
@@ -93,7 +93,7 @@ def test_agreement_away_from_the_boundary():
 
 def test_the_state_sticks_slips_and_is_open():
     state = rough_state(checked(ROUGH.knobs, {}))
-    end = plain_step.solved(state, 1e-6)
+    end = fixed_jacobian.solved(state, 1e-6)
     w = np.abs(state.design.speed + state.system.T1 @ end.v)
     p, _ = state.design.contact.evaluate(state.design.gap + state.system.N @ end.q)
     sticks = state.design.friction.k_t * w < 0.5 * p
@@ -107,7 +107,7 @@ def test_the_consistent_jacobian_is_the_slope_of_the_residual(friction):
     values = checked(ROUGH.knobs, {"friction": friction, "step": 3e-6})
     state, h = rough_state(values), 3e-6
     system = replace(state.system, gap=state.design.gap, force=state.design.force)
-    end = plain_step.solved(state, h)
+    end = fixed_jacobian.solved(state, h)
 
     a1 = end.pull - state.design.c * end.v - system.omega2 * end.q
 
@@ -119,7 +119,7 @@ def test_the_consistent_jacobian_is_the_slope_of_the_residual(friction):
     slopes = [
         (residual(a1 + size * e) - residual(a1 - size * e)) / (2 * size) for e in np.eye(system.n)
     ]
-    _, J = plain_step.jacobians(state, end.q, end.v, h, 1.0)
+    _, J = fixed_jacobian.jacobians(state, end.q, end.v, h, 1.0)
     np.testing.assert_allclose(np.array(slopes).T, J, atol=1e-6 * np.abs(J).max())
 
 
@@ -133,10 +133,10 @@ def test_what_newton_cannot_solve_is_a_cell():
 
 def test_rates_are_read_where_they_are_geometric():
     e = 0.9 ** np.arange(200.0)
-    assert plain_step.rate(e) == pytest.approx(0.9)
-    assert plain_step.rate(np.maximum(e, 1e-4)) == pytest.approx(0.9)
-    assert plain_step.rate(np.minimum(1.5 ** np.arange(99.0), 1e6)) == pytest.approx(1.5)
-    assert plain_step.rate(np.array([1.0, 1e7, 1e7])) == pytest.approx(1e7)
+    assert fixed_jacobian.rate(e) == pytest.approx(0.9)
+    assert fixed_jacobian.rate(np.maximum(e, 1e-4)) == pytest.approx(0.9)
+    assert fixed_jacobian.rate(np.minimum(1.5 ** np.arange(99.0), 1e6)) == pytest.approx(1.5)
+    assert fixed_jacobian.rate(np.array([1.0, 1e7, 1e7])) == pytest.approx(1e7)
 
 
 @pytest.mark.parametrize("name", CASES)

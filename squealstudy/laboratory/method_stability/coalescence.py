@@ -12,19 +12,29 @@ out is S r^3 / 16 of the frequency, S = (nu_1 - nu_2) / (4 a) at the anchor.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from squealstudy.laboratory.method_stability.contract import (
-    CONVERGED,
-    WRONG,
     Case,
     Cell,
     Knob,
+    alarm,
+    judged,
 )
-from squealstudy.laboratory.method_stability.small_problem import SmallProblem
+from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.reanalysis.estimate import EstimatedRoots
+from squealstudy.modes.reanalysis.problem import Linearisation, Linearised, in_band
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
+from squealstudy.system.parametric import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    ParametricSystem,
+    Term,
+    Weights,
+)
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
 SAFE = 2.0  # times the estimate, THEORY.md eq. (39)
@@ -50,26 +60,27 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     exact = exact_roots(to[0], knobs["damping_ratio"])
     error = distance(found.lam, exact)
     tolerance = knobs["tolerance"]
-    flagged = not estimate <= tolerance
-    outcome = CONVERGED if error <= tolerance else WRONG
-    by = f"estimate {estimate:.1e}" if flagged else ""
-    return Cell(
-        outcome=outcome,
+    return judged(
+        not error <= tolerance,
+        alarm("estimate", estimate, tolerance),
         predicted=predict(knobs),
         measured=error / tolerance,
         error=error,
         cost=1.0,
-        by=by,
-        flagged=flagged,
     )
 
 
 def flutter_problem(damping_ratio: float) -> SmallProblem:
     """Hulten's mass over its friction, damped alike in all directions."""
+    return SmallProblem(*flutter_matrices(damping_ratio))
+
+
+def flutter_matrices(damping_ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C, K and what friction multiplies (2, 2), for a mass of one."""
     C = 2 * damping_ratio * np.sqrt((OMEGA_1**2 + OMEGA_2**2) / 2) * np.eye(2)
     K = np.diag([OMEGA_1**2, OMEGA_2**2])
     friction = np.array([[0.0, -(OMEGA_2**2)], [OMEGA_1**2, 0.0]])
-    return SmallProblem(lambda theta: (C, K + theta[0] * friction), K)
+    return C, K, friction
 
 
 def exact_roots(mu: float, damping_ratio: float) -> np.ndarray:
@@ -98,6 +109,75 @@ def predict(knobs: Mapping[str, float]) -> float:
     share = 2 * split / (4 * a)
     reach = min(1.0, (16 * knobs["tolerance"] / max(share, 1e-300)) ** (1 / 3))
     return float(knobs["step"] / max(away * reach, 1e-300))
+
+
+class SmallProblem:
+    """lambda^2 I + lambda C + K + theta F of a few modes as a problem of the reanalysis ladder.
+
+    What the methods are for: reanalysis.problem.SweptProblem.
+
+    Parameters
+    ----------
+    C, K, coupling : ndarray (n, n)
+        Damping, symmetric positive definite stiffness, and F, which theta (1,) multiplies.
+    band : (low, high)
+        Of |lambda|, rad/s.
+    """
+
+    dimension = 1
+    exact = "dense"
+
+    def __init__(
+        self,
+        C: np.ndarray,
+        K: np.ndarray,
+        coupling: np.ndarray,
+        band: tuple[float, float] = (0.0, np.inf),
+    ) -> None:
+        self._stiffness, self.band = K, band
+        parts = (DAMPING, C), (STIFFNESS, K), (STIFFNESS, coupling)
+        terms = (Term(MASS), *(Term(order, None, matrix) for order, matrix in parts))
+        self.system = ParametricSystem(len(K), terms)
+
+    def interpolation_error(self) -> float:
+        """Nothing is interpolated."""
+        return 0.0
+
+    def weights(self, theta: np.ndarray) -> Weights:
+        """One of mass, damping and stiffness, and theta."""
+        return (1.0, 1.0, 1.0, float(theta[0]))
+
+    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
+        """Weights at theta (b, 1)."""
+        return [Linearisation(self.weights(row), None) for row in theta]
+
+    def local_field(self, box: Any, grid: Any) -> None:
+        """Nothing: there are no working points."""
+        return
+
+    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+        """All pairs of imaginary part >= 0 in reach of the band."""
+        weights = self.weights(theta)
+        _, C, K = self.system.matrices(weights)
+        pairs = all_pairs(C, K)
+        return weights, pairs.take(in_band(pairs.lam, self.band, reach) & (pairs.lam.imag >= 0))
+
+    def energy_root(self, X: np.ndarray) -> np.ndarray:
+        """F X, F^T F = K."""
+        root: np.ndarray = np.linalg.cholesky(self._stiffness).T @ X
+        return root
+
+    def from_energy(self, Z: np.ndarray) -> np.ndarray:
+        """F^-1 Z."""
+        return np.linalg.solve(np.linalg.cholesky(self._stiffness).T, Z)
+
+    def flexibility(self, r: np.ndarray) -> np.ndarray:
+        """K solved for r."""
+        return np.linalg.solve(self._stiffness, r)
+
+    def mass_product(self, X: np.ndarray) -> np.ndarray:
+        """X itself."""
+        return X
 
 
 COALESCENCE = Case(

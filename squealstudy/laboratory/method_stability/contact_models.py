@@ -59,7 +59,7 @@ def rough_model() -> tuple[ModalSystem, np.ndarray]:
     k = area * p * REFERENCE_LAMBDA
     rows = rng.normal(size=(3, POINTS, MODES)) * np.sqrt(0.3 * w2.mean() / (k.sum() * MODES))
     values, phi = la.eigh(np.diag(w2) + rows[0].T @ (k[:, None] * rows[0]))
-    return _system(values, rows @ phi, area, p), p
+    return pressed(values, rows @ phi, area, p), p
 
 
 @cache
@@ -70,12 +70,24 @@ def single_point() -> tuple[ModalSystem, np.ndarray]:
     mass = k / (2 * np.pi * 1e3) ** 2
     rows = np.array([[[1.0, 0.0]], [[0.0, 1.0]], [[0.0, 0.0]]]) / np.sqrt(mass)
     own = (2 * np.pi * 1e3) ** 2
-    return _system(np.array([own + k / mass, own]), rows, area, p), p
+    return pressed(np.array([own + k / mass, own]), rows, area, p), p
 
 
-def _system(omega2: np.ndarray, rows: np.ndarray, area: np.ndarray, p: np.ndarray) -> ModalSystem:
-    law = contact_law("exponential", lam=REFERENCE_LAMBDA)
-    nc = len(area)
+def pressed(
+    omega2: np.ndarray,
+    rows: np.ndarray,
+    area: np.ndarray,
+    p: np.ndarray,
+    lam: float = REFERENCE_LAMBDA,
+    **others: float,
+) -> ModalSystem:
+    """Modes under contact points that an exponential law holds at pressures p (nc,) [Pa].
+
+    `omega2` (n,) has the contact tangent, `rows` (3, nc, n) are gaps and displacements along and
+    across the sliding direction, `area` (nc,) is in m2, `others` are the law's parameters beside
+    its exponent. Every point has friction and an arm of 1 m.
+    """
+    law, nc = contact_law("exponential", lam=lam, **others), len(area)
     return ModalSystem(
         omega2=omega2,
         N=rows[0],
@@ -85,7 +97,7 @@ def _system(omega2: np.ndarray, rows: np.ndarray, area: np.ndarray, p: np.ndarra
         frictional=np.ones(nc),
         radius=np.ones(nc),
         gap=np.array([law.gap_at(float(x)) for x in p]),
-        k_ref=area * p * REFERENCE_LAMBDA,
+        k_ref=area * p * lam,
         force=np.column_stack([area * p, 0 * p, 0 * p]),
     )
 

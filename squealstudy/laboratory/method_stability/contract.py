@@ -66,6 +66,26 @@ class Cell:
     flagged: bool = False
 
 
+def judged(wrong: bool, alarm: str, **numbers: float) -> Cell:
+    """A cell of a method that converged, to a wrong answer or not.
+
+    `alarm` is what its own estimates said of the answer, empty where they said nothing;
+    `numbers` are the other attributes of the cell by name.
+    """
+    outcome = WRONG if wrong else CONVERGED
+    return Cell(outcome=outcome, by=alarm, flagged=bool(alarm), **numbers)
+
+
+def failed(by: str, **numbers: float) -> Cell:
+    """A cell of a method that said that it failed, and `by` what word."""
+    return Cell(outcome=FAILED, by=by, flagged=True, **numbers)
+
+
+def alarm(name: str, value: float, limit: float) -> str:
+    """What an estimate says: its name and value beyond its limit, else nothing."""
+    return "" if value <= limit else f"{name} {value:.1e}"
+
+
 @dataclass(frozen=True)
 class Case:
     """One method on its minimal model.

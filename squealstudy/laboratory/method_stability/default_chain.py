@@ -14,12 +14,12 @@ from squealstudy.laboratory.method_stability.contact_models import (
 )
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
-    FAILED,
     RECOVERED,
     SLOW,
     WRONG,
     Case,
     Cell,
+    failed,
 )
 from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
@@ -55,14 +55,7 @@ def measure(knobs: Mapping[str, float]) -> Cell:
         measured = result.max_iterations / settings.max_iterations
         cost = result.mean_iterations
         if result.outcome != "ok":
-            return Cell(
-                outcome=FAILED,
-                predicted=predicted,
-                measured=measured,
-                cost=cost,
-                by=result.outcome,
-                flagged=True,
-            )
+            return failed(result.outcome, predicted=predicted, measured=measured, cost=cost)
         error = deviation(state, settings, result)
         by = help_needed(state, settings, result)
     outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED

@@ -22,12 +22,12 @@ from scipy.optimize import brentq
 from squealstudy.errors import ConvergenceError
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
-    FAILED,
     SLOW,
     WRONG,
     Case,
     Cell,
     Knob,
+    failed,
 )
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
@@ -77,28 +77,19 @@ def measure(knobs: Mapping[str, float]) -> Cell:
         with np.errstate(all="ignore"):
             found = working_point(space, point, start)
     except ConvergenceError as reason:
-        return Cell(
-            outcome=FAILED,
-            predicted=predicted,
-            measured=np.inf,
-            cost=MAX_ITERATIONS,
-            by=reason.status,
-            flagged=True,
-        )
+        return failed(reason.status, predicted=predicted, measured=np.inf, cost=MAX_ITERATIONS)
     exact = equilibrium_gap(lam, load, knobs["friction"])
     error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
     slow = found.iterations > SLOW_FROM
     outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
-    measured = found.iterations / MAX_ITERATIONS
     diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
-    by = DIVERGES if diverges else ""
     return Cell(
         outcome=outcome,
         predicted=predicted,
-        measured=measured,
+        measured=found.iterations / MAX_ITERATIONS,
         error=error,
         cost=found.iterations,
-        by=by,
+        by=DIVERGES if diverges else "",
         flagged=diverges,
     )
 

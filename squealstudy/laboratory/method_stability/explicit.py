@@ -12,18 +12,18 @@ and beyond it the motion grows by a factor every step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from squealstudy.laboratory.integrators.explicit import CentralDifference
+from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    CONVERGED,
-    FAILED,
-    WRONG,
     Case,
     Cell,
     Knob,
+    alarm,
+    failed,
+    judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import energy_drift
@@ -31,11 +31,12 @@ from squealstudy.motion.integrator import DRIFT_LIMIT
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
-from squealstudy.motion.system import ModalSystem, MotionPoint
+from squealstudy.motion.system import MotionPoint
 
 STEPS = 4000
 START = 1e-6  # m/s
 BOUND = 1e6  # N, what friction holds
+LAMBDA = 1e12  # 1/m: the mode does not move the contact
 HUGE = 1e8  # times the energy at the start: it has grown, and may soon slip
 GROWS = 1e-4  # a step: more than a beat of the energy
 PARTS = 4
@@ -55,25 +56,15 @@ def measure(knobs: Mapping[str, float]) -> Cell:
         result = swing(knobs)
         growth = rate(result)
         drift = energy_drift(result)
-    predicted = limit_number(knobs)
-    said = result.outcome != "ok"
-    cost = result.mean_iterations
-    if growth <= 1.0 + GROWS and not said:
-        return Cell(outcome=CONVERGED, predicted=predicted, measured=growth, cost=cost)
-    if said:
-        return Cell(
-            outcome=FAILED,
-            predicted=predicted,
-            measured=growth,
-            cost=cost,
-            by=result.outcome,
-            flagged=True,
-        )
-    flagged = not drift <= DRIFT_LIMIT
-    by = f"energy drift {drift:.1e}" if flagged else ""
-    return Cell(
-        outcome=WRONG, predicted=predicted, measured=growth, cost=cost, by=by, flagged=flagged
-    )
+    numbers = {
+        "predicted": limit_number(knobs),
+        "measured": growth,
+        "cost": result.mean_iterations,
+    }
+    if result.outcome != "ok":
+        return failed(result.outcome, **numbers)
+    wrong = growth > 1.0 + GROWS
+    return judged(wrong, alarm("energy drift", drift, DRIFT_LIMIT) if wrong else "", **numbers)
 
 
 def limit_number(knobs: Mapping[str, float]) -> float:
@@ -86,25 +77,15 @@ def limit_number(knobs: Mapping[str, float]) -> float:
 def swing(knobs: Mapping[str, float]) -> Motion:
     """The mode from a small velocity on, every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
-    one, none = np.ones((1, 1)), np.zeros((1, 1))
-    system = ModalSystem(
-        omega2=np.array([omega**2]),
-        N=none,
-        T1=one,
-        T2=none,
-        area=one[0],
-        frictional=one[0],
-        radius=one[0],
-        gap=none[0],
-        k_ref=none[0],
-        force=np.zeros((1, 3)),
-    )
-    law = contact_law("exponential", p0=BOUND, lam=1e12)
+    along, one = np.array([[[0.0]], [[1.0]], [[0.0]]]), np.ones(1)
+    system = pressed(np.array([omega**2]), along, one, BOUND * one, LAMBDA, p0=BOUND)
+    law = contact_law("exponential", p0=BOUND, lam=LAMBDA)
     friction = FrictionLaw(1.0, max(knobs["stick_rate"], np.finfo(float).tiny))
-    design = MotionPoint(law, friction, 0.0, np.array([2 * knobs["damping_ratio"] * omega]))
+    damping = np.array([2 * knobs["damping_ratio"] * omega])
+    design = MotionPoint(law, friction, 0.0, damping, v0=np.array([START]))
     method = CentralDifference(velocity="lagged" if knobs["lagged"] >= 0.5 else "extrapolated")
     settings = MotionSettings(STEPS * knobs["step"], knobs["step"], 1, method)
-    return simulate(system, [replace(design, v0=np.array([START]))], settings)[0]
+    return simulate(system, [design], settings)[0]
 
 
 def rate(result: Motion) -> float:

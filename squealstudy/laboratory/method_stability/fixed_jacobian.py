@@ -1,12 +1,20 @@
-"""Plain fixed-Jacobian Newmark: does one step converge from its predictor, without any help."""
+"""Plain fixed-Jacobian Newmark: does one step converge from its predictor, without any help.
+
+The iteration g <- g - J^-1 R(g) contracts near its solution by the spectral radius of
+I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (THEORY.md eq. (69)).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.laws import friction_tangent, law_row
+from squealstudy.kernels.newmark_batch import newmark_batch, newmark_trace
 from squealstudy.laboratory.method_stability.contact_models import (
     CONTACT_KNOBS,
     ContactState,
@@ -15,23 +23,23 @@ from squealstudy.laboratory.method_stability.contact_models import (
 )
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
-    FAILED,
     SLOW,
     WRONG,
     Case,
     Cell,
+    failed,
 )
-from squealstudy.laboratory.method_stability.plain_step import (
-    iterate,
-    local_contraction,
-    plain_settings,
-    radius,
-    scale,
-    solved,
-)
+from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import KernelRun
 
 SLOW_FROM = 40  # iterations: what a run allows before it halves its step
 SAME = 1e-5  # relative distance of accelerations within which two ends of a step are one
+MOST = 4000  # iterations: 2 % below the boundary a step takes 1,000
+SHARP = 1e-9  # tolerance of a step that counts as converged
+ENDLESS = 1e-15  # tolerance of an iteration that is only watched
+NUDGE = 1e-8  # distance from the solution, in `scale`, at which the local iteration starts
+GROWN, SHRUNK = 1e5, 1e-3  # times its first residual: between them rates are read
 NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
 
@@ -47,21 +55,124 @@ def measure(
         trace = iterate(state, settings, np.zeros(0))
         cost = float(len(trace.residuals) + 1)
         if end is None:
-            return Cell(outcome=FAILED, predicted=np.nan, cost=cost, by=NO_REFERENCE, flagged=True)
+            return failed(NO_REFERENCE, predicted=np.nan, cost=cost)
         predicted = radius(state, end, h, factor)
         measured = local_contraction(state, settings, end)
     if not trace.converged:
-        return Cell(
-            outcome=FAILED,
-            predicted=predicted,
-            measured=measured,
-            cost=cost,
-            by=NOT_CONVERGED,
-            flagged=True,
-        )
+        return failed(NOT_CONVERGED, predicted=predicted, measured=measured, cost=cost)
     error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
     outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
     return Cell(outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Residuals (m,) of an iteration, whether it converged, and its last pull (n,)."""
+
+    residuals: np.ndarray
+    converged: bool
+    pull: np.ndarray
+
+
+def plain_settings(step: float, contact_factor: float) -> MotionSettings:
+    """One step with every help switched off."""
+    plain = Newmark(max_halvings=0, aitken=False, contact_factor=contact_factor, mockup="never")
+    return MotionSettings(step, step, 0, plain, tolerance=SHARP, max_iterations=MOST)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """End of a step (n,) each: displacement, velocity, pull (forces beyond the free modes)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    pull: np.ndarray
+
+
+def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) -> Trace:
+    """Run the kernel's iteration of one step from a pull (n,); (0,): the predictor's."""
+    run = KernelRun.of(state.system, [state.design], settings)
+    work = run.work
+    start = np.zeros(work.x.shape[2] if len(first) else 0)
+    start[: len(first)] = first
+    squares = np.zeros(settings.max_iterations)
+    n = newmark_trace(*run.arguments, start, squares)
+    converged = bool(work.counts[0, layout.STATUS] == layout.DONE)
+    return Trace(np.sqrt(squares[:n]), converged, work.x[0, layout.PULL, : state.system.n].copy())
+
+
+def solved(state: ContactState, step: float) -> Solution | None:
+    """The end of the step by Newton's method; None where that finds none."""
+    newton = NewmarkNewton(max_halvings=0)
+    settings = MotionSettings(step, step, 0, newton, tolerance=SHARP**0.5, max_iterations=400)
+    run = KernelRun.of(state.system, [state.design], settings)
+    newmark_batch(*run.arguments)
+    work, n = run.work, state.system.n
+    if work.counts[0, layout.STATUS] != layout.DONE:
+        return None
+    return Solution(*(work.x[0, row, :n].copy() for row in (layout.Q, layout.V, layout.PULL)))
+
+
+def radius(state: ContactState, solution: Solution, step: float, contact_factor: float) -> float:
+    """Spectral radius of I - J^-1 J_true at the end of a step."""
+    J, J_true = jacobians(state, solution.q, solution.v, step, contact_factor)
+    values = np.linalg.eigvals(np.eye(len(J)) - np.linalg.solve(J, J_true))
+    return float(np.abs(values).max())
+
+
+def jacobians(
+    state: ContactState, q: np.ndarray, v: np.ndarray, step: float, contact_factor: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fixed and consistent Jacobian (n, n) of a step whose end is q, v; written for reading."""
+    system, design = state.system, state.design
+    N, T1, T2, k_ref = system.N, system.T1, system.T2, system.k_ref
+    hk, hc = step * step / 4, step / 2
+    linear = np.diag(1.0 + hc * design.c + hk * system.omega2)
+    fixed = linear + hk * N.T @ (((contact_factor - 1.0) * k_ref)[:, None] * N)
+    p, kappa = design.contact.evaluate((system.gap if design.gap is None else design.gap) + N @ q)
+    law = law_row(design.contact, design.friction, design.speed)
+    w1, w2 = design.speed + T1 @ v, T2 @ v
+    slopes = [
+        friction_tangent(law, r, *point)
+        for r, *point in zip(system.frictional, p, w1, w2, strict=True)
+    ]
+    d11, d12, d22, s1, s2 = (system.area * np.array(slopes).T)[:, :, None]
+    k_n = (system.area * kappa)[:, None]
+    true = linear + hk * N.T @ ((k_n - k_ref[:, None]) * N)
+    drag = T1.T @ (d11 * T1 + d12 * T2) + T2.T @ (d12 * T1 + d22 * T2)
+    push = T1.T @ (s1 * kappa[:, None] * N) + T2.T @ (s2 * kappa[:, None] * N)
+    return fixed, true - hc * drag + hk * push
+
+
+def local_contraction(state: ContactState, settings: MotionSettings, solution: Solution) -> float:
+    """Factor a time by which the iteration changes a small error of the solution.
+
+    Above 1 it leaves the solution; 0 where it is there at once.
+    """
+    pull = solution.pull
+    direction = np.random.default_rng(1).normal(size=len(pull))
+    first = pull + NUDGE * scale(state, pull) * direction / np.linalg.norm(direction)
+    endless = replace(settings, tolerance=ENDLESS)
+    trace = iterate(state, endless, first)
+    if len(trace.residuals) < 2:
+        return 0.0 if trace.converged else np.inf
+    return rate(trace.residuals)
+
+
+def scale(state: ContactState, pull: np.ndarray) -> float:
+    """Size of the forces of which a pull (n,) is the sum: it may vanish, they do not."""
+    return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
+
+
+def rate(e: np.ndarray) -> float:
+    """Mean factor a time in the later half of residuals (m > 1,) while they change geometrically.
+
+    They no longer do where they have grown or shrunk too far: round-off, or other branches.
+    """
+    left = np.flatnonzero((e >= GROWN * e[0]) | (e <= SHRUNK * e[0]))
+    last = max(int(left[0]) - 1 if len(left) else len(e) - 1, 1)
+    middle = last // 2
+    return float((e[last] / e[middle]) ** (1.0 / (last - middle)))
 
 
 def _case(name: str, title: str, state_of: Callable[[Mapping[str, float]], ContactState]) -> Case:

@@ -15,13 +15,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from squealstudy.laboratory.integrators.alpha_methods import DiscreteGradient
+from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    CONVERGED,
-    FAILED,
-    WRONG,
     Case,
     Cell,
     Knob,
+    alarm,
+    failed,
+    judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import energy_drift
@@ -31,7 +32,7 @@ from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
-from squealstudy.motion.system import ModalSystem, MotionPoint
+from squealstudy.motion.system import MotionPoint
 
 IMPACTS = 30
 LIMIT = 1.26  # h omega_peak below which 1 % of random cells gain more than GAIN, beyond 2 all
@@ -63,24 +64,14 @@ def measure(knobs: Mapping[str, float]) -> Cell:
         result = fly(knobs)
     cost = result.mean_iterations
     if result.outcome != "ok":
-        return Cell(outcome=FAILED, predicted=predicted, cost=cost, by=result.outcome, flagged=True)
+        return failed(result.outcome, predicted=predicted, cost=cost)
     free = result.history["normal_force"] < P_0
     stored = result.history["stored"]
     ratio = float(stored[free].max() / stored[0])
     error = float(np.abs(stored[free] / stored[0] - 1.0).max())
-    outcome = WRONG if error > GAIN else CONVERGED
-    drift = energy_drift(result)
-    flagged = drift > (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
-    by = f"energy drift {drift:.1e}" if flagged else ""
-    return Cell(
-        outcome=outcome,
-        predicted=predicted,
-        measured=ratio,
-        error=error,
-        cost=cost,
-        by=by,
-        flagged=flagged,
-    )
+    limit = (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
+    said = alarm("energy drift", energy_drift(result), limit)
+    return judged(error > GAIN, said, predicted=predicted, measured=ratio, error=error, cost=cost)
 
 
 def peak_number(knobs: Mapping[str, float]) -> float:
@@ -99,28 +90,18 @@ def peak_number(knobs: Mapping[str, float]) -> float:
 def fly(knobs: Mapping[str, float]) -> Motion:
     """Thirty half periods, every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
-    one, none = np.ones((1, 1)), np.zeros((1, 1))
-    system = ModalSystem(
-        omega2=np.array([omega**2]),
-        N=one,
-        T1=none,
-        T2=none,
-        area=one[0],
-        frictional=none[0],
-        radius=one[0],
-        gap=none[0],
-        k_ref=none[0],
-        force=np.zeros((1, 3)),
-    )
+    towards, one, none = np.array([[[1.0]], [[0.0]], [[0.0]]]), np.ones(1), np.zeros(1)
     law = contact_law("exponential", p0=P_0, lam=knobs["lambda"])
-    still = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(1))
-    design = replace(still, v0=np.array([knobs["velocity"]]))
+    system = pressed(np.array([omega**2]), towards, one, P_0 * one, knobs["lambda"], p0=P_0)
+    free = replace(system, k_ref=none, force=np.zeros((1, 3)))  # all of the contact is in its law
+    v0 = np.array([knobs["velocity"]])
+    design = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, none, v0=v0)
     duration = max(IMPACTS * np.pi / omega, 2 * knobs["step"])
     method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()
     if knobs["gradient"] >= 0.5:
         method = DiscreteGradient()
     settings = MotionSettings(duration, knobs["step"], 1, method, tolerance=1e-8)
-    return simulate(system, [design], settings)[0]
+    return simulate(free, [design], settings)[0]
 
 
 IMPACT_ENERGY = Case(

@@ -13,14 +13,14 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.laboratory.method_stability.coalescence import SmallProblem, distance
 from squealstudy.laboratory.method_stability.contract import (
-    CONVERGED,
-    WRONG,
     Case,
     Cell,
     Knob,
+    alarm,
+    judged,
 )
-from squealstudy.laboratory.method_stability.small_problem import SmallProblem
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.reanalysis.estimate import bounded, residuals
@@ -44,21 +44,17 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     """
     C, K, exact = turned_modes(knobs["stiffness_ratio"], knobs["damping_ratio"])
     lam, psi = dense_roots(C, K, (0.0, np.inf))
-    error = relative_errors(lam, exact)
+    error = distance(lam, exact[exact.imag >= 0])
     limit = predicted_error(C, K, exact)
     with np.errstate(over="ignore", invalid="ignore"):
         estimate = SAFE * estimated(C, K, lam, psi)
-    outcome = WRONG if error > ACCURATE else CONVERGED
-    flagged = not estimate <= ACCURATE
-    by = f"estimate {estimate:.1e}" if flagged else ""
-    return Cell(
-        outcome=outcome,
+    return judged(
+        error > ACCURATE,
+        alarm("estimate", estimate, ACCURATE),
         predicted=limit / ACCURATE,
         measured=error / ACCURATE,
         error=error,
         cost=len(lam),
-        by=by,
-        flagged=flagged,
     )
 
 
@@ -73,14 +69,6 @@ def turned_modes(ratio: float, damping: float) -> tuple[np.ndarray, np.ndarray, 
     root = np.sqrt((zeta**2 - 1).astype(complex))
     far = -omega * (zeta + root)  # the larger of two real roots; the other without cancellation
     return (C + C.T) / 2, (K + K.T) / 2, np.concatenate([far, omega**2 / far])
-
-
-def relative_errors(lam: np.ndarray, exact: np.ndarray) -> float:
-    """Largest relative distance of an exact root, imaginary part >= 0, to the nearest found."""
-    upper = exact[exact.imag >= 0]
-    if not len(lam):
-        return float("inf")
-    return float((np.abs(upper[:, None] - lam).min(axis=1) / np.abs(upper)).max())
 
 
 def predicted_error(C: np.ndarray, K: np.ndarray, exact: np.ndarray) -> float:
@@ -104,8 +92,8 @@ def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) ->
     """Largest estimated relative error of a root; matrices are symmetric: left vectors are psi*."""
     slope = np.einsum("ij,ij->j", psi, 2 * lam * psi + C @ psi)
     Y = psi.conj() / np.where(slope == 0, 1e-300, slope.conj())
-    problem = SmallProblem(lambda _: (C, K), np.eye(len(K)))
-    _, moved = residuals(problem, (1.0, C, K), Eigenpairs(lam, psi, Y))
+    problem = SmallProblem(C, K, np.zeros_like(K))
+    _, moved = residuals(problem, problem.weights(np.zeros(1)), Eigenpairs(lam, psi, Y))
     return float((bounded(moved, lam) / np.maximum(np.abs(lam), 1e-300)).max())
 
 

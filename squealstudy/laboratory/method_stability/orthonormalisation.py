@@ -12,12 +12,12 @@ import scipy.sparse as sp
 
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
-    FAILED,
     RECOVERED,
     WRONG,
     Case,
     Cell,
     Knob,
+    failed,
 )
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 
@@ -60,22 +60,20 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     try:
         T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
     except la.LinAlgError:
-        return Cell(outcome=FAILED, predicted=predicted, cost=TRACES, by="singular", flagged=True)
+        return failed("singular", predicted=predicted, cost=TRACES)
     lost = HELD + TRACES - T.shape[1]
     off = float(np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max())
     missing = vectors - T @ (T.T @ (M @ vectors))
     error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
     wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
     outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
-    measured = max(float(lost), off / ORTHONORMAL)
-    by = "truncation" if lost else ""
     return Cell(
         outcome=outcome,
         predicted=predicted,
-        measured=measured,
+        measured=max(float(lost), off / ORTHONORMAL),
         error=error,
         cost=T.shape[1],
-        by=by,
+        by="truncation" if lost else "",
         flagged=lost > 0,
     )
 

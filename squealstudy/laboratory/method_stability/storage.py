@@ -14,13 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    CONVERGED,
-    FAILED,
-    WRONG,
     Case,
     Cell,
     Knob,
+    alarm,
+    failed,
+    judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.doubts import STORAGE_LIMIT, storage_number
@@ -33,7 +34,7 @@ UNIT = 2.0**-24  # round-off of single precision
 ROWS = 1.0 + UNIT * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
 OMEGA = 2 * np.pi * 500.0
 PERIODS, STEPS = 1, 100  # and steps in each
-FORCE = 1e-6  # N
+FORCE = 1e-6  # N, on 1 m2
 
 KNOBS = (
     Knob("amplitude", "motion along the surface", 1e-4, low=1e-12, high=1.0, unit="m"),
@@ -58,42 +59,27 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     predicted = predict(knobs) if single else 0.0
     cost = stored.mean_iterations
     if stored.outcome != "ok":
-        return Cell(outcome=FAILED, predicted=predicted, cost=cost, by=stored.outcome, flagged=True)
+        return failed(stored.outcome, predicted=predicted, cost=cost)
     force, truth = (r.history["normal_force"] for r in (stored, exact))
     error = float(np.abs(force / truth - 1.0).max())
     energy = float(stored.history["modal_energy"].max())
     number = storage_number(system, design, energy) if single else 0.0
-    flagged = number > STORAGE_LIMIT
-    by = f"storage number {number:.1e}" if flagged else ""
-    outcome = WRONG if error > STORAGE_LIMIT else CONVERGED
-    return Cell(
-        outcome=outcome,
+    return judged(
+        error > STORAGE_LIMIT,
+        alarm("storage number", number, STORAGE_LIMIT),
         predicted=predicted,
         measured=number,
         error=error,
         cost=cost,
-        by=by,
-        flagged=flagged,
     )
 
 
 def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
     """Two modes of one frequency under a contact point that they slide along."""
+    rows = np.zeros((3, 1, 2))
+    rows[0] = ROWS
+    system = pressed(np.full(2, OMEGA**2), rows, np.ones(1), np.array([FORCE]), lam)
     law = contact_law("exponential", lam=lam)
-    one, none = np.ones(1), np.zeros((1, 2))
-    pressure = FORCE / one
-    system = ModalSystem(
-        omega2=np.full(2, OMEGA**2),
-        N=ROWS[None].copy(),
-        T1=none,
-        T2=none,
-        area=one,
-        frictional=0 * one,
-        radius=one,
-        gap=np.array([law.gap_at(FORCE)]),
-        k_ref=pressure * lam,
-        force=np.column_stack([pressure, 0 * one, 0 * one]),
-    )
     return system, MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(2))
 
 

@@ -20,32 +20,23 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.laboratory.method_stability.coalescence import (
     OMEGA_1,
     OMEGA_2,
+    SmallProblem,
     distance,
-    flutter_problem,
+    flutter_matrices,
 )
 from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
-    FAILED,
     RECOVERED,
     WRONG,
     Case,
     Cell,
     Knob,
+    failed,
 )
-from squealstudy.laboratory.method_stability.small_problem import SmallProblem
-from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import in_band
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
 from squealstudy.modes.rungs.windows import RUNG, Windows
-from squealstudy.system.parametric import (
-    DAMPING,
-    MASS,
-    STIFFNESS,
-    ParametricSystem,
-    Term,
-    Weights,
-)
+from squealstudy.system.parametric import Weights
 
 CRITICAL = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s
@@ -70,14 +61,12 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     tolerance, away = knobs["tolerance"], knobs["distance"]
     problem, basis = ready(knobs["damping_ratio"], tolerance)
     theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
-    found = Windows(problem, basis, tolerance).solve(whole(), theta / SPAN)
+    found = Windows(problem, basis, tolerance).solve(Box(-np.ones(1), np.ones(1)), theta / SPAN)
     both = {row: outcome for row, outcome in found if row < 2}
     own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
     predicted = predict(away) / (SAFE * tolerance)
     if len(own) < len(both):
-        return Cell(
-            outcome=FAILED, predicted=predicted, cost=len(theta), by="working point", flagged=True
-        )
+        return failed("working point", predicted=predicted, cost=len(theta))
     error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
     estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
     rungs = sorted({p.method for p in own.values()} - {RUNG.name})
@@ -95,31 +84,16 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     )
 
 
-def friction(theta: np.ndarray) -> float:
-    """Friction at theta (1,), its relative distance to coalescence."""
-    return CRITICAL * (1.0 + float(theta[0]))
-
-
-def whole() -> Box:
-    """The box of all design points."""
-    return Box(-np.ones(1), np.ones(1))
-
-
 class FrictionProblem(SmallProblem):
-    """Hulten's mass as three constant matrices, one times friction; theta in [-1, 1] is the box."""
+    """Hulten's mass over its friction about mu_c; theta in [-1, 1] is the box."""
 
     def __init__(self, damping_ratio: float) -> None:
-        plain = flutter_problem(damping_ratio)
-        _, C, K = plain.weights(np.zeros(1))
-        coupling = plain.weights(np.ones(1))[2] - K
-        super().__init__(lambda _: (C, K), K, BAND)
-        terms = (Term(MASS), *(Term(*t) for t in ((DAMPING, None, C), (STIFFNESS, None, K))))
-        self.system = ParametricSystem(len(K), (*terms, Term(STIFFNESS, None, coupling)))
-        self._parts = C, K, coupling
+        self._parts = flutter_matrices(damping_ratio)
+        super().__init__(*self._parts, BAND)
 
     def weights(self, theta: np.ndarray) -> Weights:
         """One of mass, damping and springs, and the friction."""
-        return (1.0, 1.0, 1.0, friction(SPAN * np.asarray(theta)))
+        return super().weights(CRITICAL * (1.0 + SPAN * np.asarray(theta)))
 
     def exact_roots(self, theta: np.ndarray) -> np.ndarray:
         """The two roots of imaginary part >= 0, rad/s.
@@ -134,13 +108,6 @@ class FrictionProblem(SmallProblem):
         nu = float((k11 + k22) / 2) + np.array([split, -split])
         roots: np.ndarray = -C[0, 0] / 2 + 1j * np.sqrt(nu - C[0, 0] ** 2 / 4)
         return roots
-
-    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
-        """All pairs of imaginary part >= 0 in reach of the band."""
-        weights = self.weights(theta)
-        _, C, K = self.system.matrices(weights)
-        pairs = all_pairs(C, K)
-        return weights, pairs.take(in_band(pairs.lam, self.band, reach) & (pairs.lam.imag >= 0))
 
 
 @lru_cache(maxsize=8)
