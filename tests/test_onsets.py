@@ -20,8 +20,7 @@ from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.measuring import first_onset
 from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onsets, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
-from squealstudy.plots.plane import study_plane
-from squealstudy.plots.stability_boundary import stability_boundary
+from squealstudy.plots.plane import stability_boundary, study_plane
 from squealstudy.tables.stability import line_crossings
 
 HZ = 2 * np.pi

@@ -14,11 +14,11 @@ from matplotlib.text import Annotation, Text
 
 from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ResultsError
-from squealstudy.plots.labels import Label, place_labels
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.ranking_bars import mean_energies
-from squealstudy.plots.stability_map import cell_edges
+from squealstudy.plots.stability_diagram import Label, place_labels
 from squealstudy.plots.style import (
+    Quantity,
     damping_limits,
     is_geometric,
     new_figure,
@@ -155,11 +155,16 @@ def test_geometric_spacing_is_recognised(values, log):
     assert is_geometric(np.asarray(values)) == log
 
 
+def over(log):
+    """A quantity on an axis."""
+    return Quantity("x", "", 1.0, log)
+
+
 @given(st.lists(st.floats(1e-3, 1e6), min_size=1, max_size=20, unique=True), st.booleans())
 @settings(max_examples=50, deadline=None)
 def test_every_value_lies_in_its_cell(values, log):
     values = np.array(sorted(values))
-    edges = cell_edges(values, log)
+    edges = over(log).edges(values)
     assert len(edges) == len(values) + 1
     assert (np.diff(edges) >= 0).all()
     tolerance = 1e-12 * np.abs(edges).max()
@@ -168,8 +173,8 @@ def test_every_value_lies_in_its_cell(values, log):
 
 
 def test_cell_edges_are_midway():
-    assert np.allclose(cell_edges(np.array([1.0, 2.0, 4.0]), False), [0.5, 1.5, 3.0, 5.0])
-    halves = cell_edges(np.array([1.0, 2.0, 4.0]), True)
+    assert np.allclose(over(False).edges(np.array([1.0, 2.0, 4.0])), [0.5, 1.5, 3.0, 5.0])
+    halves = over(True).edges(np.array([1.0, 2.0, 4.0]))
     assert np.allclose(halves, 2.0 ** np.array([-0.5, 0.5, 1.5, 2.5]))
 
 
@@ -451,8 +456,8 @@ def test_map_counts_unstable_modes_in_cells():
     expected[1, 1] = np.nan
     assert np.array_equal(counts, expected, equal_nan=True)
     corners = mesh(axes).get_coordinates()
-    assert np.allclose(corners[0, :, 0], cell_edges(MU, False))
-    assert np.allclose(corners[:, 0, 1], cell_edges(P / 1e6, True))
+    assert np.allclose(corners[0, :, 0], over(False).edges(MU))
+    assert np.allclose(corners[:, 0, 1], over(True).edges(P / 1e6))
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("friction", "pressure [MPa]")
     texts = drawn(figure)

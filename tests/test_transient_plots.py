@@ -18,7 +18,15 @@ from squealstudy.kinds.transient import screen
 from squealstudy.plots.growth_comparison import growth_pairs
 from squealstudy.plots.levels import bar_places, design_names, stacked_shares, sweep_line
 from squealstudy.plots.modal_energies import leading_modes
-from squealstudy.plots.over_time import EndLabel, binned, design_text, end_labels, outline, spread
+from squealstudy.plots.over_time import (
+    EndLabel,
+    binned,
+    design_text,
+    end_labels,
+    outline,
+    run_of,
+    spread,
+)
 from squealstudy.plots.spectrogram import short_time_levels
 from squealstudy.plots.torque_history import phases
 
@@ -59,6 +67,10 @@ def of_one_point(history, row, growth, units=None, band=(1.0, 8000.0), modes=Non
     modes = modes_table({}) if modes is None else modes
     tables = {"points": points, "modes": modes, "growth": growth}
     return made("transient", units=units, history=history, facts={"band_hz": band}, **tables)
+
+
+def run_in_time(history, row, growth=GROWTH, modes=None):
+    return run_of(of_one_point(history, row, growth, modes=modes), 1)
 
 
 def torque_history(history, row, growth=GROWTH.iloc[:0], units=None):
@@ -204,16 +216,17 @@ def test_phases_end_where_the_run_does():
     history = history_table()
     row = one_point().iloc[0].copy()
     row["settled"] = False
-    kinds = [(p.kind, p.name, p.stop) for p in phases(history, row, GROWTH)]
+    kinds = [(p.kind, p.name, p.stop) for p in phases(run_in_time(history, row))]
     assert kinds[0][:2] == ("growth", "exponential growth, 5 to 15 ms")
     assert kinds[1] == ("saturation", "not settled", pytest.approx(0.1))
     row["class"] = "growing"
-    assert [p.kind for p in phases(history, row, GROWTH)] == ["growth"]
+    assert [p.kind for p in phases(run_in_time(history, row))] == ["growth"]
     row["class"], row["settled"], row["settled_time"] = "limit_cycle", True, 0.0
-    assert [p.kind for p in phases(history, row, GROWTH)] == ["growth", "limit cycle"]
-    assert [p.kind for p in phases(history, row, GROWTH.iloc[:0])] == ["limit cycle"]
+    assert [p.kind for p in phases(run_in_time(history, row))] == ["growth", "limit cycle"]
+    without_fit = run_in_time(history, row, GROWTH.iloc[:0])
+    assert [p.kind for p in phases(without_fit)] == ["limit cycle"]
     row["growth_rate"] = -5.0
-    assert phases(history, row, GROWTH)[0].name.startswith("exponential decay")
+    assert phases(run_in_time(history, row))[0].name.startswith("exponential decay")
 
 
 def test_the_history_of_a_failed_point_says_why():
@@ -261,10 +274,15 @@ def test_modes_of_the_transfer_are_named_whatever_their_share():
         history[f"energy_mode_{mode}"] = share
     modes = pd.DataFrame({"mode": list(shares), "energy_share": list(shares.values())})
     modes = modes.assign(point_id="p0", frequency_hz=1e3, first_share=0.0)
-    assert leading_modes(history, modes, pd.Series(), list(shares)) == [10, 9, 8, 7, 6, 5]
-    row = one_point(transfer_from=1, transfer_to=2).iloc[0]
-    assert leading_modes(history, modes, row, list(shares)) == [10, 9, 8, 7, 2, 1]
-    assert leading_modes(history, modes.iloc[:0], pd.Series(), list(shares)) == [10, 9, 8, 7, 6, 5]
+    row = one_point().iloc[0]
+    moved = one_point(transfer_from=1, transfer_to=2).iloc[0]
+    for own, kept, expected in (
+        (row, modes, [10, 9, 8, 7, 6, 5]),
+        (moved, modes, [10, 9, 8, 7, 2, 1]),
+        (row, modes.iloc[:0], [10, 9, 8, 7, 6, 5]),
+    ):
+        run = run_in_time(history, own, modes=kept)
+        assert leading_modes(run, list(shares)) == expected
     texts = drawn(modal_energies(history, modes))
     assert any("grey: 4 other modes" in text for text in texts)
 

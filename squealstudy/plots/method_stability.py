@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,8 @@ from matplotlib.patheffects import withStroke, withTickedStroke
 
 from squealstudy.engine.pictures import register_plot
 from squealstudy.errors import ResultsError
-from squealstudy.plots.stability_map import STABLE, cell_edges
+from squealstudy.plots.plane import Plane
+from squealstudy.plots.stability_map import STABLE
 from squealstudy.plots.style import (
     COLOURS,
     DARK,
@@ -29,8 +29,6 @@ from squealstudy.plots.style import (
     joined,
     new_figure,
     quantity,
-    set_scales,
-    set_ticks,
 )
 from squealstudy.tables.method_quality import WORKS
 from squealstudy.wording import plural
@@ -50,24 +48,6 @@ ALARM = "#CC0066"
 FAR = 6.0  # decades of the prediction that the contour tells apart
 WIDE = 48  # characters of a line in the legend
 FINER = 8
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Values of the knobs as drawn, ascending (nx,), (ny,), and the cell of each row (n,), (n,)."""
-
-    across: Quantity
-    up: Quantity
-    x: np.ndarray
-    y: np.ndarray
-    column: np.ndarray
-    row: np.ndarray
-
-    def table(self, values: np.ndarray) -> np.ndarray:
-        """Values (n,) on the grid (ny, nx), NaN where there is no cell."""
-        table = np.full((len(self.y), len(self.x)), np.nan)
-        table[self.row, self.column] = values
-        return table
 
 
 @register_plot(cells=("outcome", "flagged", "predicted"))
@@ -92,15 +72,14 @@ def method_stability(results: Results) -> Figure:
         raise ResultsError(f"outcome '{unknown[0]}' is none of {', '.join(CLASSES)}")
     figure = new_figure(8.5, 6.4)
     axes = figure.add_subplot()
-    first, second = facts["knobs"]
-    grid = _grid(cells, first, second, results.units)
-    set_scales(axes, grid.across, grid.up)
-    for axis, shown in ((axes.xaxis, grid.across), (axes.yaxis, grid.up)):
-        set_ticks(axis, shown, cells[shown.name])
-    handles = _draw_classes(axes, grid, cells)
-    handles += _draw_alarm(axes, grid, cells)
-    handles += _draw_boundary(axes, grid, cells["predicted"], facts["boundary"])
-    labels = (_label(shown, facts["words"]) for shown in (grid.across, grid.up))
+    across, up = (quantity(name, cells[name], results.units) for name in facts["knobs"])
+    x, y = (shown.scaled(cells[shown.name]) for shown in (across, up))
+    plane = Plane(across=across, up=up, x=x, y=y)
+    plane.frame(axes, cells)
+    handles = _draw_classes(axes, plane, cells)
+    handles += _draw_alarm(axes, plane, cells)
+    handles += _draw_boundary(axes, plane, cells["predicted"], facts["boundary"])
+    labels = (_label(shown, facts["words"]) for shown in (across, up))
     finish(axes, *labels)
     axes.grid(False)
     head(axes, facts["title"], tally(cells))
@@ -131,22 +110,13 @@ def _unflagged(cells: pd.DataFrame) -> np.ndarray:
     return silent
 
 
-def _grid(cells: pd.DataFrame, x: str, y: str, units: Mapping[str, str]) -> Grid:
-    across, up = (quantity(name, cells[name], units) for name in (x, y))
-    columns, column = np.unique(across.scaled(cells[x]), return_inverse=True)
-    rows, row = np.unique(up.scaled(cells[y]), return_inverse=True)
-    return Grid(across=across, up=up, x=columns, y=rows, column=column, row=row)
-
-
-def _draw_classes(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
+def _draw_classes(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch | Line2D]:
     """Cells by class; the legend entries of those that occur, with their number."""
     outcome = cells["outcome"]
-    axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
     names = list(CLASSES)
-    table = np.ma.masked_invalid(grid.table(outcome.map(names.index).to_numpy(dtype=float)))
-    edges = cell_edges(grid.x, grid.across.log), cell_edges(grid.y, grid.up.log)
+    place = outcome.map(names.index).to_numpy(dtype=float)
     colours = ListedColormap([colour for colour, _ in CLASSES.values()])
-    axes.pcolormesh(*edges, table, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
+    plane.draw_cells(axes, place, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
     return [
         Patch(facecolor=colour, edgecolor="0.6", label=f"{text} {_counts(cells, name)}")
         for name, (colour, text) in CLASSES.items()
@@ -162,7 +132,7 @@ def _counts(cells: pd.DataFrame, name: str) -> str:
     return "\n".join(f"by {by} ({n})" for by, n in of_class["by"].value_counts().items())
 
 
-def _draw_alarm(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Line2D]:
+def _draw_alarm(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch | Line2D]:
     """Crosses on cells that are wrong without a word."""
     silent = _unflagged(cells)
     if not silent.any():
@@ -174,8 +144,8 @@ def _draw_alarm(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Lin
         "markeredgecolor": "white",
     }
     axes.plot(
-        grid.x[grid.column[silent]],
-        grid.y[grid.row[silent]],
+        plane.x[silent],
+        plane.y[silent],
         markersize=11,
         markeredgewidth=1.5,
         zorder=4,
@@ -185,34 +155,31 @@ def _draw_alarm(axes: Axes, grid: Grid, cells: pd.DataFrame) -> list[Patch | Lin
 
 
 def _draw_boundary(
-    axes: Axes, grid: Grid, predicted: pd.Series, boundary: str
+    axes: Axes, plane: Plane, predicted: pd.Series, boundary: str
 ) -> list[Patch | Line2D]:
     """The line predicted = 1, ticks to the side where failure is predicted."""
     value = predicted.to_numpy(dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        table = np.ma.masked_invalid(np.clip(grid.table(np.log10(value)), -FAR, FAR))
+        x, y, decades = plane.cells(np.log10(value))
+        table = np.ma.masked_invalid(np.clip(decades, -FAR, FAR))
     name = fill(f"predicted: {boundary}", WIDE) if boundary else "predicted boundary"
     crossed = min(table.shape) > 1 and table.count() and table.min() < 0.0 < table.max()
     if not crossed:
         side = "beyond it throughout" if table.count() and table.min() >= 0.0 else "not crossed"
         return [Line2D([], [], linestyle="", label=f"{name}: {side}")]
-    fine = _refined(grid, table.filled(np.nan))
-    lines = axes.contour(*fine, [0.0], colors="black", linewidths=2.0, zorder=3)
+    x, finer = _between(plane.across, x, table.filled(np.nan))
+    y, finest = _between(plane.up, y, finer.T)  # contours do not know of logarithmic axes
+    fine = np.ma.masked_invalid(finest.T)
+    lines = axes.contour(x, y, fine, [0.0], colors="black", linewidths=2.0, zorder=3)
     halo = withStroke(linewidth=4.0, foreground="white")
     lines.set_path_effects([halo, withTickedStroke(angle=60, spacing=10, length=0.5)])
     return [Line2D([], [], color="black", linewidth=2.0, label=name)]
 
 
-def _refined(grid: Grid, table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns, rows and values between the cells, as even as the axes; contours are not on logs."""
-    x, across = _between(grid.x, table, grid.across.log)
-    y, both = _between(grid.y, across.T, grid.up.log)
-    return x, y, np.ma.masked_invalid(both.T)
-
-
-def _between(values: np.ndarray, table: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
+def _between(
+    shown: Quantity, values: np.ndarray, table: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Ascending values (n,) and columns of a table (m, n) with FINER parts in each interval."""
-    place = np.log(values) if log else values
+    place = shown.even(values)
     parts = np.interp(np.arange((len(place) - 1) * FINER + 1) / FINER, range(len(place)), place)
-    filled = np.array([np.interp(parts, place, row) for row in table])
-    return (np.exp(parts) if log else parts), filled
+    return shown.uneven(parts), np.array([np.interp(parts, place, row) for row in table])

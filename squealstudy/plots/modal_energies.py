@@ -15,17 +15,15 @@ from squealstudy.plots.over_time import (
     MS,
     PALETTE,
     EndLabel,
+    Run,
     binned,
-    column,
     end_labels,
     histories,
-    main_components,
-    number,
     outline,
-    own_rows,
-    point_row,
+    run_of,
 )
 from squealstudy.plots.style import DARK, GREY, empty_figure, finish, joined, new_figure
+from squealstudy.tables.energy_ranking import component_columns
 from squealstudy.wording import in_digits, plural
 
 if TYPE_CHECKING:
@@ -53,54 +51,53 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     ResultsError
         Where there is no such point, or its history was not kept.
     """
-    history, (row, title) = results.history(point), point_row(results, point)
-    modes = own_rows(results.modes, row)
-    known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, history)) if m]
-    if len(history) < 2 or not known:
+    run = run_of(results, point)
+    known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]
+    if len(run.history) < 2 or not known:
         return empty_figure("no modal energies of this design point")
     figure = new_figure(10.5, 5.8)
     axes = figure.add_subplot()
     axes.set_yscale("log")
-    leading = leading_modes(history, modes, row, known)
-    time = MS * column(history, "time")
+    leading = leading_modes(run, known)
     for mode in (m for m in known if m not in leading):
-        axes.plot(*_curve(time, column(history, f"energy_mode_{mode}")), color=GREY, linewidth=0.6)
+        axes.plot(
+            *_curve(run.milliseconds, run.column(f"energy_mode_{mode}")), color=GREY, linewidth=0.6
+        )
     labels = [
-        _draw(axes, time, column(history, f"energy_mode_{mode}"), colour, _name(modes, mode))
+        _draw(axes, run, f"energy_mode_{mode}", colour, _name(run.modes, mode))
         for mode, colour in zip(leading, PALETTE, strict=False)
     ]
-    labels.append(_draw(axes, time, column(history, "energy"), "#000000", "all modes", "--"))
-    outside = column(history, "energy_outside")
-    labels.append(_draw(axes, time, outside, DARK, "outside the sensed modes", ":"))
+    labels.append(_draw(axes, run, "energy", "#000000", "all modes", "--"))
+    labels.append(_draw(axes, run, "energy_outside", DARK, "outside the sensed modes", ":"))
     finish(axes, "Time [ms]", "Mechanical energy [J]")
-    axes.set_xlim(time[0], time[-1] if time[-1] > time[0] else time[0] + 1.0)
-    axes.set_ylim(*_limits(axes, history))
-    _mark_transfer(axes, row)
-    texts = joined(title, _transfer_text(row)), _note(modes, len(known) - len(leading))
+    axes.set_xlim(*run.limits)
+    axes.set_ylim(*_limits(axes, run.column("energy")))
+    _mark_transfer(axes, run)
+    texts = joined(run.title, _transfer_text(run)), _note(run.modes, len(known) - len(leading))
     figure.suptitle(joined(*texts, by="\n"), fontsize=9.5)
     end_labels(figure, axes, [label for label in labels if label is not None])
     return figure
 
 
-def leading_modes(
-    history: pd.DataFrame, modes: pd.DataFrame, row: pd.Series, known: list[int]
-) -> list[int]:
+def leading_modes(run: Run, known: list[int]) -> list[int]:
     """The modes to name: those of a transfer, then by the larger of first and last share."""
     score = pd.Series(0.0, index=known)
-    if len(modes):
-        shares = modes.set_index("mode")[["energy_share", "first_share"]].max(axis=1)
+    if len(run.modes):
+        shares = run.modes.set_index("mode")[["energy_share", "first_share"]].max(axis=1)
         score = shares.reindex(known).fillna(0.0)
     if not score.to_numpy().any():
-        score = pd.Series([np.nanmax(column(history, f"energy_mode_{m}")) for m in known], known)
-    involved = {int(number(row, n)) for n in ("transfer_from", "transfer_to") if number(row, n) > 0}
+        score = pd.Series([np.nanmax(run.column(f"energy_mode_{m}")) for m in known], known)
+    transfer = [run.number(name) for name in ("transfer_from", "transfer_to")]
+    involved = {int(mode) for mode in transfer if mode > 0}
     order = sorted(known, key=lambda m: (m not in involved, -score[m], m))
     return sorted(order[:NAMED], key=lambda m: (-score[m], m))
 
 
 def _draw(
-    axes: Axes, time: np.ndarray, energy: np.ndarray, colour: str, text: str, style: str = "-"
+    axes: Axes, run: Run, name: str, colour: str, text: str, style: str = "-"
 ) -> EndLabel | None:
     """Mean energy as a line over a band of its extremes, and its label; None if unknown."""
+    time, energy = run.milliseconds, run.column(name)
     positive = np.where(energy > 0, energy, np.nan)
     if not np.isfinite(positive).any():
         return None
@@ -118,10 +115,10 @@ def _curve(time: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return x, np.where(y > 0, y, np.nan)
 
 
-def _limits(axes: Axes, history: pd.DataFrame) -> tuple[float, float]:
+def _limits(axes: Axes, energy: np.ndarray) -> tuple[float, float]:
     """From the smallest named energy, within DECADES, to the largest."""
     curves = [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.zorder == 3]
-    values = np.concatenate([*curves, column(history, "energy")])
+    values = np.concatenate([*curves, energy])
     values = values[np.isfinite(values) & (values > 0)]
     if not len(values):
         return 1e-12, 1.0
@@ -148,16 +145,27 @@ def _note(modes: pd.DataFrame, rest: int) -> str:
     return "; ".join(parts)
 
 
-def _mark_transfer(axes: Axes, row: pd.Series) -> None:
-    if number(row, "transfer_to") > 0 and np.isfinite(at := number(row, "transfer_time")):
+def _mark_transfer(axes: Axes, run: Run) -> None:
+    if run.number("transfer_to") > 0 and np.isfinite(at := run.number("transfer_time")):
         style: dict[str, Any] = {"color": "0.3", "linewidth": 1.0, "linestyle": (0, (4, 3))}
         axes.axvline(MS * at, **style)
 
 
-def _transfer_text(row: pd.Series) -> str:
-    before, after = (number(row, f"transfer_{n}") for n in ("from", "to"))
+def _transfer_text(run: Run) -> str:
+    before, after = (run.number(f"transfer_{n}") for n in ("from", "to"))
     if not after > 0:
         return ""
-    at = number(row, "transfer_time")
+    at = run.number("transfer_time")
     when = f" at {MS * at:.3g} ms (dashed)" if np.isfinite(at) else ""
     return f"R{after:.0f} takes over from R{before:.0f}{when}"
+
+
+def main_components(modes: pd.DataFrame) -> pd.Series:
+    """The component of most elastic energy in each row of a modes table, "" where unknown."""
+    names = component_columns(modes)
+    known = modes[names].notna().any(axis=1)
+    if not known.any():
+        return pd.Series("", index=modes.index)
+    titles = np.array([name.removeprefix("energy_") for name in names])
+    main = titles[modes[names].fillna(-1.0).to_numpy(dtype=float).argmax(axis=1)]
+    return pd.Series(np.where(known, main, ""), index=modes.index)

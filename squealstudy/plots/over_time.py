@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,7 @@ from squealstudy.engine.pictures import Choices
 from squealstudy.engine.store import kept_histories
 from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
-from squealstudy.tables.energy_ranking import component_columns, transient_parameters
+from squealstudy.tables.energy_ranking import transient_parameters
 from squealstudy.wording import TORQUE
 
 if TYPE_CHECKING:
@@ -46,10 +46,69 @@ def histories(results: Results) -> Iterator[tuple[str, Choices]]:
         yield f"_{row + 1}", {"point": row}
 
 
-def point_row(results: Results, point: str | int) -> tuple[pd.Series, str]:
-    """The row of a design point, and what it is in words."""
-    row = results.points.iloc[results.row_of(point)]
-    return row, design_text(results.points, row, results.units)
+@dataclass(frozen=True)
+class Run:
+    """A design point of a transient study as pictures draw it over time.
+
+    Attributes
+    ----------
+    row : Series
+        Its row of the points table.
+    title : str
+        What it is, in words.
+    history : DataFrame
+        A row each kept step; empty where none was kept.
+    growth, modes : DataFrame
+        Its rows of these tables.
+    units : mapping of column -> unit
+    """
+
+    row: pd.Series
+    title: str
+    history: pd.DataFrame
+    growth: pd.DataFrame
+    modes: pd.DataFrame
+    units: Mapping[str, str]
+
+    def column(self, name: str) -> np.ndarray:
+        """A column of the history (n,), NaN where it has none."""
+        if name not in self.history:
+            return np.full(len(self.history), np.nan)
+        values: np.ndarray = self.history[name].to_numpy(dtype=float)
+        return values
+
+    def number(self, name: str) -> float:
+        """A number of the row, NaN where there is none."""
+        value = self.row.get(name, np.nan)
+        return np.nan if pd.isna(value) else float(value)
+
+    @property
+    def milliseconds(self) -> np.ndarray:
+        """Times of the history (n,), ms."""
+        return MS * self.column("time")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """First and last time of a history, ms; a millisecond where they are one."""
+        first, last = (float(t) for t in self.milliseconds[[0, -1]])
+        return first, last if last > first else first + 1.0
+
+
+def run_of(results: Results, point: str | int) -> Run:
+    """The run of a design point, as of ``Results.history``, and its rows of the tables."""
+    history, row = results.history(point), results.points.iloc[results.row_of(point)]
+    growth, modes = (
+        table[(table["point_id"] == row["point_id"]).to_numpy()]
+        for table in (results.growth, results.modes)
+    )
+    return Run(
+        row=row,
+        title=design_text(results.points, row, results.units),
+        history=history,
+        growth=growth,
+        modes=modes,
+        units=results.units,
+    )
 
 
 def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
@@ -137,25 +196,6 @@ def binned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndar
     return np.add.reduceat(x, starts) / counts, np.add.reduceat(y, starts) / counts
 
 
-def column(history: pd.DataFrame, name: str) -> np.ndarray:
-    """A column of a history (n,), NaN where it has none."""
-    if name not in history:
-        return np.full(len(history), np.nan)
-    values: np.ndarray = history[name].to_numpy(dtype=float)
-    return values
-
-
-def number(row: Mapping[Any, Any] | pd.Series, name: str) -> float:
-    """A number of a row, NaN where there is none."""
-    value = row.get(name, np.nan)
-    return np.nan if pd.isna(value) else float(value)
-
-
-def own_rows(table: pd.DataFrame, row: pd.Series) -> pd.DataFrame:
-    """Rows of a table that belong to the design point."""
-    return table[(table["point_id"] == row["point_id"]).to_numpy()]
-
-
 def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) -> str:
     """What a design point is, with units, in lines that fit over a picture.
 
@@ -169,14 +209,3 @@ def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) 
             return "first design point"
     text = describe(row, points, names or transient_parameters(points), units)
     return textwrap.fill(text, LINE)
-
-
-def main_components(modes: pd.DataFrame) -> pd.Series:
-    """The component of most elastic energy in each row of a modes table, "" where unknown."""
-    names = component_columns(modes)
-    known = modes[names].notna().any(axis=1)
-    if not known.any():
-        return pd.Series("", index=modes.index)
-    titles = np.array([name.removeprefix("energy_") for name in names])
-    main = titles[modes[names].fillna(-1.0).to_numpy(dtype=float).argmax(axis=1)]
-    return pd.Series(np.where(known, main, ""), index=modes.index)

@@ -13,13 +13,10 @@ from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
     EndLabel,
-    column,
     end_labels,
     friction_label,
     histories,
-    number,
-    own_rows,
-    point_row,
+    run_of,
 )
 from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, head, joined, new_figure
 from squealstudy.wording import in_digits
@@ -53,12 +50,12 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     ResultsError
         Where there is no such point, or its history was not kept.
     """
-    history, (row, title) = results.history(point), point_row(results, point)
+    run = run_of(results, point)
     band_top = float(results.manifest["band_hz"][1])
     what, _ = friction_label(results.units)
-    if len(history) < FEWEST_SAMPLES:
+    if len(run.history) < FEWEST_SAMPLES:
         return empty_figure("no history of this design point to take spectra of")
-    time, torque = _even(column(history, "time"), column(history, "torque"))
+    time, torque = _even(run.column("time"), run.column("torque"))
     centres, frequency, level = short_time_levels(time, torque)
     if not np.isfinite(level).any():
         return empty_figure(f"the {what} does not vary")
@@ -83,8 +80,11 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     finish(axes, "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)
-    head(axes, title, joined(_dominant(row), _cut(band_top, nyquist)))
-    _predictions(figure, axes, own_rows(results.growth, row), top)
+    f = run.number("dominant_frequency_hz")
+    dominant = f"dominant {in_digits(f)} Hz" if f > 0 else ""
+    reached = f"the samples kept reach {in_digits(nyquist)} Hz only" if band_top > nyquist else ""
+    head(axes, run.title, joined(dominant, reached))
+    _predictions(figure, axes, run.growth, top)
     return figure
 
 
@@ -145,14 +145,3 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
         va="top",
     )
     end_labels(figure, axes, labels)
-
-
-def _dominant(row: pd.Series) -> str:
-    f = number(row, "dominant_frequency_hz")
-    return f"dominant {in_digits(f)} Hz" if f > 0 else ""
-
-
-def _cut(band_top: float, nyquist: float) -> str:
-    if band_top <= nyquist:
-        return ""
-    return f"the samples kept reach {in_digits(nyquist)} Hz only"

@@ -17,16 +17,19 @@ from matplotlib.patheffects import withTickedStroke
 
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
-from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
-from squealstudy.plots.stability_boundary import Boundary, stability_boundary
+from squealstudy.plots.plane import (
+    MEASURES,
+    Boundary,
+    StudyPlane,
+    stability_boundary,
+    study_plane,
+)
 from squealstudy.plots.style import (
     COLOURS,
     finish,
     joined,
     legend_below,
     new_figure,
-    set_scales,
-    set_ticks,
 )
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
@@ -59,7 +62,7 @@ def stability_map(
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
     A line parts the points at which any mode is unstable from those at which none is; ticks point
-    to the unstable side (plots.stability_boundary). The nodes of a boundary design that were solved
+    to the unstable side (plots.plane). The nodes of a boundary design that were solved
     are marked.
 
     Parameters
@@ -85,17 +88,18 @@ def stability_map(
     plane = study_plane(results, (across, y or free.pop(0)), fixed, measure)
     figure = new_figure(8.5, 6.2)
     axes = figure.add_subplot()
-    set_scales(axes, plane.across, plane.up)
+    plane.frame(axes, results.nodes[0])
     colours, norm = _colours(plane.value, measure)
-    draw = _cells if plane.gridded else _scattered
-    drawn = draw(axes, plane, colours, norm)
+    style: dict[str, Any] = {"cmap": colours, "norm": norm}
+    if plane.gridded:
+        drawn = plane.draw_cells(axes, plane.value, **style)
+    else:
+        drawn = _scattered(axes, plane, style)
     bar = figure.colorbar(drawn, ax=axes, label=MEASURES[measure], pad=0.015)
     if measure == "count":
         highest = int(np.nanmax(np.append(plane.value, 1.0)))
         bar.set_ticks(range(0, highest + 1, 1 + highest // MOST_CLASSES))
         bar.minorticks_off()
-    for axis, shown in ((axes.xaxis, plane.across), (axes.yaxis, plane.up)):
-        set_ticks(axis, shown, results.nodes[0][shown.name])
     if not plane.others_vary:
         found = stability_boundary(plane, results.onsets, results.along)
         _boundary(figure, axes, found, results.along)
@@ -113,17 +117,6 @@ def stability_map(
     return figure
 
 
-def cell_edges(values: np.ndarray, log: bool) -> np.ndarray:
-    """Edges (n + 1,) of cells about ascending values (n,): midway, geometrically on a log axis."""
-    place = np.log(values) if log else np.asarray(values, dtype=float)
-    if len(place) == 1:
-        place = place + np.array([-0.5, 0.5])
-        return np.exp(place) if log else place
-    middle = (place[1:] + place[:-1]) / 2
-    edges = np.concatenate([[2 * place[0] - middle[0]], middle, [2 * place[-1] - middle[-1]]])
-    return np.exp(edges) if log else edges
-
-
 def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     """Light grey where all is stable, then darker with the measure."""
     highest = float(np.nanmax(np.append(value, 0.0)))
@@ -137,23 +130,14 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     return colours.with_extremes(under=STABLE), Normalize(1e-9 * top, top)
 
 
-def _cells(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:
-    """A grid; hatched where a point failed or is missing."""
-    axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
-    x, y, table = plane.cells(plane.value)
-    edges = cell_edges(x, plane.across.log), cell_edges(y, plane.up.log)
-    return axes.pcolormesh(*edges, np.ma.masked_invalid(table), cmap=colours, norm=norm)
-
-
-def _scattered(axes: Axes, plane: StudyPlane, colours: Colormap, norm: Normalize) -> ScalarMappable:
+def _scattered(axes: Axes, plane: StudyPlane, style: dict[str, Any]) -> ScalarMappable:
     """Triangles between the points where that means something, and the points."""
     known = np.isfinite(plane.value)
     triangles = plane.triangles(plane.value)
-    style: dict[str, Any] = {"cmap": colours, "norm": norm}
     if triangles is not None:
         axes.tripcolor(triangles, plane.value[known], alpha=0.6, **style)
     axes.plot(plane.x[~known], plane.y[~known], "x", color="0.4")
-    style |= {"edgecolor": "0.3", "linewidth": 0.6, "s": 38, "zorder": 2}
+    style = style | {"edgecolor": "0.3", "linewidth": 0.6, "s": 38, "zorder": 2}
     return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], **style)
 
 

@@ -46,11 +46,23 @@ class Quantity:
         shown: np.ndarray = values.to_numpy(dtype=float) * self.factor
         return shown
 
-    def stretched(self, drawn: np.ndarray) -> np.ndarray:
-        """Drawn values (n,) as evenly as the axis shows them, from 0 to 1."""
-        place = np.log(drawn) if self.log else drawn
-        even: np.ndarray = (place - place.min()) / (np.ptp(place) or 1.0)
-        return even
+    def even(self, drawn: np.ndarray) -> np.ndarray:
+        """Drawn values as evenly as the axis spaces them: logarithms on a logarithmic axis."""
+        places: np.ndarray = np.log(drawn) if self.log else np.asarray(drawn, dtype=float)
+        return places
+
+    def uneven(self, places: np.ndarray) -> np.ndarray:
+        """What `even` has made even, as drawn again."""
+        return np.exp(places) if self.log else places
+
+    def edges(self, drawn: np.ndarray) -> np.ndarray:
+        """Edges (n + 1,) of cells about ascending drawn values (n,), midway as the axis has it."""
+        places = self.even(drawn)
+        if len(places) == 1:
+            return self.uneven(places + np.array([-0.5, 0.5]))
+        middle = (places[1:] + places[:-1]) / 2
+        ends = 2 * places[0] - middle[0], 2 * places[-1] - middle[-1]
+        return self.uneven(np.concatenate([ends[:1], middle, ends[1:]]))
 
     def text(self, value: float) -> str:
         """One value with its name and unit."""
@@ -59,7 +71,7 @@ class Quantity:
     def ticks(self, values: pd.Series) -> list[float] | None:
         """The values themselves where they are few and far enough apart, else None."""
         x = np.unique(self.scaled(values.dropna()))
-        place = np.log(x) if self.log else x
+        place = self.even(x)
         crowded = len(x) > 1 and np.diff(place).min() < 0.03 * np.ptp(place)
         return None if len(x) > 12 or crowded or not len(x) else [float(v) for v in x]
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,13 +13,11 @@ from matplotlib.figure import Figure
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
-    column,
+    Run,
     friction_label,
     histories,
-    number,
     outline,
-    own_rows,
-    point_row,
+    run_of,
 )
 from squealstudy.plots.style import (
     COLOURS,
@@ -71,82 +68,74 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
     ResultsError
         Where there is no such point, or its history was not kept.
     """
-    history, (row, title) = results.history(point), point_row(results, point)
-    growth, units = results.growth, results.units
-    if len(history) < 2:
-        return empty_figure(f"no history of this design point{_status(row, '; ')}")
+    run = run_of(results, point)
+    if len(run.history) < 2:
+        return empty_figure(f"no history of this design point{_failure(run)}")
     figure = new_figure(11.5, 7.4)
     axes = figure.subplots(
         3, 2, sharex="col", sharey="row", width_ratios=[2.3, 1.0], height_ratios=[2.2, 1.0, 0.8]
     )
-    found = phases(history, row, growth)
-    for place, part in enumerate((history, _last_periods(history, row))):
+    found = phases(run)
+    for place, part in enumerate((run, _last_periods(run))):
         named = place == 0  # in the legend
-        _torque(axes[0, place], part, row, named, units)
+        _torque(axes[0, place], part, named)
         _states(axes[1, place], part, named)
         _force(axes[2, place], part)
-        axes[2, place].set_xlim(*_limits(part))
+        axes[2, place].set_xlim(*part.limits)
     for axis in axes[:, 0]:
         _shade(axis, found, axis is axes[0, 0])
     for axis in axes[:, 1]:
         axis.tick_params(labelleft=False)
         axis.set_ylabel("")
-    _zoom_title(axes[0, 1], row, friction_label(units)[1])
-    figure.suptitle(joined(title, _growth_text(row), by="\n"), fontsize=9.5)
+    _zoom_title(axes[0, 1], run)
+    figure.suptitle(joined(run.title, _growth_text(run), by="\n"), fontsize=9.5)
     legend_below(figure, [handle for panel in axes[:, 0] for handle in labelled(panel)])
     return figure
 
 
-def phases(history: pd.DataFrame, row: pd.Series, growth: pd.DataFrame) -> list[Phase]:
+def phases(run: Run) -> list[Phase]:
     """Exponential growth, saturation and limit cycle, as far as the run got."""
-    end = float(column(history, "time")[-1])
-    start, stop = _fit_window(row, growth)
-    settled = number(row, "settled_time") if number(row, "settled") == 1 else np.nan
+    end, kept = float(run.column("time")[-1]), run.row.get("class")
+    start, stop = _fit_window(run.growth)
+    settled = run.number("settled_time") if run.number("settled") == 1 else np.nan
     found = []
     if np.isfinite(start) and stop > start:
-        kind = "decay" if number(row, "growth_rate") < 0 else "growth"
+        kind = "decay" if run.number("growth_rate") < 0 else "growth"
         text = f"exponential {kind}, {MS * start:.3g} to {MS * stop:.3g} ms"
         found.append(Phase("growth", text, start, stop))
     until = settled if np.isfinite(settled) else end
-    if np.isfinite(stop) and until > stop and row.get("class") != GROWING:
+    if np.isfinite(stop) and until > stop and kept != GROWING:
         text = f"saturation, to {MS * until:.3g} ms" if np.isfinite(settled) else "not settled"
-        text = UNDECIDED if row.get("class") == UNDECIDED else text
+        text = UNDECIDED if kept == UNDECIDED else text
         found.append(Phase("saturation", text, stop, until))
-    if np.isfinite(settled) and settled < end and row.get("class") != STABLE:
+    if np.isfinite(settled) and settled < end and kept != STABLE:
         found.append(Phase("limit cycle", f"settled from {MS * settled:.3g} ms", settled, end))
     return found
 
 
-def _fit_window(row: pd.Series, growth: pd.DataFrame) -> tuple[float, float]:
+def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
     """Start and end [s] of the fit of the fastest mode that has one; NaN without."""
-    own = own_rows(growth, row)
-    own = own[own["fitted_growth_rate"].notna().to_numpy()].sort_values("mode", kind="stable")
-    if not len(own):
+    fitted = growth[growth["fitted_growth_rate"].notna().to_numpy()]
+    if not len(fitted):
         return np.nan, np.nan
-    return number(own.iloc[0], "fit_start"), number(own.iloc[0], "fit_stop")
+    first = fitted.sort_values("mode", kind="stable").iloc[0]
+    return float(first["fit_start"]), float(first["fit_stop"])
 
 
-def _last_periods(history: pd.DataFrame, row: pd.Series) -> pd.DataFrame:
-    """The rows of the last periods; where no frequency is known, the last twentieth."""
-    time, f = column(history, "time"), number(row, "dominant_frequency_hz")
+def _last_periods(run: Run) -> Run:
+    """The run over its last periods; where no frequency is known, over its last twentieth."""
+    time, f = run.column("time"), run.number("dominant_frequency_hz")
     length = PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
-    return history[time >= time[-1] - length]
+    return replace(run, history=run.history[time >= time[-1] - length])
 
 
-def _torque(
-    axes: Axes,
-    history: pd.DataFrame,
-    row: pd.Series,
-    named: bool,
-    units: Mapping[str, str],
-) -> None:
-    what, unit = friction_label(units)
-    time, torque = column(history, "time"), column(history, "torque")
-    axes.plot(*outline(MS * time, torque), color=COLOURS[1], linewidth=0.8)
+def _torque(axes: Axes, run: Run, named: bool) -> None:
+    what, unit = friction_label(run.units)
+    axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "static", "-.", DARK))
     for name, text, style, colour in lines:
-        if np.isfinite(value := number(row, name)):
+        if np.isfinite(value := run.number(name)):
             label = f"{text} {value:.4g} {unit}" if named else None
             axes.axhline(value, linestyle=style, color=colour, linewidth=1.1, label=label)
     axes.ticklabel_format(axis="y", useOffset=False)
@@ -154,26 +143,20 @@ def _torque(
     finish(axes, "", f"{name} [{unit}]")
 
 
-def _states(axes: Axes, history: pd.DataFrame, named: bool) -> None:
-    time = MS * column(history, "time")
+def _states(axes: Axes, run: Run, named: bool) -> None:
     for name, colour in STATES.items():
-        share = 100 * column(history, name)
+        share = 100 * run.column(name)
         label = name if named else None
-        axes.plot(*outline(time, share), color=colour, linewidth=0.9, label=label)
+        axes.plot(*outline(run.milliseconds, share), color=colour, linewidth=0.9, label=label)
     axes.set_ylim(-3, 103)
     finish(axes, "", "Contact area [%]")
 
 
-def _force(axes: Axes, history: pd.DataFrame) -> None:
-    time, force = MS * column(history, "time"), column(history, "normal_force") / 1e3
-    axes.plot(*outline(time, force), color=DARK, linewidth=0.8)
+def _force(axes: Axes, run: Run) -> None:
+    force = run.column("normal_force") / 1e3
+    axes.plot(*outline(run.milliseconds, force), color=DARK, linewidth=0.8)
     axes.ticklabel_format(axis="y", useOffset=False)
     finish(axes, "Time [ms]", "Normal force [kN]")
-
-
-def _limits(history: pd.DataFrame) -> tuple[float, float]:
-    time = MS * column(history, "time")
-    return float(time[0]), float(time[-1]) if time[-1] > time[0] else float(time[0]) + 1.0
 
 
 def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
@@ -184,19 +167,18 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
         axes.axvspan(MS * phase.start, MS * phase.stop, **style)
 
 
-def _zoom_title(axes: Axes, row: pd.Series, unit: str) -> None:
-    f = number(row, "dominant_frequency_hz")
+def _zoom_title(axes: Axes, run: Run) -> None:
+    f, rms = run.number("dominant_frequency_hz"), run.number("torque_rms")
     text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
-    rms = number(row, "torque_rms")
-    text += f"; RMS {rms:.3g} {unit}" if np.isfinite(rms) else ""
+    text += f"; RMS {rms:.3g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
     head(axes, text)
 
 
-def _growth_text(row: pd.Series) -> str:
+def _growth_text(run: Run) -> str:
     """Growth rates, class and what failed, in one line."""
-    f, predicted = (number(row, f"predicted_{n}") for n in ("frequency_hz", "growth_rate"))
-    fitted, low, high = (number(row, f"growth_rate{n}") for n in ("", "_low", "_high"))
-    parts = [_class_text(row)] if row.get("class") else []
+    f, predicted = (run.number(f"predicted_{n}") for n in ("frequency_hz", "growth_rate"))
+    fitted, low, high = (run.number(f"growth_rate{n}") for n in ("", "_low", "_high"))
+    parts = [_class_text(run)] if run.row.get("class") else []
     if np.isfinite(predicted):
         parts.append(
             f"growth rate predicted {predicted:.4g} 1/s (complex mode at {in_digits(f)} Hz)"
@@ -204,19 +186,17 @@ def _growth_text(row: pd.Series) -> str:
     if np.isfinite(fitted):
         bounds = f" ({low:.4g} to {high:.4g})" if np.isfinite(low) and np.isfinite(high) else ""
         parts.append(f"fitted {fitted:.4g} 1/s{bounds}")
-    return ", ".join(parts) + _status(row, "; ")
+    return ", ".join(parts) + _failure(run)
 
 
-def _class_text(row: pd.Series) -> str:
+def _class_text(run: Run) -> str:
     """The class; of an undecided run with the duration that would decide."""
-    until = number(row, "undecided_until")
+    until = run.number("undecided_until")
     more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
-    return str(row["class"]).replace("_", " ") + more
+    return str(run.row["class"]).replace("_", " ") + more
 
 
-def _status(row: pd.Series, before: str) -> str:
-    """Why a point failed; empty where it did not."""
-    status, message = row.get("status", "ok"), str(row.get("message", "") or "")
-    if status == "ok":
-        return ""
-    return f"{before}{status}{f': {message}' if message else ''}"
+def _failure(run: Run) -> str:
+    """Why the point failed, after what was said before; empty where it did not."""
+    status, message = str(run.row["status"]), str(run.row["message"] or "")
+    return "" if status == "ok" else f"; {joined(status, message, by=': ')}"
