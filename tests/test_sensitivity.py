@@ -14,7 +14,7 @@ from conftest import COARSE, NOMINAL, build_model
 from reference import MU_C, W1, W2
 
 from squealstudy.errors import ParameterError
-from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve, law_from_values
+from squealstudy.laws import FRICTION_CURVES, ContactLaw, contact_law, friction_curve
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
@@ -55,7 +55,7 @@ def minimal(name: str, friction: float, **state) -> tuple[PreparedModel, DesignS
     """A minimal model, ready for sensitivities."""
     model = MODELS[name]
     values = model.defaults()
-    operating = OperatingPoint(friction, 1.0, 0.5, law_from_values("bilateral", {}))
+    operating = OperatingPoint(friction, 1.0, 0.5, ContactLaw.from_values("bilateral", {}))
     prepared = prepare(model.build({}, values), operating, BasisSettings(LARGE, LARGE, 0.0))
     structure = Structure(partial(model.build, {}), values, LARGE, LARGE)
     return prepared, DesignState(operating, **state), structure

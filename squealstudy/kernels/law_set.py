@@ -9,16 +9,15 @@ from collections.abc import Sequence
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, REGULARISATIONS
-from squealstudy.laws.registry import Definition
+from squealstudy.laws.registry import LawDefinition
 
 CONTACT = tuple(CONTACT_LAWS)
 CURVES = tuple(FRICTION_CURVES)
 SLOPES = tuple(REGULARISATIONS)
-KNOWN: tuple[tuple[Definition, ...], ...] = (CONTACT, CURVES, SLOPES)
-SOURCES = tuple((law.name, law.source) for laws in KNOWN for law in laws)
+SOURCES = tuple((law.name, law.source) for law in (*CONTACT, *CURVES, *SLOPES))
 
 
-def code_of(law: Definition, known: Sequence[Definition]) -> int:
+def code_of(law: LawDefinition, known: Sequence[LawDefinition]) -> int:
     """Place of a law among those that were compiled.
 
     Raises

@@ -7,7 +7,7 @@ get `exponential`, which loops over points can vectorise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType
 from typing import Any
 
@@ -24,61 +24,8 @@ from squealstudy.kernels.newmark_layout import (
     LAW_SLOPE,
 )
 from squealstudy.laws import ContactLawDefinition, FrictionCurveDefinition, Regularisation
+from squealstudy.laws.registry import LawDefinition
 
-HEAD = '''"""Written by squealstudy.kernels.law_text."""
-
-
-@kernel
-def contact_at(law, g):
-{contact_at}
-    return NAN, NAN
-
-
-@fast_kernel
-def potential(law, g):
-{potential}
-    return NAN
-
-
-@fast_kernel
-def pressures(law, gap, x, p, first, last):
-{pressures}
-
-@fast_kernel
-def mean_pressures(law, gap, x, x0, p, first, last):
-{mean_pressures}
-
-@kernel
-def mu_at(law, s, p):
-    if law[{curve}] == {constant}:
-        return law[{mu}], 0.0, 0.0
-{mu_at}
-    return NAN, NAN, NAN
-
-
-@fast_kernel
-def resistance(law, k_t, bound, s):
-{resistance}
-    return NAN
-
-
-@fast_kernel
-def stick_slope(law, k_t, bound, s):
-{slope}
-    return NAN
-
-
-@kernel
-def partials(law, k_t, bound, s):
-{partials}
-    return NAN, NAN, NAN
-
-
-@fast_kernel
-def frictions(law, area, factor, w1, w2, p, t1, t2, first, last):
-    k_t = law[{k_t}]
-{frictions}
-'''
 HIGHEST, LOWEST = 200.0, -700.0  # exp(200) = 7e86 stays finite in every product that follows
 PER_LN2 = 1.0 / math.log(2.0)
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # k LN2_HIGH is exact
@@ -92,35 +39,49 @@ def law_text(
     slopes: Sequence[Regularisation],
 ) -> str:
     """Text of a module that needs the names of `law_names`."""
-    held = range(len(slopes))
-    friction_at = friction_place(contact)
-    by_curve = [f"curve_{c}_mu(s, p, {_row(friction_at, _count(x))})" for c, x in enumerate(curves)]
-    loops = [
-        _friction_loop(c, friction_at, _count(x), r)
-        for c, x in [(CONSTANT, None), *enumerate(curves)]
-        for r in held
+    place = friction_place(contact)
+    gap = [_row(LAW_FIRST, len(law.parameters)) for law in contact]
+    mu = {c: f"curve_{c}_mu(s, p, {_row(place, _count(x))})" for c, x in enumerate(curves)}
+    mu = {CONSTANT: f"law[{LAW_MU}], 0.0, 0.0"} | mu
+    pressure = {c: f"contact_{c}_pressure(g, {row})" for c, row in enumerate(gap)}
+    potential = {c: f"contact_{c}_potential(g, {row})" for c, row in enumerate(gap)}
+    choices = [
+        _choice("@kernel", "contact_at(law, g)", LAW_CONTACT, pressure, 2),
+        _choice("@fast_kernel", "potential(law, g)", LAW_CONTACT, potential, 1),
+        _choice("@kernel", "mu_at(law, s, p)", LAW_CURVE, mu, 3),
+        *(
+            _choice(
+                kind,
+                f"{name}(law, k_t, bound, s)",
+                LAW_REGULARISATION,
+                {r: f"slope_{r}_{name}(k_t, bound, s)" for r in range(len(slopes))},
+                n_out,
+            )
+            for kind, name, n_out in (
+                ("@fast_kernel", "resistance", 1),
+                ("@fast_kernel", "slope", 1),
+                ("@kernel", "partials", 3),
+            )
+        ),
     ]
-    return HEAD.format(
-        curve=LAW_CURVE,
-        constant=CONSTANT,
-        mu=LAW_MU,
-        k_t=LAW_SLOPE,
-        contact_at=_choice(
-            LAW_CONTACT, [_contact(c, x, "pressure") for c, x in enumerate(contact)]
-        ),
-        potential=_choice(
-            LAW_CONTACT, [_contact(c, x, "potential") for c, x in enumerate(contact)]
-        ),
-        pressures="".join(_pressure_loop(c, x) for c, x in enumerate(contact)),
-        mean_pressures="".join(_mean_loop(c, x) for c, x in enumerate(contact)),
-        mu_at=_choice(LAW_CURVE, by_curve),
-        resistance=_choice(
-            LAW_REGULARISATION, [f"slope_{r}_resistance(k_t, bound, s)" for r in held]
-        ),
-        slope=_choice(LAW_REGULARISATION, [f"slope_{r}_slope(k_t, bound, s)" for r in held]),
-        partials=_choice(LAW_REGULARISATION, [f"slope_{r}_partials(k_t, bound, s)" for r in held]),
-        frictions="".join(loops),
-    )
+    loops = {
+        "pressures(law, gap, x, p, first, last)": [
+            _pressure_loop(c, x) for c, x in enumerate(contact)
+        ],
+        "mean_pressures(law, gap, x, x0, p, first, last)": [
+            _mean_loop(c, x) for c, x in enumerate(contact)
+        ],
+        "frictions(law, area, factor, w1, w2, p, t1, t2, first, last)": [
+            f"    k_t = law[{LAW_SLOPE}]\n",
+            *(
+                _friction_loop(c, place, _count(x), r)
+                for c, x in [(CONSTANT, None), *enumerate(curves)]
+                for r in range(len(slopes))
+            ),
+        ],
+    }
+    looping = [f"@fast_kernel\ndef {head}:\n" + "".join(body) for head, body in loops.items()]
+    return "\n\n".join(['"""Written by squealstudy.kernels.law_text."""\n', *choices, *looping])
 
 
 def law_names(
@@ -129,20 +90,16 @@ def law_names(
     slopes: Sequence[Regularisation],
 ) -> dict[str, Any]:
     """The laws' functions, compiled, by the names that `law_text` calls them."""
-    names: dict[str, Any] = {"NAN": math.nan}
     made: dict[Callable[..., Any], Any] = {math.exp: exponential}
-    for code, law in enumerate(contact):
-        names[f"contact_{code}_pressure"] = compiled(law.pressure, made)
-        names[f"contact_{code}_potential"] = compiled(law.potential, made)
-        if law.mean_pressure is not None:
-            names[f"contact_{code}_mean"] = compiled(law.mean_pressure, made)
-    for code, curve in enumerate(curves):
-        names[f"curve_{code}_mu"] = compiled(curve.mu, made)
-    for code, slope in enumerate(slopes):
-        names[f"slope_{code}_resistance"] = compiled(slope.resistance, made)
-        names[f"slope_{code}_slope"] = compiled(slope.slope, made)
-        names[f"slope_{code}_partials"] = compiled(slope.partials, made)
-    return names
+    sorts: dict[str, Sequence[LawDefinition]]
+    sorts = {"contact": contact, "curve": curves, "slope": slopes}
+    names = {
+        f"{sort}_{code}_{field}": compiled(function, made)
+        for sort, laws in sorts.items()
+        for code, law in enumerate(laws)
+        for field, function in law.functions.items()
+    }
+    return names | {"NAN": math.nan}
 
 
 def compiled(function: Callable[..., Any], made: dict[Callable[..., Any], Any]) -> Any:
@@ -175,16 +132,16 @@ def _row(first: int, count: int) -> str:
     return ", ".join(f"law[{first + i}]" for i in range(count))
 
 
-def _choice(place: int, results: Sequence[str]) -> str:
-    lines = (
-        f"    if law[{place}] == {code}:\n        return {r}" for code, r in enumerate(results)
-    )
-    return "\n".join(lines)
+def _values(count: int) -> str:
+    """The same in the variables of a loop."""
+    return ", ".join(f"a{i}" for i in range(count))
 
 
-def _contact(code: int, law: ContactLawDefinition, function: str) -> str:
-    values = "".join(f", law[{LAW_FIRST + i}]" for i in range(len(law.parameters)))
-    return f"contact_{code}_{function}(g{values})"
+def _choice(kind: str, head: str, place: int, results: Mapping[int, str], n_out: int) -> str:
+    """A function that returns the result of the law whose code is in a place of its row."""
+    lines = [f"{kind}\ndef {head}:"]
+    lines += [f"    if law[{place}] == {c}:\n        return {r}" for c, r in results.items()]
+    return "\n".join([*lines, "    return " + ", ".join(["NAN"] * n_out) + "\n"])
 
 
 def _loop(condition: str, first: int, count: int, lines: Sequence[str]) -> str:
@@ -197,8 +154,7 @@ def _loop(condition: str, first: int, count: int, lines: Sequence[str]) -> str:
 
 def _pressure_loop(code: int, law: ContactLawDefinition) -> str:
     count = len(law.parameters)
-    values = "".join(f", a{i}" for i in range(count))
-    line = f"p[i] = contact_{code}_pressure(gap[i] + x[i]{values})[0]"
+    line = f"p[i] = contact_{code}_pressure(gap[i] + x[i], {_values(count)})[0]"
     return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, [line])
 
 
@@ -208,25 +164,23 @@ def _mean_loop(code: int, law: ContactLawDefinition) -> str:
     The middle errs by the square of the relative change then, the difference by the round-off over
     it: both by some 1e-10 where they meet.
     """
-    count = len(law.parameters)
-    values = "".join(f", a{i}" for i in range(count))
+    count, values = len(law.parameters), _values(len(law.parameters))
     lines = ["g, d = gap[i] + x[i], 2.0 * (x[i] - x0[i])"]
     if law.mean_pressure is not None:
-        lines.append(f"p[i] = contact_{code}_mean(g, d{values})")
+        lines.append(f"p[i] = contact_{code}_mean_pressure(g, d, {values})")
     else:
         lines += [
             "if abs(d) <= 1e-5 * abs(g):",
-            f"    p[i] = contact_{code}_pressure(g{values})[0]",
+            f"    p[i] = contact_{code}_pressure(g, {values})[0]",
             "else:",
-            f"    U0 = contact_{code}_potential(g - 0.5 * d{values})",
-            f"    p[i] = (U0 - contact_{code}_potential(g + 0.5 * d{values})) / d",
+            f"    U0 = contact_{code}_potential(g - 0.5 * d, {values})",
+            f"    p[i] = (U0 - contact_{code}_potential(g + 0.5 * d, {values})) / d",
         ]
     return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, lines)
 
 
 def _friction_loop(code: int, first: int, count: int, regularisation: int) -> str:
-    values = "".join(f", a{i}" for i in range(count))
-    mu = "mu" if code == CONSTANT else f"curve_{code}_mu(s, p[i]{values})[0]"
+    mu = "mu" if code == CONSTANT else f"curve_{code}_mu(s, p[i], {_values(count)})[0]"
     lines = [
         "s = math_sqrt(w1[i] * w1[i] + w2[i] * w2[i])",
         f"bound = factor[i] * {mu} * p[i]",

@@ -60,7 +60,7 @@ pressures = _choice.pressures  # (law, gap, x, p, first, last): p of points at g
 mean_pressures = _choice.mean_pressures  # (.., x, x0, p, ..): over a step that began at gap + x0
 mu_at = _choice.mu_at  # (law, s, p) -> mu, dmu/ds [s/m], dmu/dp [1/Pa]
 resistance = _choice.resistance  # (law, k_t, bound, s) -> traction over sliding speed
-stick_slope = _choice.stick_slope  # (law, k_t, bound, s) -> slope to solve a sticking point with
+stick_slope = _choice.slope  # (law, k_t, bound, s) -> slope to solve a sticking point with
 partials = _choice.partials  # (law, k_t, bound, s) -> traction, its derivatives by s and bound
 frictions = _choice.frictions  # (law, area, factor, w1, w2, p, t1, t2, first, last): forces
 

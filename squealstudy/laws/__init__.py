@@ -16,7 +16,6 @@ from squealstudy.laws.contact_law import (
     ContactLaw,
     ContactLawDefinition,
     contact_law,
-    law_from_values,
 )
 from squealstudy.laws.friction_law import (
     FRICTION_CURVES,
@@ -27,10 +26,9 @@ from squealstudy.laws.friction_law import (
     FrictionLaw,
     Number,
     Regularisation,
-    curve_from_values,
     friction_curve,
 )
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 
 __all__ = [
     "CONTACT_LAWS",
@@ -45,9 +43,7 @@ __all__ = [
     "Number",
     "Regularisation",
     "contact_law",
-    "curve_from_values",
     "friction_curve",
-    "law_from_values",
     "register",
 ]
 

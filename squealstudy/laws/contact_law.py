@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from squealstudy.errors import ModelError, ParameterError
-from squealstudy.laws.registry import SHARED, Registry, Sourced, at_points, central_slope
-from squealstudy.parameter import Parameter
+from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
 BISECTIONS = 200
@@ -21,20 +18,18 @@ Scalar = Callable[..., float]
 Pair = Callable[..., tuple[float, float]]
 
 
-@dataclass(frozen=True)
-class ContactLawDefinition(Sourced):
+@dataclass(frozen=True, kw_only=True)
+class ContactLawDefinition(LawDefinition):
     """A contact law p(g) of the gap g [m], positive when open, as functions of one point.
 
     Every function takes the law's parameters behind its other arguments, in their order, as
     floats. Kernels compile those of a point: plain arithmetic, branches and functions of `math`
     imported by name (``from math import exp``; kernels then have one that loops over points
     vectorise). What is None follows from the others, slower or less exactly.
+    Laws share parameters of equal names, which must be equal definitions.
 
     Attributes
     ----------
-    name, description : str
-    parameters : tuple of Parameter
-        Laws share parameters of equal names, which must be equal definitions.
     pressure : (g, ..) -> p [Pa], -dp/dg [Pa/m]
         NaN for a NaN.
     potential : (g, ..) -> U [J/m2]
@@ -55,9 +50,9 @@ class ContactLawDefinition(Sourced):
         Whether an open gap pulls: for contact that is meant to stay closed.
     """
 
-    name: str
-    description: str
-    parameters: tuple[Parameter, ...]
+    registry: ClassVar[Registry[Any]] = Registry("contact law")
+    compiled = ("pressure", "potential", "mean_pressure")
+
     pressure: Pair
     potential: Scalar
     mean_pressure: Scalar | None = None
@@ -68,68 +63,15 @@ class ContactLawDefinition(Sourced):
     slopes: Callable[..., Sequence[tuple[np.ndarray, np.ndarray]]] | None = None
     pulls: bool = False
 
-    @property
-    def functions(self) -> tuple[Callable[..., object], ...]:
-        """Those that kernels compile."""
-        return self.pressure, self.potential, *filter(None, [self.mean_pressure])
 
-    @cached_property
-    def arguments(self) -> tuple[str, ...]:
-        """Short names of the parameters: what `pressure` calls them."""
-        return tuple(inspect.signature(self.pressure).parameters)[1:]
+CONTACT_LAWS: Registry[ContactLawDefinition] = ContactLawDefinition.registry
 
 
-CONTACT_LAWS: Registry[ContactLawDefinition] = Registry("contact law", SHARED.check)
+class ContactLaw(Law[ContactLawDefinition]):
+    """A contact law with values of its parameters."""
 
-
-@dataclass(frozen=True)
-class ContactLaw:
-    """A contact law with values of its parameters.
-
-    Parameters
-    ----------
-    kind : str
-        Name of a registered law.
-    parameters : tuple of float
-        In the order of its definition.
-
-    Raises
-    ------
-    ModelError
-        Unknown law, or a value out of its parameter's bounds.
-    """
-
-    kind: str
-    parameters: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        known = self.definition.parameters
-        if len(known) != len(self.parameters):
-            raise ModelError(f"{self.kind} contact law has {len(known)} parameters")
-        try:
-            checked = tuple(p.check(float(v)) for p, v in zip(known, self.parameters, strict=True))
-        except ParameterError as e:
-            raise ModelError(f"{self.kind} contact law: {e}") from None
-        object.__setattr__(self, "parameters", checked)
-
-    @property
-    def definition(self) -> ContactLawDefinition:
-        """Its functions."""
-        return CONTACT_LAWS[self.kind]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Its parameters, as in study files."""
-        return tuple(p.name for p in self.definition.parameters)
-
-    def value(self, name: str) -> float:
-        """Value of the parameter of that name, as in study files."""
-        return self.parameters[self.names.index(name)]
-
-    def with_value(self, name: str, value: float) -> ContactLaw:
-        """The law with another value of a parameter."""
-        at = self.names.index(name)
-        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
+    registry = CONTACT_LAWS
+    title = "{} contact law"
 
     def evaluate(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pressure p(g) [Pa] and tangent -dp/dg [Pa/m] at gaps g (n,) [m]."""
@@ -196,21 +138,5 @@ class ContactLaw:
 
 
 def contact_law(kind: str = "exponential", **parameters: float) -> ContactLaw:
-    """A law with the named parameters (as its functions call them), the others at their defaults.
-
-    Raises
-    ------
-    ModelError
-        As ContactLaw; a parameter that the law does not have.
-    """
-    law = CONTACT_LAWS[kind]
-    if unknown := parameters.keys() - set(law.arguments):
-        raise ModelError(f"{kind} contact law has {', '.join(law.arguments)}, not {unknown.pop()}")
-    defaults = zip(law.arguments, law.parameters, strict=True)
-    return ContactLaw(kind, tuple(parameters.get(name, p.default) for name, p in defaults))
-
-
-def law_from_values(kind: str, values: Mapping[str, float]) -> ContactLaw:
-    """Contact law of the given kind from the values of a study's parameters."""
-    known = CONTACT_LAWS[kind].parameters
-    return ContactLaw(kind, tuple(values.get(p.name, p.default) for p in known))
+    """`ContactLaw.named`, of the exponential law by default."""
+    return ContactLaw.named(kind, **parameters)

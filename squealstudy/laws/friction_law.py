@@ -8,15 +8,14 @@ at zero sliding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from squealstudy.errors import ModelError, ParameterError
-from squealstudy.laws.registry import SHARED, Registry, Sourced, at_points, central_slope
-from squealstudy.parameter import Parameter
+from squealstudy.errors import ModelError
+from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 Number = float | np.ndarray
 
@@ -33,8 +32,8 @@ class Friction(NamedTuple):
         return self.mu + p * self.by_pressure if np.any(self.by_pressure) else self.mu
 
 
-@dataclass(frozen=True)
-class FrictionCurveDefinition(Sourced):
+@dataclass(frozen=True, kw_only=True)
+class FrictionCurveDefinition(LawDefinition):
     """A friction coefficient over sliding speed s [m/s] and pressure p [Pa]: functions of floats.
 
     Behind s and p they take the study's ``friction`` (the coefficient of fast sliding, which scales
@@ -43,9 +42,6 @@ class FrictionCurveDefinition(Sourced):
 
     Attributes
     ----------
-    name, description : str
-    parameters : tuple of Parameter
-        Beside ``friction``.
     mu : (s, p, friction, ..) -> mu, dmu/ds [s/m], dmu/dp [1/Pa]
     pressure_dependent : bool
         Whether mu depends on p; to say that it does not saves time.
@@ -55,27 +51,21 @@ class FrictionCurveDefinition(Sourced):
         Derivatives by s, p, friction and every parameter; None for central differences.
     """
 
-    name: str
-    description: str
-    parameters: tuple[Parameter, ...]
+    registry: ClassVar[Registry[Any]] = Registry("friction law")
+    compiled = ("mu",)
+
     mu: Callable[..., tuple[float, float, float]]
     pressure_dependent: bool = True
     constant: Callable[..., bool] | None = None
     slopes: Callable[..., Sequence[tuple[float, float, float]]] | None = None
 
-    @property
-    def functions(self) -> tuple[Callable[..., object], ...]:
-        """Those that kernels compile."""
-        return (self.mu,)
 
-
-@dataclass(frozen=True)
-class Regularisation(Sourced):
+@dataclass(frozen=True, kw_only=True)
+class Regularisation(LawDefinition):
     """Friction f(s) about zero sliding, from the slope k_t there to a bound b: functions of floats.
 
     Attributes
     ----------
-    name, description : str
     resistance : (k_t, b, s) -> f / s
         k_t where s = 0, 0 where b <= 0; without branches, so that loops over points vectorise.
     slope : (k_t, b, s) -> [N s/m3]
@@ -86,63 +76,24 @@ class Regularisation(Sourced):
         k_t s over b from which on f is the bound.
     """
 
-    name: str
-    description: str
+    registry: ClassVar[Registry[Any]] = Registry("regularisation of friction")
+    compiled = ("resistance", "slope", "partials")
+
     resistance: Callable[[float, float, float], float]
     slope: Callable[[float, float, float], float]
     partials: Callable[[float, float, float], tuple[float, float, float]]
     saturation: float
-    parameters: tuple[Parameter, ...] = ()
-
-    @property
-    def functions(self) -> tuple[Callable[..., object], ...]:
-        """Those that kernels compile."""
-        return self.resistance, self.slope, self.partials
 
 
-FRICTION_CURVES: Registry[FrictionCurveDefinition] = Registry("friction law", SHARED.check)
-REGULARISATIONS: Registry[Regularisation] = Registry("regularisation of friction", SHARED.check)
+FRICTION_CURVES: Registry[FrictionCurveDefinition] = FrictionCurveDefinition.registry
+REGULARISATIONS: Registry[Regularisation] = Regularisation.registry
 
 
-@dataclass(frozen=True)
-class FrictionCurve:
-    """A friction curve with values of its parameters.
+class FrictionCurve(Law[FrictionCurveDefinition]):
+    """A friction curve with values of its parameters."""
 
-    Parameters
-    ----------
-    kind : str
-        Name of a registered curve.
-    parameters : tuple of float
-        In the order of its definition.
-
-    Raises
-    ------
-    ModelError
-        Unknown curve, or a value out of its parameter's bounds.
-    """
-
-    kind: str
-    parameters: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        known = self.definition.parameters
-        if len(known) != len(self.parameters):
-            raise ModelError(f"friction law {self.kind} has {len(known)} parameters")
-        try:
-            checked = tuple(p.check(float(v)) for p, v in zip(known, self.parameters, strict=True))
-        except ParameterError as e:
-            raise ModelError(f"friction law {self.kind}: {e}") from None
-        object.__setattr__(self, "parameters", checked)
-
-    @property
-    def definition(self) -> FrictionCurveDefinition:
-        """Its functions."""
-        return FRICTION_CURVES[self.kind]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Its parameters, as in study files."""
-        return tuple(p.name for p in self.definition.parameters)
+    registry = FRICTION_CURVES
+    title = "friction law {}"
 
     @property
     def constant(self) -> bool:
@@ -154,15 +105,6 @@ class FrictionCurve:
     def pressure_dependent(self) -> bool:
         """Whether mu may differ from point to point."""
         return self.definition.pressure_dependent and not self.constant
-
-    def value(self, name: str) -> float:
-        """Value of the parameter of that name, as in study files."""
-        return self.parameters[self.names.index(name)]
-
-    def with_value(self, name: str, value: float) -> FrictionCurve:
-        """The curve with another value of a parameter."""
-        at = self.names.index(name)
-        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
 
     def at(self, friction: float, s: float, p: np.ndarray) -> Friction:
         """Coefficient at a sliding speed s [m/s] and pressures p (n,) [Pa].
@@ -245,15 +187,5 @@ class FrictionLaw:
 
 
 def friction_curve(kind: str = "exponential_fall", **parameters: float) -> FrictionCurve:
-    """A curve with the named parameters (the last part of their names), the others at defaults."""
-    law = FRICTION_CURVES[kind]
-    short = {p.name.rpartition(".")[2]: p.default for p in law.parameters}
-    if unknown := parameters.keys() - short.keys():
-        raise ModelError(f"friction law {kind} has {', '.join(short)}, not {unknown.pop()}")
-    return FrictionCurve(kind, tuple((short | parameters).values()))
-
-
-def curve_from_values(kind: str, values: Mapping[str, float]) -> FrictionCurve:
-    """Friction curve of the given kind from the values of a study's parameters."""
-    known = FRICTION_CURVES[kind].parameters
-    return FrictionCurve(kind, tuple(values.get(p.name, p.default) for p in known))
+    """`FrictionCurve.named`, of the curve that falls with speed by default."""
+    return FrictionCurve.named(kind, **parameters)

@@ -1,83 +1,94 @@
-"""Registers of laws: what a study may name, and nothing else."""
+"""What laws of every sort have in common: their definitions, registers, and values of parameters.
+
+A study may name what is registered, and nothing else.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from squealstudy.errors import ModelError
-from squealstudy.extensions import PACKAGE
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.extensions import PACKAGE, remember
 from squealstudy.parameter import Parameter
 
 LENGTH = 16  # of a source's hash
 STEP = 1e-6  # of central differences, relative
 
 
-class Definition(Protocol):
-    """What every law has, whatever it is a law of."""
+@dataclass(frozen=True, kw_only=True)
+class LawDefinition:
+    """A law as functions of one contact point; its identity is the file of these functions.
+
+    Attributes
+    ----------
+    name : str
+        As in study files.
+    description : str
+    parameters : tuple of Parameter
+        In the order in which the functions take their values, behind their other arguments.
+    """
+
+    registry: ClassVar[Registry[Any]]
+    compiled: ClassVar[tuple[str, ...]]  # fields of functions for kernels, one at least given
+
+    name: str
+    description: str
+    parameters: tuple[Parameter, ...] = ()
 
     @property
-    def name(self) -> str:
-        """As in study files."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """In the order in which its functions take their values."""
-
-    @property
-    def source(self) -> str:
-        """Hash of the file that holds it."""
-
-    @property
-    def in_package(self) -> bool:
-        """Whether that file is one of the package."""
-
-
-D = TypeVar("D", bound=Definition)
-
-
-class Sourced:
-    """A definition whose identity is the file of its functions."""
-
-    @property
-    def functions(self) -> tuple[Callable[..., Any], ...]:
-        """Those that kernels compile."""
-        raise NotImplementedError
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """Those that kernels compile, by their fields; what is None is left out."""
+        found = {name: getattr(self, name) for name in self.compiled}
+        return {name: function for name, function in found.items() if function is not None}
 
     @cached_property
     def source(self) -> str:
         """Hash of the file that holds the functions; ModelError where they have none."""
-        return source_of(self.functions[0])
+        function = self.main_function
+        path = Path(inspect.getfile(function))
+        try:
+            return hashlib.sha256(path.read_bytes()).hexdigest()[:LENGTH]
+        except OSError:
+            raise ModelError(
+                f"function '{function.__name__}' of a law must be in a file of Python, which "
+                f"kernels can be compiled from, not in {path}"
+            ) from None
 
     @cached_property
     def in_package(self) -> bool:
         """Whether that file is one of the package."""
-        return Path(inspect.getfile(self.functions[0])).resolve().is_relative_to(PACKAGE)
+        return Path(inspect.getfile(self.main_function)).resolve().is_relative_to(PACKAGE)
+
+    @cached_property
+    def arguments(self) -> tuple[str, ...]:
+        """Short names of the parameters: what the functions call them."""
+        names = tuple(inspect.signature(self.main_function).parameters)
+        return names[len(names) - len(self.parameters) :]
+
+    @property
+    def main_function(self) -> Callable[..., Any]:
+        """The first of those, which every law of the sort has."""
+        return next(iter(self.functions.values()))
 
 
-def source_of(function: Callable[..., Any]) -> str:
-    """Hash of the file of a function; ModelError where it was not written in a file."""
-    path = Path(inspect.getfile(function))
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:LENGTH]
-    except OSError:
-        raise ModelError(
-            f"function '{function.__name__}' of a law must be in a file of Python, which kernels "
-            f"can be compiled from, not in {path}"
-        ) from None
+D = TypeVar("D", bound=LawDefinition)
 
 
 class Registry(Generic[D]):
     """The laws of one sort by name; codes for kernels are their places in it."""
 
-    def __init__(self, sort: str, checked: Callable[[Parameter], None]) -> None:
-        self.sort, self._checked = sort, checked
+    shared: ClassVar[dict[str, Parameter]] = {}  # of laws of all sorts
+
+    def __init__(self, sort: str) -> None:
+        self.sort = sort
         self._known: dict[str, D] = {}
 
     def add(self, definition: D) -> None:
@@ -92,7 +103,10 @@ class Registry(Generic[D]):
         if known is not None and known.source != definition.source:
             raise ModelError(f"there is another {self.sort} '{definition.name}'")
         for parameter in definition.parameters:
-            self._checked(parameter)
+            if self.shared.setdefault(parameter.name, parameter) != parameter:
+                raise ModelError(
+                    f"parameter '{parameter.name}' is defined otherwise by another law"
+                )
         self._known[definition.name] = definition
 
     def __getitem__(self, name: str) -> D:
@@ -119,19 +133,96 @@ class Registry(Generic[D]):
         return {p.name for p in self.parameters()} - within
 
 
-class SharedParameters:
-    """Parameters of all laws: equal names are equal definitions."""
+def register(law: D) -> D:
+    """Make a contact law, a friction curve or a regularisation known by its name; returns it.
 
-    def __init__(self) -> None:
-        self._known: dict[str, Parameter] = {}
+    Raises
+    ------
+    ModelError
+        Another law of that name, a parameter that another law defines otherwise, or functions
+        that were not written in a file.
+    ExtensionError
+        Functions of the program itself: workers could not execute them.
+    """
+    remember(law.main_function)
+    law.registry.add(law)
+    return law
 
-    def check(self, parameter: Parameter) -> None:
-        """Remember a parameter; ModelError where its name means another one."""
-        if self._known.setdefault(parameter.name, parameter) != parameter:
-            raise ModelError(f"parameter '{parameter.name}' is defined otherwise by another law")
 
+@dataclass(frozen=True)
+class Law(Generic[D]):
+    """A law with values of its parameters.
 
-SHARED = SharedParameters()
+    Parameters
+    ----------
+    kind : str
+        Name of a registered law.
+    parameters : tuple of float
+        In the order of its definition.
+
+    Raises
+    ------
+    ModelError
+        Unknown law, or a value out of its parameter's bounds.
+    """
+
+    registry: ClassVar[Registry[Any]]
+    title: ClassVar[str]  # in messages, {} for the kind
+
+    kind: str
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        known, title = self.definition.parameters, self.title.format(self.kind)
+        if len(known) != len(self.parameters):
+            raise ModelError(f"{title} has {len(known)} parameters")
+        try:
+            checked = tuple(p.check(float(v)) for p, v in zip(known, self.parameters, strict=True))
+        except ParameterError as e:
+            raise ModelError(f"{title}: {e}") from None
+        object.__setattr__(self, "parameters", checked)
+
+    @classmethod
+    def named(cls, kind: str, **parameters: float) -> Self:
+        """A law with the named parameters (as its functions call them), the others at defaults.
+
+        Raises
+        ------
+        ModelError
+            As the class; a parameter that the law does not have.
+        """
+        law = cls.registry[kind]
+        if unknown := parameters.keys() - set(law.arguments):
+            has = ", ".join(law.arguments)
+            raise ModelError(f"{cls.title.format(kind)} has {has}, not {unknown.pop()}")
+        defaults = zip(law.arguments, law.parameters, strict=True)
+        return cls(kind, tuple(parameters.get(name, p.default) for name, p in defaults))
+
+    @classmethod
+    def from_values(cls, kind: str, values: Mapping[str, float]) -> Self:
+        """The law of that name from the values of a study's parameters."""
+        known = cls.registry[kind].parameters
+        return cls(kind, tuple(values.get(p.name, p.default) for p in known))
+
+    @property
+    def definition(self) -> D:
+        """Its functions."""
+        found: D = self.registry[self.kind]
+        return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its parameters, as in study files."""
+        return tuple(p.name for p in self.definition.parameters)
+
+    def value(self, name: str) -> float:
+        """Value of the parameter of that name, as in study files."""
+        return self.parameters[self.names.index(name)]
+
+    def with_value(self, name: str, value: float) -> Self:
+        """The law with another value of a parameter."""
+        at = self.names.index(name)
+        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
 
 
 def at_points(function: Callable[..., Any], n_out: int, *arguments: Any) -> np.ndarray:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from squealstudy.laws import (
     CONTACT_LAWS,
     FRICTION_CURVES,
-    curve_from_values,
-    law_from_values,
+    ContactLaw,
+    FrictionCurve,
 )
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
@@ -100,8 +100,8 @@ class DesignPoint:
             friction=v["friction"],
             brake_pressure=v.get("pressure", 1.0),
             sliding_speed=v["sliding_speed"],
-            law=law_from_values(self.law_kind, v),
-            curve=curve_from_values(self.curve_kind, v),
+            law=ContactLaw.from_values(self.law_kind, v),
+            curve=FrictionCurve.from_values(self.curve_kind, v),
         )
 
     def state(self) -> DesignState:

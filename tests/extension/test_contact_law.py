@@ -17,7 +17,7 @@ from squealstudy.errors import ExtensionError, ModelError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.laws import CONTACT_LAWS, contact_law, register
 from squealstudy.laws.contact.exponential import P0
-from squealstudy.laws.registry import SHARED
+from squealstudy.laws.registry import Registry
 from squealstudy.study.definition import parse_study
 
 FILE = "my_contact_law.py"
@@ -105,7 +105,7 @@ kernels.law_row(contact_law("cubic"), FrictionLaw(0.5, 1.0), 1.0)
 def _registers(monkeypatch):
     """What the tests register in this process ends with them."""
     monkeypatch.setattr(CONTACT_LAWS, "_known", dict(CONTACT_LAWS._known))
-    monkeypatch.setattr(SHARED, "_known", dict(SHARED._known))
+    monkeypatch.setattr(Registry, "shared", dict(Registry.shared))
 
 
 def parsed(tmp_path, names):

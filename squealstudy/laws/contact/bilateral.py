@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.laws.contact.unilateral import STIFFNESS, gap_at, gap_scale
 from squealstudy.laws.contact_law import ContactLawDefinition
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 
 
 def pressure(g: float, stiffness: float) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from math import exp, log
 import numpy as np
 
 from squealstudy.laws.contact_law import MAX_EXPONENT, ContactLawDefinition
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 P0 = Parameter("contact.p0", 1e5, "Pa", "exponential law: pressure at zero gap", positive=True)

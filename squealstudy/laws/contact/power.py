@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.laws.contact.unilateral import STIFFNESS
 from squealstudy.laws.contact_law import ContactLawDefinition
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 EXPONENT = Parameter("contact.exponent", 1.5, "", "power law: exponent", minimum=1.0, maximum=10.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.laws.contact_law import ContactLawDefinition
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 STIFFNESS = Parameter(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import exp
 
 from squealstudy.laws.friction_law import FrictionCurveDefinition
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 STATIC_RATIO = Parameter(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from squealstudy.laws.friction_law import Regularisation
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 
 
 def resistance(k_t: float, bound: float, s: float) -> float:

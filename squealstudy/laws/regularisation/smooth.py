@@ -6,7 +6,7 @@ from math import exp, tanh
 
 from squealstudy.laws.contact_law import MAX_EXPONENT
 from squealstudy.laws.friction_law import Regularisation
-from squealstudy.laws.registration import register
+from squealstudy.laws.registry import register
 
 
 def resistance(k_t: float, bound: float, s: float) -> float:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from squealstudy.laws import curve_from_values
+from squealstudy.laws import FrictionCurve
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
 from squealstudy.models.operating import (
@@ -48,7 +48,7 @@ PARAMETERS: Declared = (
 
 def _friction(values: Mapping[str, float]) -> float:
     """The coefficient at the sliding speed."""
-    curve = curve_from_values("exponential_fall", values)
+    curve = FrictionCurve.from_values("exponential_fall", values)
     return float(curve.at(values["friction"], values["sliding_speed"], np.zeros(1)).mu)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.laws import ContactLaw, law_from_values
+from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import (
     Assembly,
     Component,
@@ -237,7 +237,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
         for name in COMPONENTS
     )
     interfaces = BrakeInterfaces(mesher, solids, components)
-    law = law_from_values(str(options["contact_law"]), values)
+    law = ContactLaw.from_values(str(options["contact_law"]), values)
     load = interfaces.brake_load()
     return Assembly(
         components,
