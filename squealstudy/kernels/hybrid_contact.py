@@ -15,6 +15,7 @@ import numpy as np
 
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
+from squealstudy.kernels.hybrid_layout import Contact, Limits
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
@@ -41,53 +42,36 @@ def quadratic_form(G: np.ndarray, x: np.ndarray) -> float:
 
 
 @fast_kernel
-def evaluate(
-    points: np.ndarray,
-    law: np.ndarray,
-    half: float,
-    x_base: np.ndarray,
-    y: np.ndarray,
-    r: np.ndarray,
-    point: np.ndarray,
-    F: np.ndarray,
-) -> tuple[float, float]:
+def friction_bound2(points: np.ndarray, law: np.ndarray, trial: np.ndarray, i: int) -> float:
+    """Square of the friction bound of point i at the typical large coefficient, N^2."""
+    own = points[i]
+    bound = own[its.POINT_AREA] * own[its.POINT_FRICTION] * law[its.LAW_MU] * trial[i, its.OUT_P]
+    return bound * bound
+
+
+@fast_kernel
+def evaluate(contact: Contact, F: np.ndarray) -> tuple[float, float]:
     """Imbalance F (3 nc,) of all points; squares of its friction part and of the bounds."""
     change2 = 0.0
     bounds2 = 0.0
-    for i in range(points.shape[0]):
+    for i in range(contact.points.shape[0]):
         a = 3 * i
         own = F[a : a + 3]
-        imbalance(points[i], law, half, x_base[i], y[a : a + 3], r[a : a + 3], point[i, :6], own)
+        imbalance(contact, i, contact.y[a : a + 3], contact.r[a : a + 3], own)
         change2 += own[1] * own[1] + own[2] * own[2]
-        bound = (
-            points[i, its.POINT_AREA]
-            * points[i, its.POINT_FRICTION]
-            * law[its.LAW_MU]
-            * point[i, its.OUT_P]
-        )
-        bounds2 += bound * bound
+        bounds2 += friction_bound2(contact.points, contact.law, contact.trial, i)
     return change2, bounds2
 
 
 @fast_kernel
 def sweep(
-    points: np.ndarray,
-    law: np.ndarray,
-    half: float,
-    G: np.ndarray,
-    x_base: np.ndarray,
-    y: np.ndarray,
-    r: np.ndarray,
-    point: np.ndarray,
-    scratch: np.ndarray,
-    least: float,
-    least_t: float,
+    contact: Contact, G: np.ndarray, scratch: np.ndarray, least: float, least_t: float
 ) -> None:
     """One Gauss-Seidel sweep over the points whose squared imbalances exceed the two limits."""
-    F, block = np.empty(3), np.empty((3, 3))
-    for i in range(points.shape[0]):
+    F, block, y, r = np.empty(3), np.empty((3, 3)), contact.y, contact.r
+    for i in range(contact.points.shape[0]):
         a = 3 * i
-        imbalance(points[i], law, half, x_base[i], y[a : a + 3], r[a : a + 3], point[i, :6], F)
+        imbalance(contact, i, y[a : a + 3], r[a : a + 3], F)
         e2 = 0.0
         for b in range(3):
             for c in range(3):
@@ -95,17 +79,7 @@ def sweep(
                 e2 += F[b] * block[b, c] * F[c]
         if e2 <= least and F[1] * F[1] + F[2] * F[2] <= least_t:
             continue
-        solve_point(
-            points[i],
-            law,
-            half,
-            x_base[i],
-            block,
-            y[a : a + 3],
-            r[a : a + 3],
-            scratch,
-            point[i, :6],
-        )
+        solve_point(contact, i, block, scratch)
         for b in range(3):
             change = scratch[0, b]
             r[a + b] += change
@@ -116,97 +90,64 @@ def sweep(
 
 @fast_kernel
 def contact_iteration(
-    points: np.ndarray,
-    law: np.ndarray,
-    half: float,
-    G: np.ndarray,
-    floor2: float,
-    x_base: np.ndarray,
-    y: np.ndarray,
-    r: np.ndarray,
-    point: np.ndarray,
-    scale2: float,
-    tolerance: float,
-    tolerance_t: float,
-    max_iterations: int,
+    contact: Contact, G: np.ndarray, floor2: float, scale2: float, limits: Limits
 ) -> tuple[int, int, float]:
     """Balance the forces r (3 nc,) with the velocities y (3 nc,), both changed in place.
 
-    Accepted where the imbalance F is below `tolerance` of the contact and inertia forces (their
-    square is `scale2`), in the metric of G, and its friction part below `tolerance_t` of the
-    friction bounds: the criteria of the modal kernel. Returns the outcome, the number of
-    evaluations of all points and the largest ratio of imbalances over a sweep.
+    Accepted where the imbalance F is below the tolerance of the contact and inertia forces (their
+    square is `scale2`), in the metric of G, and its friction part below that of the friction
+    bounds: the criteria of the modal kernel. Returns the outcome, the number of evaluations of all
+    points and the largest ratio of imbalances over a sweep.
     """
-    nc = points.shape[0]
+    nc = contact.points.shape[0]
     scratch = np.empty((10, 3))
-    F = np.empty(r.size)
-    tol2, tol2_t = tolerance * tolerance, tolerance_t * tolerance_t
+    F = np.empty(contact.r.size)
+    limit = limits.tolerance * limits.tolerance * scale2 + floor2
     share = FIRST_SHARE * FIRST_SHARE
     contraction = 0.0
     e2_old = 0.0
-    for iteration in range(max_iterations):
-        change2, bounds2 = evaluate(points, law, half, x_base, y, r, point, F)
+    for iteration in range(limits.max_iterations):
+        change2, bounds2 = evaluate(contact, F)
         e2 = quadratic_form(G, F)
         if not (e2 < BIG and scale2 < BIG and change2 < BIG and bounds2 < BIG):
             return at.NOT_FINITE, iteration + 1, contraction
-        limit, limit_t = tol2 * scale2 + floor2, tol2_t * bounds2
+        limit_t = limits.tolerance_t * limits.tolerance_t * bounds2
         if e2 <= limit and change2 <= limit_t:
             return at.ACCEPTED, iteration + 1, contraction
         if iteration > 0 and e2_old > floor2:
             contraction = max(contraction, (e2 / e2_old) ** 0.5)
         e2_old = e2
-        sweep(
-            points,
-            law,
-            half,
-            G,
-            x_base,
-            y,
-            r,
-            point,
-            scratch,
-            share * limit / nc,
-            share * limit_t / nc,
-        )
+        sweep(contact, G, scratch, share * limit / nc, share * limit_t / nc)
         share *= NEXT_SHARE * NEXT_SHARE
-    return at.NOT_CONVERGED, max_iterations, contraction
+    return at.NOT_CONVERGED, limits.max_iterations, contraction
 
 
 @fast_kernel
-def point_force(
-    point: np.ndarray, law: np.ndarray, x: float, v1: float, v2: float, out: np.ndarray
-) -> tuple[float, float, float]:
-    """Generalised forces (rn, r1, r2) [N] of one point beyond the base state, for B^T r.
+def imbalance(contact: Contact, i: int, y: np.ndarray, r: np.ndarray, F: np.ndarray) -> float:
+    """F = f(y) - r of point i, its square; y, r and F (3,).
 
-    Parameters
-    ----------
-    point : ndarray (8,), law : ndarray (N_LAW,)
-        See hybrid_layout.
-    x, v1, v2 : float
-        N q [m], T1 q' and T2 q' [m/s].
-    out : ndarray (6,)
-        Filled with the absolute state: columns newmark_layout.OUT_*.
-
-    Notes
-    -----
-    rn contains + k_ref x: the tangent at the reference is inside K.
+    Its row of `trial` gets the absolute state: columns newmark_layout.OUT_*. The normal force
+    contains + k_ref x: the tangent at the reference is inside K.
     """
-    area, w1 = point[its.POINT_AREA], law[its.LAW_SPEED] + v1
+    point, law, trial = contact.points[i], contact.law, contact.trial[i]
+    x, w1, w2 = contact.x_base[i] + contact.half * y[0], law[its.LAW_SPEED] + y[1], y[2]
+    area = point[its.POINT_AREA]
     p, _ = contact_at(law, point[its.POINT_GAP] + x)
-    t1, t2, _ = friction_at(law, point[its.POINT_FRICTION], p, w1, v2)
+    t1, t2, _ = friction_at(law, point[its.POINT_FRICTION], p, w1, w2)
     t1 *= area
     t2 *= area
-    out[its.OUT_X], out[its.OUT_W1], out[its.OUT_W2] = x, w1, v2
-    out[its.OUT_P], out[its.OUT_T1], out[its.OUT_T2] = p, t1, t2
-    rn = area * p - point[its.POINT_NORMAL] + point[its.POINT_STIFFNESS] * x
-    return rn, t1 - point[its.POINT_T1], t2 - point[its.POINT_T2]
+    trial[its.OUT_X], trial[its.OUT_W1], trial[its.OUT_W2] = x, w1, w2
+    trial[its.OUT_P], trial[its.OUT_T1], trial[its.OUT_T2] = p, t1, t2
+    F[0] = area * p - point[its.POINT_NORMAL] + point[its.POINT_STIFFNESS] * x - r[0]
+    F[1] = t1 - point[its.POINT_T1] - r[1]
+    F[2] = t2 - point[its.POINT_T2] - r[2]
+    return F[0] * F[0] + F[1] * F[1] + F[2] * F[2]
 
 
 @fast_kernel
-def tangent(
-    point: np.ndarray, law: np.ndarray, half: float, trial: np.ndarray, D: np.ndarray
-) -> None:
-    """Derivative D (3, 3) of a point's forces by its velocities, at its evaluated state `trial`."""
+def tangent(contact: Contact, i: int, D: np.ndarray) -> None:
+    """Derivative D (3, 3) of a point's forces by its velocities, at its evaluated state."""
+    point, law, trial, half = contact.points[i], contact.law, contact.trial[i], contact.half
     area = point[its.POINT_AREA]
     _, kappa = contact_at(law, point[its.POINT_GAP] + trial[its.OUT_X])
     d11, d12, d22, f1, f2 = friction_tangent(
@@ -239,51 +180,25 @@ def solve3(A: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
 
 
 @fast_kernel
-def imbalance(
-    point: np.ndarray,
-    law: np.ndarray,
-    half: float,
-    x_base: float,
-    y: np.ndarray,
-    r: np.ndarray,
-    trial: np.ndarray,
-    F: np.ndarray,
-) -> float:
-    """F = f(y) - r of one point into (3,), its square; the gap is x_base + half y[0]."""
-    rn, r1, r2 = point_force(point, law, x_base + half * y[0], y[1], y[2], trial)
-    F[0], F[1], F[2] = rn - r[0], r1 - r[1], r2 - r[2]
-    return F[0] * F[0] + F[1] * F[1] + F[2] * F[2]
-
-
-@fast_kernel
-def solve_point(
-    point: np.ndarray,
-    law: np.ndarray,
-    half: float,
-    x_base: float,
-    G: np.ndarray,
-    y0: np.ndarray,
-    r0: np.ndarray,
-    scratch: np.ndarray,
-    trial: np.ndarray,
-) -> None:
+def solve_point(contact: Contact, i: int, G: np.ndarray, scratch: np.ndarray) -> None:
     """Change of one point's forces, row 0 of `scratch` (10, 3), that balances it.
 
-    G (3, 3) is its own block, y0 and r0 (3,) its velocities and forces before.
+    G (3, 3) is its own block.
     """
+    y0, r0 = contact.y[3 * i : 3 * i + 3], contact.r[3 * i : 3 * i + 3]
     change, y, r, F = scratch[0], scratch[1], scratch[2], scratch[3]
     D, A = scratch[4:7], scratch[7:10]
     change[:] = 0.0
     y[0], y[1], y[2] = y0[0], y0[1], y0[2]
     r[0], r[1], r[2] = r0[0], r0[1], r0[2]
-    F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+    F2 = imbalance(contact, i, y, r, F)
     step = np.empty(3)
-    normal = trial[its.OUT_P] * point[its.POINT_AREA]
+    normal = contact.trial[i, its.OUT_P] * contact.points[i, its.POINT_AREA]
     enough = LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + ROUND_OFF * ROUND_OFF * normal * normal
     for _ in range(LOCAL_ITERATIONS):
         if not (enough < F2 < BIG):
             return
-        tangent(point, law, half, trial, D)
+        tangent(contact, i, D)
         for a in range(3):
             for b in range(3):
                 A[a, b] = -(D[a, 0] * G[0, b] + D[a, 1] * G[1, b] + D[a, 2] * G[2, b])
@@ -298,7 +213,7 @@ def solve_point(
                 y[a] = y0[a]
                 for b in range(3):
                     y[a] += G[a, b] * (r[b] - r0[b])
-            F2 = imbalance(point, law, half, x_base, y, r, trial, F)
+            F2 = imbalance(contact, i, y, r, F)
             if before > F2 or length < SHORTEST:
                 break
             length *= 0.5

@@ -31,10 +31,6 @@ N_MODES = 6
 LEFT, R, R_GUESS, FOUND, Y, Y_END, PAST = 0, 1, 2, 3, 4, 5, 6
 MOST_TIMES = 5
 N_ROWS = PAST + MOST_TIMES
-# columns of State.point (nc,) after newmark_layout.OUT_* of the trial state: w1, w2, t1, t2 and
-# change of gap accepted last
-OLD_W1, OLD_W2, OLD_T1, OLD_T2, OLD_X = 6, 7, 8, 9, 10
-N_POINT = 11
 # State.work: work of the loads and of the belt, dissipation by friction and damping, J
 W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 0, 1, 2, 3
 
@@ -81,5 +77,25 @@ class State(NamedTuple):
     vectors: np.ndarray  # (N_VECTORS, n)
     modes: np.ndarray  # (N_MODES, m)
     rows: np.ndarray  # (N_ROWS, 3 nc + k)
-    point: np.ndarray  # (nc, N_POINT)
+    point: np.ndarray  # (nc, N_POINT_GAP) columns of newmark_layout: OUT_*, OLD_*, X_START
     work: np.ndarray  # (4,) J
+
+
+class Contact(NamedTuple):
+    """The contact points in the iteration of a step, which changes y, r and trial."""
+
+    points: np.ndarray  # (nc, 8) columns newmark_layout.POINT_*
+    law: np.ndarray  # (N_LAW,)
+    half: float  # s, by which velocities move the gaps
+    x_base: np.ndarray  # (nc,) changes of gap without these velocities
+    y: np.ndarray  # (3 nc,) velocities at the end of the step
+    r: np.ndarray  # (3 nc,) forces there
+    trial: np.ndarray  # (nc, N_POINT_GAP) its columns newmark_layout.OUT_*
+
+
+class Limits(NamedTuple):
+    """When a step is balanced."""
+
+    tolerance: float  # of forces, relative to those of contact and inertia
+    tolerance_t: float  # of friction forces, relative to their bounds
+    max_iterations: int

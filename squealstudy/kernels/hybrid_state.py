@@ -6,13 +6,12 @@ import numpy as np
 
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
-from squealstudy.kernels.hybrid_contact import evaluate
-from squealstudy.kernels.hybrid_layout import Hybrid, Level, State
+from squealstudy.kernels.hybrid_contact import BIG, evaluate
+from squealstudy.kernels.hybrid_layout import Contact, Hybrid, Level, State
 from squealstudy.kernels.hybrid_step import multiply
-from squealstudy.kernels.jit import fast_kernel, kernel
-from squealstudy.kernels.laws import mu_at, potential
-
-OPEN = 0.01  # a point is open below this share of the mean pressure
+from squealstudy.kernels.jit import kernel
+from squealstudy.kernels.newmark_output import contact_energy, contact_row, contact_work
+from squealstudy.kernels.newmark_step import keep_points
 
 
 @kernel
@@ -24,23 +23,25 @@ def start(model: Hybrid, state: State) -> bool:
     multiply(model.K, x[at.V], x[at.KV])
     multiply(model.B, x[at.Q], rows[at.Y])
     x_base = rows[at.Y, 0 : 3 * nc : 3].copy()
-    point[:, at.OLD_X] = x_base
+    point[:, its.X_START] = x_base
     multiply(model.B, x[at.V], rows[at.Y])
     forces = rows[at.PAST, : 3 * nc]
     forces[:] = 0.0
     y = rows[at.Y, : 3 * nc]
     F = np.empty(3 * nc)
-    change2, bounds2 = evaluate(model.points, model.law, 0.0, x_base, y, forces, point, F)
+    contact = Contact(
+        points=model.points, law=model.law, half=0.0, x_base=x_base, y=y, r=forces, trial=point
+    )
+    change2, bounds2 = evaluate(contact, F)
     forces[:] = F
     for a in range(k):
         rows[at.PAST, 3 * nc + a] = -model.d[a] * rows[at.Y, 3 * nc + a]
     rows[at.LEFT] = rows[at.PAST]
-    for i in range(nc):
-        keep_point(point[i])
+    keep_points(point.T, 0.0)
     total = 0.0
     for i in range(3 * nc):
         total += forces[i] * forces[i]
-    return total < 1e290 and change2 < 1e290 and bounds2 < 1e290
+    return total < BIG and change2 < BIG and bounds2 < BIG
 
 
 @kernel
@@ -73,86 +74,29 @@ def commit(model: Hybrid, level: Level, state: State) -> None:
         seen = rows[at.Y_END, own] + rows[at.Y, own]
         damped += model.d[a] * seen * seen
     state.work[at.D_DAMPING] += 0.25 * h * damped
-    add_contact_work(model, state, h)
+    load, belt, sliding = contact_work(model.points.T, model.law, point.T, 0.0)
+    state.work[at.W_LOAD] += 0.5 * h * load
+    state.work[at.W_BELT] += 0.5 * h * belt
+    state.work[at.D_FRICTION] -= 0.25 * h * sliding
+    keep_points(point.T, h)
     for i in range(nc):
-        point[i, at.OLD_X] += 0.5 * h * (rows[at.Y, 3 * i] + rows[at.Y_END, 3 * i])
+        point[i, its.X_START] += 0.5 * h * (rows[at.Y, 3 * i] + rows[at.Y_END, 3 * i])
     rows[at.Y] = rows[at.Y_END]
     for age in range(at.MOST_TIMES - 1, 0, -1):
         rows[at.PAST + age] = rows[at.PAST + age - 1]
     rows[at.PAST] = rows[at.FOUND]
-    rows[at.LEFT] = (
-        2.0 * rows[at.FOUND] - rows[at.R]
-    )  # the impulse of what this step left out is not lost
-
-
-@fast_kernel
-def add_contact_work(model: Hybrid, state: State, h: float) -> None:
-    """Work at the contact points over a step, by the trapezoidal rule; remembers their state."""
-    belt = 0.0
-    sliding = 0.0
-    load = 0.0
-    speed = model.law[its.LAW_SPEED]
-    point = state.point
-    for i in range(point.shape[0]):
-        own, base = point[i], model.points[i]
-        w1, w2 = own[at.OLD_W1] + own[its.OUT_W1], own[at.OLD_W2] + own[its.OUT_W2]
-        t1, t2 = own[at.OLD_T1] + own[its.OUT_T1], own[at.OLD_T2] + own[its.OUT_T2]
-        belt += t1
-        sliding += w1 * t1 + w2 * t2
-        load -= base[its.POINT_T1] * (w1 - 2.0 * speed) + base[its.POINT_T2] * w2
-        keep_point(own)
-    state.work[at.W_LOAD] += 0.5 * h * load
-    state.work[at.W_BELT] -= 0.5 * h * speed * belt
-    state.work[at.D_FRICTION] -= 0.25 * h * sliding
-
-
-@fast_kernel
-def keep_point(own: np.ndarray) -> None:
-    """The trial state of a point is accepted."""
-    own[at.OLD_W1], own[at.OLD_W2] = own[its.OUT_W1], own[its.OUT_W2]
-    own[at.OLD_T1], own[at.OLD_T2] = own[its.OUT_T1], own[its.OUT_T2]
+    # the impulse of what this step left out is not lost
+    rows[at.LEFT] = 2.0 * rows[at.FOUND] - rows[at.R]
 
 
 @kernel
-def contact_energy(model: Hybrid, state: State) -> float:
+def potential_energy(model: Hybrid, state: State) -> float:
     """Contact potential from the reference state beyond the tangent that is in K, J."""
-    law = model.law
-    total = 0.0
-    for i in range(model.points.shape[0]):
-        point, gap = model.points[i], state.point[i, at.OLD_X]
-        U = potential(law, point[its.POINT_GAP] + gap) - potential(law, point[its.POINT_GAP])
-        total += point[its.POINT_AREA] * U + point[its.POINT_NORMAL] * gap
-        total -= 0.5 * point[its.POINT_STIFFNESS] * gap * gap
-    return total
+    return contact_energy(model.points.T, model.law, state.point[:, its.X_START])
 
 
 @kernel
 def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
-    """Fill the columns newmark_layout.HISTORY of contact and work: row[1:10], row[12]."""
-    torque = 0.0
-    force = 0.0
-    area = 0.0
-    law = model.law
-    for i in range(model.points.shape[0]):
-        point, trial = model.points[i], state.point[i]
-        torque -= point[its.POINT_RADIUS] * trial[its.OUT_T1]
-        force += point[its.POINT_AREA] * trial[its.OUT_P]
-        area += point[its.POINT_AREA]
-    stick = 0.0
-    opened = 0.0
-    creep = 0.0
-    for i in range(model.points.shape[0]):
-        point, trial = model.points[i], state.point[i]
-        p, share = trial[its.OUT_P], point[its.POINT_AREA] / area
-        s = (trial[its.OUT_W1] * trial[its.OUT_W1] + trial[its.OUT_W2] * trial[its.OUT_W2]) ** 0.5
-        mu, _, _ = mu_at(law, s, p)
-        if p <= OPEN * force / area:
-            opened += share
-        elif law[its.LAW_SLOPE] * s < point[its.POINT_FRICTION] * mu * p:
-            stick += share
-            creep = max(creep, s)
-    row[1], row[2] = torque, force
-    row[3], row[4], row[5] = stick, 1.0 - stick - opened, opened
-    row[12] = creep
-    for i in range(4):
-        row[6 + i] = state.work[i]
+    """Fill the columns newmark_layout.HISTORY of contact and work."""
+    contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
+    row[its.WORK : its.WORK + 4] = state.work

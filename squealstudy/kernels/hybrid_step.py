@@ -15,8 +15,12 @@ import numpy as np
 
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
-from squealstudy.kernels.hybrid_contact import contact_iteration, quadratic_form
-from squealstudy.kernels.hybrid_layout import Hybrid, Level, Sparse, State
+from squealstudy.kernels.hybrid_contact import (
+    contact_iteration,
+    friction_bound2,
+    quadratic_form,
+)
+from squealstudy.kernels.hybrid_layout import Contact, Hybrid, Level, Limits, Sparse, State
 from squealstudy.kernels.jit import fast_kernel, kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
@@ -29,9 +33,7 @@ def balance(
     level: Level,
     state: State,
     dv: np.ndarray,
-    tolerance: float,
-    tolerance_t: float,
-    max_iterations: int,
+    limits: Limits,
 ) -> tuple[int, int, float, int, bool]:
     """Find the contact forces at the end of a step whose predicted change of velocity is `dv`.
 
@@ -54,24 +56,22 @@ def balance(
     r = rows[at.R, :nb]
     # dv = h a and J dv = h (all forces): the square of all forces in the metric of G is h/2 a J a
     scale2 = quadratic_form(level.G, r) + 0.5 / level.h * dot(dv, x[at.RHS])
+    contact = Contact(
+        points=model.points,
+        law=model.law,
+        half=half,
+        x_base=point[:, its.X_START] + half * rows[at.Y, 0:nb:3],
+        y=y_c,
+        r=r,
+        trial=point,
+    )
+    tight = Limits(TIGHT * limits.tolerance, TIGHT * limits.tolerance_t, limits.max_iterations)
     outcome, evaluations, contraction = contact_iteration(
-        model.points,
-        model.law,
-        half,
-        level.G,
-        level.floor2,
-        point[:, at.OLD_X] + half * rows[at.Y, 0:nb:3],
-        y_c,
-        r,
-        point,
-        scale2,
-        TIGHT * tolerance,
-        TIGHT * tolerance_t,
-        max_iterations,
+        contact, level.G, level.floor2, scale2, tight
     )
     rows[at.FOUND] = rows[at.R]
     lack = r - rows[at.R_GUESS, :nb]
-    heavy, n_heavy = heavy_points(model, level, lack, point, scale2, tolerance, tolerance_t)
+    heavy, n_heavy = heavy_points(contact, level, lack, scale2, limits)
     solve = 3 * n_heavy * dv.size > level.fill
     if solve:
         heavy[:] = True
@@ -97,11 +97,8 @@ def predicted_velocities(model: Hybrid, level: Level, state: State) -> np.ndarra
     move_rates(model, state, level.h, force)
     lag = force
     for j in range(lag.size):
-        lag[j] = (
-            modes[at.RATE_END, j]
-            - modes[at.RATE_S_END, j]
-            - (modes[at.RATE, j] - modes[at.RATE_S, j])
-        )
+        lag[j] = modes[at.RATE_END, j] - modes[at.RATE_S_END, j]
+        lag[j] -= modes[at.RATE, j] - modes[at.RATE_S, j]
     y = np.empty(rows.shape[1])
     multiply(model.B, state.vectors[at.DV], y)
     for i in range(y.size):
@@ -157,37 +154,24 @@ def carry(model: Hybrid, level: Level, state: State, change: np.ndarray, solve: 
 
 @fast_kernel
 def heavy_points(
-    model: Hybrid,
-    level: Level,
-    lack: np.ndarray,
-    point: np.ndarray,
-    scale2: float,
-    tolerance: float,
-    tolerance_t: float,
+    contact: Contact, level: Level, lack: np.ndarray, scale2: float, limits: Limits
 ) -> tuple[np.ndarray, int]:
     """The fewest points (nc,) whose forces must be corrected, and their number.
 
     All others together differ from the predicted forces by less than the tolerances.
     """
-    nc = point.shape[0]
+    nc = contact.points.shape[0]
     bounds2 = 0.0
     e2, e2_t = np.empty(nc), np.empty(nc)
     for i in range(nc):
-        own = model.points[i]
-        bound = (
-            own[its.POINT_AREA]
-            * own[its.POINT_FRICTION]
-            * model.law[its.LAW_MU]
-            * point[i, its.OUT_P]
-        )
-        bounds2 += bound * bound
+        bounds2 += friction_bound2(contact.points, contact.law, contact.trial, i)
         e2[i] = 0.0
         for a in range(3 * i, 3 * i + 3):
             for b in range(3 * i, 3 * i + 3):
                 e2[i] += lack[a] * level.G[a, b] * lack[b]
         e2_t[i] = lack[3 * i + 1] ** 2 + lack[3 * i + 2] ** 2
-    limit = tolerance * tolerance * scale2 + level.floor2
-    limit_t = tolerance_t * tolerance_t * bounds2
+    limit = limits.tolerance * limits.tolerance * scale2 + level.floor2
+    limit_t = limits.tolerance_t * limits.tolerance_t * bounds2
     heavy = np.zeros(nc, dtype=np.bool_)
     share = 1.0
     while True:
@@ -271,17 +255,11 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
     backward differences of one order more, and the one that was best then is taken: smooth sliding
     earns a high order, points that just stuck, slid or opened a low one.
     """
-    best = 0
-    least = np.inf
+    best, least, past = 0, np.inf, rows[at.PAST :]
     for order in range(min(known, at.MOST_TIMES) - 1):
         e2 = 0.0
         for i in range(first, last):
-            r1, r2, r3, r4 = (
-                rows[at.PAST, i],
-                rows[at.PAST + 1, i],
-                rows[at.PAST + 2, i],
-                rows[at.PAST + 3, i],
-            )
+            r1, r2, r3, r4, r5 = past[0, i], past[1, i], past[2, i], past[3, i], past[4, i]
             if order == 0:
                 e = r1 - r2
             elif order == 1:
@@ -289,17 +267,12 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
             elif order == 2:
                 e = r1 - 3.0 * r2 + 3.0 * r3 - r4
             else:
-                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + rows[at.PAST + 4, i]
+                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + r5
             e2 += e * e
         if e2 < least:
             best, least = order, e2
     for i in range(first, last):
-        r1, r2, r3, r4 = (
-            rows[at.PAST, i],
-            rows[at.PAST + 1, i],
-            rows[at.PAST + 2, i],
-            rows[at.PAST + 3, i],
-        )
+        r1, r2, r3, r4 = past[0, i], past[1, i], past[2, i], past[3, i]
         r = r1
         if best == 1:
             r = 2.0 * r1 - r2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -39,33 +39,26 @@ def kernel(function: F) -> F:
 
     No ``fastmath``: several kernels detect NaN and inf to report a failed iteration.
     """
-    compiled: F = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
-    return compiled
+    return _compiled(function)
 
 
 def entry_kernel(function: F) -> F:
     """Like `kernel`, for long runs: other threads of Python go on meanwhile."""
-    return _entry(function, set())
+    return _compiled(function, nogil=True)
 
 
 def fast_entry_kernel(function: F) -> F:
     """The same with `fast_kernel`'s freedom, for a kernel whose parts may have it."""
-    return _entry(function, REORDER)
+    return _compiled(function, REORDER, nogil=True)
 
 
-def _entry(function: F, fastmath: set[str]) -> F:
-    compiled: F = numba.njit(
-        cache=True, error_model="numpy", nogil=True, fastmath=fastmath, no_cfunc_wrapper=True
-    )(function)
-    return compiled
-
-
+# those below are without wrappers for Python, which would be most of the time to compile
 def exact_kernel(function: F) -> F:
     """For functions that only other kernels call and whose order of operations must stay.
 
     Products and sums may be contracted to one rounding.
     """
-    return _inner(function, {"contract"})
+    return _compiled(function, {"contract"}, no_cpython_wrapper=True)
 
 
 def fast_kernel(function: F) -> F:
@@ -73,7 +66,7 @@ def fast_kernel(function: F) -> F:
 
     The fast-math flags that assume finite values are left out: a NaN still arrives as NaN.
     """
-    return _inner(function, REORDER)
+    return _compiled(function, REORDER, no_cpython_wrapper=True)
 
 
 def part_kernel(function: F) -> F:
@@ -81,17 +74,15 @@ def part_kernel(function: F) -> F:
 
     Every function is optimised on its own and again within all that are above it.
     """
-    return _inner(function, REORDER, inline="always")
+    return _compiled(function, REORDER, no_cpython_wrapper=True, inline="always")
 
 
-def _inner(function: F, fastmath: set[str], inline: str = "never") -> F:
-    """Without wrappers for Python, which would be most of the time to compile."""
+def _compiled(function: F, fastmath: Collection[str] = (), **options: bool | str) -> F:
     compiled: F = numba.njit(
         cache=True,
         error_model="numpy",
-        fastmath=fastmath,
-        no_cpython_wrapper=True,
+        fastmath=set(fastmath),
         no_cfunc_wrapper=True,
-        inline=inline,
+        **options,
     )(function)
     return compiled

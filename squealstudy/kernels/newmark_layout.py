@@ -49,7 +49,9 @@ HISTORY = (
     "modal_energy",  # J, (v^2 + w^2 q^2) / 2 of all modes
     "creep",  # m/s, largest sliding speed of a point that sticks; 0 where none does
 )
-
+# their places in a row; WORK is the first of four
+TIME, TORQUE, NORMAL_FORCE, STICK, SLIP, OPEN = 0, 1, 2, 3, 4, 5
+WORK, STORED, MODAL_ENERGY, CREEP = 6, 10, 11, 12
 
 # points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m, contact stiffness
 # N/m inside the diagonal stiffness, base forces N
@@ -84,7 +86,7 @@ N_ROWS = 14
 OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
 N_POINT = 17
 
-# of the integrators beside Newmark
+# of the integrators beside Newmark, and of hybrid runs
 # row of Work.point: change of gap in the accepted state
 X_START = N_POINT
 N_POINT_GAP = X_START + 1

@@ -10,7 +10,7 @@ from squealstudy.kernels.laws import mu_at, potential
 from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
 from squealstudy.kernels.newmark_vector import copy, dot, fill
 
-OPEN = 0.01  # a point is open below this share of the mean pressure
+OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure
 
 
 @fast_kernel
@@ -33,11 +33,28 @@ def add_work(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> 
             continue
         y0, y1 = dot(modal.shapes[m], x[at.V]), dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.tuned[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
-    speed = modal.laws[k, at.LAW_SPEED]
+    load, belt, sliding = contact_work(modal.points[k], modal.laws[k], work.point[k], share)
+    real = work.real[k]
+    real[at.W_LOAD] += 0.5 * h * (w_load + load)
+    real[at.W_BELT] += 0.5 * h * belt
+    real[at.D_FRICTION] -= 0.25 * h * sliding
+    real[at.D_DAMPING] += 0.25 * h * damped
+
+
+@fast_kernel
+def contact_work(
+    points: np.ndarray, law: np.ndarray, point: np.ndarray, share: float
+) -> tuple[float, float, float]:
+    """Powers at all points over a step, from the states before and after it; `share` as above.
+
+    Twice the mean power of the loads that balance the base and of the belt, four times that of
+    friction, W.
+    """
+    speed = law[at.LAW_SPEED]
+    load = 0.0
     belt = 0.0
     sliding = 0.0
-    point, points = work.point[k], modal.points[k]
-    for i in range(point.shape[1]):
+    for i in range(points.shape[1]):
         w1 = point[at.OLD_W1, i] + point[at.OUT_W1, i]
         w2 = point[at.OLD_W2, i] + point[at.OUT_W2, i]
         t1 = point[at.OLD_T1, i] + point[at.OUT_T1, i]
@@ -48,14 +65,10 @@ def add_work(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> 
         across = (point[at.OUT_W2, i] - point[at.OLD_W2, i]) * (
             point[at.OUT_T2, i] - point[at.OLD_T2, i]
         )
-        belt += t1
+        belt -= speed * t1
         sliding += w1 * t1 + w2 * t2 + share * (along + across)
-        w_load -= points[at.POINT_T1, i] * (w1 - 2.0 * speed) + points[at.POINT_T2, i] * w2
-    real = work.real[k]
-    real[at.W_LOAD] += 0.5 * h * w_load
-    real[at.W_BELT] -= 0.5 * h * speed * belt
-    real[at.D_FRICTION] -= 0.25 * h * sliding
-    real[at.D_DAMPING] += 0.25 * h * damped
+        load -= points[at.POINT_T1, i] * (w1 - 2.0 * speed) + points[at.POINT_T2, i] * w2
+    return load, belt, sliding
 
 
 @fast_kernel
@@ -75,8 +88,16 @@ def stored_energy(modal: Modal, work: Work, k: int) -> float:
     for m in range(modal.shapes.shape[0]):
         y = dot(modal.shapes[m], x[at.Q])
         total += 0.5 * modal.tuned[k, 1, m] * y * y
-    law = modal.laws[k]
-    points, gaps = modal.points[k], work.point[k, at.OUT_X]
+    return total + contact_energy(modal.points[k], modal.laws[k], work.point[k, at.OUT_X])
+
+
+@fast_kernel
+def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> float:
+    """Energy [J] of all points from the reference state beyond the tangents in the stiffness.
+
+    `gaps` (nc,) are their changes.
+    """
+    total = 0.0
     for i in range(gaps.size):
         gap = gaps[i]
         U = potential(law, points[at.POINT_GAP, i] + gap) - potential(law, points[at.POINT_GAP, i])
@@ -97,7 +118,7 @@ def contact_row(
     h: float,
     row: np.ndarray,
 ) -> None:
-    """Torque, normal force, stick, slip and open shares of the area: row[1:6]; creep: row[12].
+    """Torque, normal force, shares of the area, and creep, into a row of histories.
 
     The friction of a point that sticks alternates from step to step where the step is long for its
     slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
@@ -115,23 +136,22 @@ def contact_row(
     creep = 0.0
     for i in range(points.shape[1]):
         p = point[at.OUT_P, i]
-        s = (
-            point[at.OUT_W1, i] * point[at.OUT_W1, i] + point[at.OUT_W2, i] * point[at.OUT_W2, i]
-        ) ** 0.5
+        w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
+        s = (w1 * w1 + w2 * w2) ** 0.5
         mu, _, _ = mu_at(law, s, p)
-        if p <= OPEN * force / area:
+        if p <= OPEN_SHARE * force / area:
             opened += points[at.POINT_AREA, i] / area
         elif law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
             stick += points[at.POINT_AREA, i] / area
             creep = max(creep, s)
             if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
                 torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
-    row[1] = torque
-    row[2] = force
-    row[3] = stick
-    row[4] = 1.0 - stick - opened
-    row[5] = opened
-    row[12] = creep
+    row[at.TORQUE] = torque
+    row[at.NORMAL_FORCE] = force
+    row[at.STICK] = stick
+    row[at.SLIP] = 1.0 - stick - opened
+    row[at.OPEN] = opened
+    row[at.CREEP] = creep
 
 
 @part_kernel
@@ -141,14 +161,14 @@ def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> 
     number = counts[at.SAVED]
     row = saved.history[k, number]
     fill(row, 0.0)
-    row[0] = counts[at.STEP] * settings.h
+    row[at.TIME] = counts[at.STEP] * settings.h
     if modal.points.shape[2] > 0:
         h = work.real[k, at.SUBSTEP_OLD]
         contact_row(modal.points[k], modal.laws[k], work.point[k], modal.own, h, row)
     for i in range(4):
-        row[6 + i] = work.real[k, at.W_LOAD + i]
-    row[10] = stored_energy(modal, work, k)
-    row[11] = modal_energy(x, modal.modes[k, at.W2])
+        row[at.WORK + i] = work.real[k, at.W_LOAD + i]
+    row[at.STORED] = stored_energy(modal, work, k)
+    row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
     for m in range(modal.sensors.shape[1]):
         saved.sensed[k, number, 0, m] = dot(modal.sensors[k, m], x[at.Q])
         saved.sensed[k, number, 1, m] = dot(modal.sensors[k, m], x[at.V])

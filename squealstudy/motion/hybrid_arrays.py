@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels.laws import law_row
+from squealstudy.kernels.newmark_layout import N_POINT_GAP
 from squealstudy.linalg.factor import symmetric_lu
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
@@ -94,7 +95,7 @@ def initial_state(
         vectors=vectors,
         modes=modes,
         rows=np.zeros((layout.N_ROWS, len(hybrid.B.indptr) - 1)),
-        point=np.zeros((len(hybrid.points), layout.N_POINT)),
+        point=np.zeros((len(hybrid.points), N_POINT_GAP)),
         work=np.zeros(4),
     )
 

@@ -8,9 +8,16 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
-from squealstudy.kernels.hybrid_state import commit, contact_energy, history_row, start
+from squealstudy.kernels.hybrid_state import commit, history_row, potential_energy, start
 from squealstudy.kernels.hybrid_step import balance, predict
-from squealstudy.kernels.newmark_layout import HISTORY, LAW_MU, POINT_NORMAL
+from squealstudy.kernels.newmark_layout import (
+    HISTORY,
+    LAW_MU,
+    MODAL_ENERGY,
+    POINT_NORMAL,
+    STORED,
+    TIME,
+)
 from squealstudy.motion.hybrid_arrays import StepSolver, hybrid_arrays, initial_state
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.motion import EnergyBalance, Motion
@@ -117,6 +124,9 @@ class _Run:
             sensed=sensed,
             watching=design.growing.sensors,
         )
+        self._limits = layout.Limits(
+            settings.tolerance, settings.friction_tolerance, settings.max_iterations
+        )
         self._solvers: dict[int, StepSolver] = {}
         self._equal = 0  # steps of one size behind the present
         self._position, self._level, self._step = 0, 0, 0
@@ -153,7 +163,7 @@ class _Run:
 
     def _advance(self) -> int:
         """Try one sub-step; its outcome."""
-        settings, hybrid, state = self._settings, self._hybrid, self._state
+        hybrid, state = self._hybrid, self._state
         try:
             solver = self._solver()
         except ConvergenceError:
@@ -165,9 +175,7 @@ class _Run:
             solver.level,
             state,
             dv,
-            settings.tolerance,
-            settings.friction_tolerance,
-            settings.max_iterations,
+            self._limits,
         )
         self._evaluations += evaluations
         self._step_evaluations += evaluations
@@ -292,7 +300,7 @@ class Recorder:
         twice = v @ (self._model.M @ v) + x[layout.Q] @ x[layout.KQ]
         twice += rate @ rate - rate_s @ rate_s + w2 @ (a * a - a_s * a_s)
         linear = 0.5 * float(twice)
-        return linear, linear + float(contact_energy(self._hybrid, self._state))
+        return linear, linear + float(potential_energy(self._hybrid, self._state))
 
     def save(self, step: int) -> None:
         """Append the accepted state, if the step is one of those kept."""
@@ -301,8 +309,8 @@ class Recorder:
             return
         row = np.zeros(len(HISTORY))
         history_row(self._hybrid, self._state, row)
-        row[0] = step * self._settings.step
-        row[11], row[10] = self.stored()
+        row[TIME] = step * self._settings.step
+        row[MODAL_ENERGY], row[STORED] = self.stored()
         self._rows.append(row)
         amplitudes = self._state.modes[[layout.ALPHA, layout.RATE]][:, self._sensed_modes]
         motion = self._state.vectors[[layout.Q, layout.V]]

@@ -40,7 +40,6 @@ REASONS = {
     layout.SINGULAR: "the Jacobian is singular",
     layout.BLOWN_UP: "far more energy than was ever put in",
 }
-STORED = layout.HISTORY.index("stored")
 
 
 @dataclass(frozen=True)
@@ -181,7 +180,7 @@ class KernelRun:
         """End design k where it is, its last step a saved row."""
         rows = self.work.counts[k, layout.SAVED]
         self.work.counts[k, layout.STATUS] = layout.DONE
-        self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, STORED]
+        self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, layout.STORED]
 
     def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = np.copy) -> Motion:
         """What design k has done so far; `take` copies arrays or leaves them where they are."""
