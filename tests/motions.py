@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from squealstudy.motion.growing_modes import GrowingModes, none_growing
+from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.motion import EnergyBalance, Motion
 from squealstudy.motion.simulate import simulate
 
@@ -26,8 +26,7 @@ def run_one(system, design, settings, q0, v0):
 
 def growing(lam, right, n_unstable, **known) -> GrowingModes:
     """Growing modes of which some things are known."""
-    given = {"lam": lam, "right": right, "left": right, "n_unstable": n_unstable}
-    return replace(none_growing(), **given, **known)
+    return GrowingModes(lam=lam, right=right, left=right, n_unstable=n_unstable, **known)
 
 
 def made_up(history, q, v, omega, modes, watched) -> Motion:

@@ -14,8 +14,8 @@ from squealstudy.laws import FrictionLaw
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import (
+    GrowingModes,
     growth_sensors,
-    none_growing,
     projection,
 )
 from squealstudy.motion.reference_modes import reference_modes
@@ -58,7 +58,7 @@ def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pres
         law,
         speed,
         2 * ZETA * system.frequencies + BETA * system.omega2,
-        growing=replace(none_growing(), sensors=growth_sensors(bare.C, lam, left)),
+        growing=GrowingModes(sensors=growth_sensors(bare.C, lam, left)),
     )
     settings = MotionSettings(duration=4e-3, step=2e-6, save_every=5)
     scale = 1e-6 / np.abs(right * lam).max()  # m/s: far below what contact would notice

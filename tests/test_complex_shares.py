@@ -16,7 +16,7 @@ from squealstudy.motion.outcome.energies import (
     mode_energies,
     transfer,
 )
-from squealstudy.motion.outcome.summary import growth_rows
+from squealstudy.motion.outcome.summary import growth_rows, mode_fits
 
 TIME = np.arange(0.0, 0.1, 2e-5)
 OMEGA = 2 * np.pi * np.array([1000.0, 1010.0, 1700.0])
@@ -110,6 +110,10 @@ def recorded(q, v, n_unstable=2, lam=LAM, right=RIGHT):
 LAST = slice(3000, None)
 
 
+def rows_of(run, kind):
+    return growth_rows(run, mode_fits(run), kind, LAST)
+
+
 def test_a_run_knows_its_shares_from_its_sensors():
     one, other = motion(6300j, LOCKED), motion(6800j, MIXED, 0.3)
     q, v = (a + b for a, b in zip(one, other, strict=True))
@@ -127,7 +131,7 @@ def test_a_run_knows_its_shares_from_its_sensors():
 )
 def test_an_instability_is_expressed_in_a_vibration_that_lasts(kind, expressed):
     """Whatever energy there was counted: runs that grow or die away had their modes 'live'."""
-    rows = growth_rows(recorded(*motion(6300j, LOCKED)), kind, LAST)
+    rows = rows_of(recorded(*motion(6300j, LOCKED)), kind)
     assert [row["expressed"] for row in rows] == expressed
     known = kind in ("limit_cycle", "irregular")
     assert [np.isfinite(row["level_share"]) for row in rows] == [known, known]
@@ -135,7 +139,7 @@ def test_an_instability_is_expressed_in_a_vibration_that_lasts(kind, expressed):
 
 
 def test_a_stable_mode_has_a_share_and_is_no_instability():
-    rows = growth_rows(recorded(*motion(6300j, LOCKED), n_unstable=0), "limit_cycle", LAST)
+    rows = rows_of(recorded(*motion(6300j, LOCKED), n_unstable=0), "limit_cycle")
     assert [row["expressed"] for row in rows] == [None, None]
     assert not any(row["unstable"] for row in rows)
     assert rows[0]["level_share"] == pytest.approx(1.0, rel=1e-3)
@@ -143,7 +147,7 @@ def test_a_stable_mode_has_a_share_and_is_no_instability():
 
 def test_what_nothing_disturbed_does_not_tell():
     still = np.zeros((len(TIME), 3))
-    rows = growth_rows(recorded(still, still), "stable", LAST)
+    rows = rows_of(recorded(still, still), "stable")
     assert [row["expressed"] for row in rows] == [None, None]
 
 

@@ -36,7 +36,6 @@ def test_stuart_landau_to_three_thousandths_within_bounds(rate, start):
     fit = fit_growth(TIME, stuart_landau(rate, start))
     assert fit.status == "ok"
     assert fit.growth_rate == pytest.approx(rate, rel=3e-3)
-    assert fit.frequency_hz == pytest.approx(W / (2 * np.pi), rel=1e-6)
     assert fit.high - fit.low < 0.01 * rate
     assert np.interp(fit.stop, TIME, np.abs(stuart_landau(rate, start))) < 0.1  # of saturation
 
@@ -58,13 +57,6 @@ def test_onset_is_where_the_exponential_meets_a_tenth_of_the_limit_cycle():
     )  # the whole record's level
 
 
-def test_a_known_ceiling_is_used():
-    xi = stuart_landau(100.0, 1e-3)[:4000]  # to 0.05 of saturation
-    low = fit_growth(TIME[:4000], xi, ceiling=0.1)
-    assert np.interp(low.stop, TIME[:4000], np.abs(xi)) == pytest.approx(0.005, rel=0.1)
-    assert low.growth_rate == pytest.approx(100.0, rel=1e-4)
-
-
 def test_van_der_pol_integrated_independently():
     """x'' - (2 a - x^2) x' + w^2 x = 0 grows at a, seen through its velocity and displacement."""
     a, w = 30.0, 2 * np.pi * 500
@@ -77,12 +69,10 @@ def test_van_der_pol_integrated_independently():
     lam = a + 1j * np.sqrt(w**2 - a**2)
     fit = fit_growth(time, x[1] - lam.conjugate() * x[0])  # left vector of the linear part
     assert fit.growth_rate == pytest.approx(a, rel=3e-3)
-    assert fit.frequency_hz == pytest.approx(lam.imag / (2 * np.pi), rel=1e-5)
     energy = 0.5 * (x[1] ** 2 + (w * x[0]) ** 2)
     assert fit_growth(time, np.sqrt(energy)).growth_rate == pytest.approx(a, rel=1e-2)
     rippled = fit_growth(time, np.abs(x[0]))  # touches zero twice a period
     assert rippled.growth_rate == pytest.approx(a, rel=3e-2)
-    assert np.isnan(rippled.frequency_hz)
 
 
 @pytest.mark.parametrize("seed", range(3))

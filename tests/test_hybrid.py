@@ -18,7 +18,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState
-from squealstudy.motion.growing_modes import none_growing
+from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.hybrid_arrays import uniform_damping
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
@@ -265,7 +265,7 @@ def test_sensors_and_histories(case):
     scale = np.abs(by_modes.displacement).max()
     np.testing.assert_array_equal(by_some.displacement, by_modes.displacement[:, [2, 0]])
     np.testing.assert_array_equal(by_some.velocity, by_modes.velocity[:, [2, 0]])
-    watching = replace(design, growing=replace(none_growing(), sensors=model.sensors))
+    watching = replace(design, growing=GrowingModes(sensors=model.sensors))
     rows = run_hybrid(model, watching, run, np.zeros(model.n), v0, np.array([1]))
     np.testing.assert_allclose(rows.displacement[:, 1:], by_modes.displacement, atol=1e-9 * scale)
     np.testing.assert_allclose(rows.velocity[:, 1:], by_modes.velocity, atol=1e-12)

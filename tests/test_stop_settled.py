@@ -16,7 +16,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.kernels.newmark_layout import HISTORY
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.motion.growing_modes import none_growing
+from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import moving_energy
@@ -162,7 +162,7 @@ def test_a_design_has_sensors_of_its_own(lively):
     """They come after those of the system, and no other design of the batch has them."""
     system, designs = lively
     own = np.arange(2.0 * N).reshape(2, N)
-    watching = replace(none_growing(), sensors=own)
+    watching = GrowingModes(sensors=own)
     some = [replace(designs[0], growing=watching), designs[1]]
     runs = simulate(system, some, replace(SHORT, save_q=True))
     assert [r.displacement.shape[1] for r in runs] == [5, 3]

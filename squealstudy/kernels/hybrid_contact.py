@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_layout import Contact, Limits
 from squealstudy.kernels.jit import fast_kernel
@@ -110,16 +109,16 @@ def contact_iteration(
         change2, bounds2 = evaluate(contact, F)
         e2 = quadratic_form(G, F)
         if not (e2 < BIG and scale2 < BIG and change2 < BIG and bounds2 < BIG):
-            return at.NOT_FINITE, iteration + 1, contraction
+            return its.NOT_FINITE, iteration + 1, contraction
         limit_t = limits.tolerance_t * limits.tolerance_t * bounds2
         if e2 <= limit and change2 <= limit_t:
-            return at.ACCEPTED, iteration + 1, contraction
+            return its.DONE, iteration + 1, contraction
         if iteration > 0 and e2_old > floor2:
             contraction = max(contraction, (e2 / e2_old) ** 0.5)
         e2_old = e2
         sweep(contact, G, scratch, share * limit / nc, share * limit_t / nc)
         share *= NEXT_SHARE * NEXT_SHARE
-    return at.NOT_CONVERGED, limits.max_iterations, contraction
+    return its.NOT_CONVERGED, limits.max_iterations, contraction
 
 
 @fast_kernel

@@ -34,8 +34,6 @@ N_ROWS = PAST + MOST_TIMES
 # State.work: work of the loads and of the belt, dissipation by friction and damping, J
 W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 0, 1, 2, 3
 
-ACCEPTED, NOT_CONVERGED, NOT_FINITE = 1, 2, 3  # outcome of the contact iteration of a step
-
 
 class Sparse(NamedTuple):
     """A compressed-row matrix."""

@@ -32,6 +32,8 @@ VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 ZERO = ir.Constant(VECTOR, [0.0] * LANES)
 NOTHING = ir.Constant(VECTOR, ir.Undefined)
 
+Generator = tuple[Any, Callable[..., Any]]
+
 
 def observe_one(tile: np.ndarray, q: np.ndarray, v: np.ndarray, y: np.ndarray) -> None:
     """Y (ROWS,) = [N q; T1 v; T2 v] of a tile (n, ROWS), f8 or f4; all others f8, q, v (n,)."""
@@ -152,79 +154,89 @@ def _lane(i: int, width: int, offset: int) -> int:
     return pair * 2 * width + within + offset + second * LANES
 
 
-def _write_observe_one(w: _Writer) -> None:
+def _write_observe_one(_typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     """Points in the lanes."""
-    sums = w.sums(3 * UNROLL)
-    with cgutils.for_range(w.builder, w.builder.udiv(w.n, w.index(UNROLL))) as loop:
-        for u in range(UNROLL):
-            j = w.at(loop.index, UNROLL, u)
-            values = [w.broadcast(1, j), w.broadcast(2, j)]
-            for c in range(3):
-                rows = w.load(0, w.at(j, ROWS, c * POINTS))
-                w.accumulate(sums[3 * u + c], rows, values[min(c, 1)])
-    for c in range(3):
-        w.store(w.add(*(w.builder.load(x) for x in sums[c::3])), 3, w.index(c * POINTS))
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        w = _Writer(context, builder, signature.args, args)
+        sums = w.sums(3 * UNROLL)
+        with cgutils.for_range(builder, builder.udiv(w.n, w.index(UNROLL))) as loop:
+            for u in range(UNROLL):
+                j = w.at(loop.index, UNROLL, u)
+                values = [w.broadcast(1, j), w.broadcast(2, j)]
+                for c in range(3):
+                    rows = w.load(0, w.at(j, ROWS, c * POINTS))
+                    w.accumulate(sums[3 * u + c], rows, values[min(c, 1)])
+        for c in range(3):
+            w.store(w.add(*(builder.load(x) for x in sums[c::3])), 3, w.index(c * POINTS))
+        return context.get_dummy_value()
+
+    return types.void(tile, q, v, y), generate
 
 
-def _write_spread_one(w: _Writer) -> None:
+def _write_spread_one(_typing: Any, tile: Any, r: Any, F: Any) -> Generator:
     """Points in the lanes of the products, LANES modes in those of their sum."""
-    forces = [w.load(1, w.index(c * POINTS)) for c in range(3)]
-    with cgutils.for_range(w.builder, w.builder.udiv(w.n, w.index(LANES))) as loop:
-        products = []
-        for u in range(LANES):
-            total = ZERO
-            for c in range(3):
-                rows = w.load(0, w.at(w.at(loop.index, LANES, u), ROWS, c * POINTS))
-                total = w.add_product(total, rows, forces[c])
-            products.append(total)
-        modes = w.at(loop.index, LANES)
-        w.store(w.add(w.load(2, modes), w.transposed_sums(products)), 2, modes)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        w = _Writer(context, builder, signature.args, args)
+        forces = [w.load(1, w.index(c * POINTS)) for c in range(3)]
+        with cgutils.for_range(builder, builder.udiv(w.n, w.index(LANES))) as loop:
+            products = []
+            for u in range(LANES):
+                total = ZERO
+                for c in range(3):
+                    rows = w.load(0, w.at(w.at(loop.index, LANES, u), ROWS, c * POINTS))
+                    total = w.add_product(total, rows, forces[c])
+                products.append(total)
+            modes = w.at(loop.index, LANES)
+            w.store(w.add(w.load(2, modes), w.transposed_sums(products)), 2, modes)
+        return context.get_dummy_value()
+
+    return types.void(tile, r, F), generate
 
 
-def _write_observe_eight(w: _Writer) -> None:
+def _write_observe_eight(_typing: Any, tile: Any, q: Any, v: Any, y: Any) -> Generator:
     """Designs in the lanes."""
-    sums = w.sums(ROWS)
-    with cgutils.for_range(w.builder, w.n) as loop:
-        values = [w.load(a, w.at(loop.index, LANES)) for a in (1, 2)]
-        for i in range(ROWS):
-            entry = w.broadcast(0, w.at(loop.index, ROWS, i))
-            w.accumulate(sums[i], entry, values[min(i // POINTS, 1)])
-    for c in range(3):
-        seen = [w.builder.load(x) for x in sums[c * POINTS : (c + 1) * POINTS]]
-        for d, points in enumerate(w.transposed(seen)):
-            w.store(points, 3, w.index(d * ROWS + c * POINTS))
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        w = _Writer(context, builder, signature.args, args)
+        sums = w.sums(ROWS)
+        with cgutils.for_range(builder, w.n) as loop:
+            values = [w.load(a, w.at(loop.index, LANES)) for a in (1, 2)]
+            for i in range(ROWS):
+                entry = w.broadcast(0, w.at(loop.index, ROWS, i))
+                w.accumulate(sums[i], entry, values[min(i // POINTS, 1)])
+        for c in range(3):
+            seen = [builder.load(x) for x in sums[c * POINTS : (c + 1) * POINTS]]
+            for d, points in enumerate(w.transposed(seen)):
+                w.store(points, 3, w.index(d * ROWS + c * POINTS))
+        return context.get_dummy_value()
+
+    return types.void(tile, q, v, y), generate
 
 
-def _write_spread_eight(w: _Writer) -> None:
+def _write_spread_eight(_typing: Any, tile: Any, r: Any, F: Any) -> Generator:
     """Designs in the lanes; three sums a mode, so that they wait less for each other."""
-    forces = []
-    for c in range(3):
-        designs = [w.load(1, w.index(d * ROWS + c * POINTS)) for d in range(LANES)]
-        forces += w.transposed(designs)
-    with cgutils.for_range(w.builder, w.n) as loop:
-        sums = [w.load(2, w.at(loop.index, LANES)), ZERO, ZERO]
-        for i in range(ROWS):
-            entry = w.broadcast(0, w.at(loop.index, ROWS, i))
-            sums[i % 3] = w.add_product(sums[i % 3], entry, forces[i])
-        w.store(w.add(*sums), 2, w.at(loop.index, LANES))
 
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        w = _Writer(context, builder, signature.args, args)
+        forces = []
+        for c in range(3):
+            designs = [w.load(1, w.index(d * ROWS + c * POINTS)) for d in range(LANES)]
+            forces += w.transposed(designs)
+        with cgutils.for_range(builder, w.n) as loop:
+            sums = [w.load(2, w.at(loop.index, LANES)), ZERO, ZERO]
+            for i in range(ROWS):
+                entry = w.broadcast(0, w.at(loop.index, ROWS, i))
+                sums[i % 3] = w.add_product(sums[i % 3], entry, forces[i])
+            w.store(w.add(*sums), 2, w.at(loop.index, LANES))
+        return context.get_dummy_value()
 
-def _instructions(write: Callable[[_Writer], None]) -> Callable[..., None]:
-    """A function for kernels of the instructions that `write` writes."""
-
-    def typed(_typing: Any, *kinds: Any) -> tuple[Any, Callable[..., Any]]:
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            write(_Writer(context, builder, signature.args, args))
-            return context.get_dummy_value()
-
-        return types.void(*kinds), generate
-
-    made: Callable[..., None] = intrinsic(typed)
-    return made
+    return types.void(tile, r, F), generate
 
 
 if not numba.config.DISABLE_JIT:
-    observe_one = _instructions(_write_observe_one)
-    spread_one = _instructions(_write_spread_one)
-    observe_eight = _instructions(_write_observe_eight)
-    spread_eight = _instructions(_write_spread_eight)
+    observe_one = intrinsic(_write_observe_one)
+    spread_one = intrinsic(_write_spread_one)
+    observe_eight = intrinsic(_write_observe_eight)
+    spread_eight = intrinsic(_write_spread_eight)

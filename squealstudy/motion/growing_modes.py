@@ -11,7 +11,7 @@ and the energy of the state. Planes of different modes are not orthogonal to eac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg as la
@@ -25,7 +25,7 @@ DEGENERATE = 1e-9  # second axis over the first, below which a plane is a line
 
 @dataclass(frozen=True)
 class GrowingModes:
-    """Complex modes of one design point, fastest growth first.
+    """Complex modes of one design point, fastest growth first; none where they are not watched.
 
     Attributes
     ----------
@@ -48,38 +48,21 @@ class GrowingModes:
         Scalar products of the axes of the planes.
     """
 
-    lam: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
-    n_unstable: int
-    n_above: int
-    growth_above: float
-    frequency_above: float
-    sensors: np.ndarray
-    energy: np.ndarray
-    overlap: np.ndarray
+    lam: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    right: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=complex))
+    left: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=complex))
+    n_unstable: int = 0
+    n_above: int = 0
+    growth_above: float = 0.0
+    frequency_above: float = 0.0
+    sensors: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    energy: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    overlap: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def n_followed(self) -> int:
         """Unstable modes among those in `lam`, where they come first."""
         return min(self.n_unstable, len(self.lam))
-
-
-def none_growing() -> GrowingModes:
-    """Of a design point whose complex modes are not watched."""
-    none = np.zeros((0, 0))
-    return GrowingModes(
-        lam=np.zeros(0, dtype=complex),
-        right=none.astype(complex),
-        left=none.astype(complex),
-        n_unstable=0,
-        n_above=0,
-        growth_above=0.0,
-        frequency_above=0.0,
-        sensors=none,
-        energy=np.zeros(0),
-        overlap=none,
-    )
 
 
 def growing_modes(

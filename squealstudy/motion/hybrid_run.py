@@ -8,30 +8,16 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
+from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_state import commit, history_row, potential_energy, start
 from squealstudy.kernels.hybrid_step import balance, predict
-from squealstudy.kernels.newmark_layout import (
-    HISTORY,
-    LAW_MU,
-    MODAL_ENERGY,
-    POINT_NORMAL,
-    STORED,
-    TIME,
-)
 from squealstudy.motion.hybrid_arrays import StepSolver, hybrid_arrays, initial_state
 from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.motion import EnergyBalance, Motion
+from squealstudy.motion.motion import EnergyBalance, Motion, outcome_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
 
-SINGULAR = 4
-OUTCOMES = {
-    layout.ACCEPTED: ("ok", ""),
-    layout.NOT_CONVERGED: ("not_converged", "the contact iteration did not converge"),
-    layout.NOT_FINITE: ("not_finite", "the forces are not finite"),
-    SINGULAR: ("singular_jacobian", "the Jacobian is singular"),
-}
 # options that have no meaning here
 UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage")
 
@@ -91,14 +77,7 @@ def simulate_hybrid(
             raise ParameterError(name, "belongs to the modal representation")
     if sensed is None:
         sensed = np.arange(len(model.omega)) + 1
-    run = _Run(
-        model=model,
-        design=design,
-        settings=settings,
-        max_halvings=method.max_halvings,
-        sensed=sensed,
-    )
-    return run.motion()
+    return _Run(model, design, settings, method.max_halvings, sensed).motion()
 
 
 class _Run:
@@ -117,12 +96,7 @@ class _Run:
         self._hybrid = hybrid_arrays(model, design)
         self._state = initial_state(model, self._hybrid, *design.start(model.n))
         self._recorder = Recorder(
-            model=model,
-            hybrid=self._hybrid,
-            state=self._state,
-            settings=settings,
-            sensed=sensed,
-            watching=design.growing.sensors,
+            model, self._hybrid, self._state, settings, sensed - 1, design.growing.sensors
         )
         self._limits = layout.Limits(
             settings.tolerance, settings.friction_tolerance, settings.max_iterations
@@ -132,9 +106,9 @@ class _Run:
         self._position, self._level, self._step = 0, 0, 0
         self._evaluations, self._step_evaluations, self._most = 0, 0, 0
         self._halvings, self._contraction, self._columns = 0, 0.0, 0
-        self._outcome = layout.ACCEPTED if start(self._hybrid, self._state) else layout.NOT_FINITE
+        self._status = its.DONE if start(self._hybrid, self._state) else its.NOT_FINITE
         self._stored_start = self._recorder.stored()[1]
-        if self._outcome == layout.ACCEPTED:
+        if self._status == its.DONE:
             self._recorder.save(0)
             self._integrate()
 
@@ -143,11 +117,11 @@ class _Run:
         settings = self._settings
         whole = 1 << self._max_halvings
         while self._step < settings.n_steps:
-            outcome = self._advance()
-            if outcome != layout.ACCEPTED:
+            status = self._advance()
+            if status != its.DONE:
                 self._equal = 0
-                if self._level == self._max_halvings or outcome == SINGULAR:
-                    self._outcome = outcome
+                if self._level == self._max_halvings or status == its.SINGULAR:
+                    self._status = status
                     return
                 self._level += 1
                 self._halvings += 1
@@ -162,25 +136,21 @@ class _Run:
                 self._recorder.save(self._step)
 
     def _advance(self) -> int:
-        """Try one sub-step; its outcome."""
+        """Try one sub-step; its status."""
         hybrid, state = self._hybrid, self._state
         try:
             solver = self._solver()
         except ConvergenceError:
-            return SINGULAR
+            return its.SINGULAR
         predict(hybrid, solver.level, state, self._equal + 1)
         dv = solver.solve(state.vectors[layout.RHS])
-        outcome, evaluations, contraction, heavy, solve = balance(
-            hybrid,
-            solver.level,
-            state,
-            dv,
-            self._limits,
+        status, evaluations, contraction, heavy, solve = balance(
+            hybrid, solver.level, state, dv, self._limits
         )
         self._evaluations += evaluations
         self._step_evaluations += evaluations
-        if outcome != layout.ACCEPTED:
-            return int(outcome)
+        if status != its.DONE:
+            return int(status)
         self._contraction = max(self._contraction, contraction)
         if solve:
             state.vectors[layout.DV] += solver.solve(state.vectors[layout.RHS])
@@ -188,18 +158,16 @@ class _Run:
             self._columns += 3 * heavy
         commit(hybrid, solver.level, state)
         self._equal += 1
-        return layout.ACCEPTED
+        return its.DONE
 
     def _solver(self) -> StepSolver:
         """The factor of the present size of step, made when it is first needed."""
         if self._level not in self._solvers:
-            normal = self._hybrid.points[:, POINT_NORMAL]
-            drag = self._hybrid.law[LAW_MU] * normal
+            normal = self._hybrid.points[:, its.POINT_NORMAL]
+            drag = self._hybrid.law[its.LAW_MU] * normal
             forces = np.column_stack([normal, drag, drag]).ravel()
             h = self._settings.step / (1 << self._level)
-            self._solvers[self._level] = StepSolver(
-                M=self._model.M, model=self._hybrid, h=h, forces=forces
-            )
+            self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)
         return self._solvers[self._level]
 
     def motion(self) -> HybridMotion:
@@ -207,8 +175,7 @@ class _Run:
         settings, recorder = self._settings, self._recorder
         steps = max(self._step, 1)
         time = (self._step + self._position / (1 << self._max_halvings)) * settings.step
-        outcome, reason = OUTCOMES[self._outcome]
-        failed = self._outcome != layout.ACCEPTED
+        outcome, message = outcome_of(self._status, time)
         q, v = recorder.motion()
         sensed = recorder.sensed()
         solvers = self._solvers.values()
@@ -217,8 +184,8 @@ class _Run:
             sensed=self._sensed,
             omega=self._model.omega[self._sensed - 1],
             outcome=outcome,
-            message=f"t = {time:.9g} s: {reason}" if failed else "",
-            time=float(time),
+            message=message,
+            time=time,
             q=q,
             v=v,
             history=recorder.history(),
@@ -230,26 +197,21 @@ class _Run:
             halvings=self._halvings,
             newton_steps=0,
             contraction=self._contraction,
-            energy=self._energy(failed),
+            energy=self._energy(),
             steps=self._step,
             solves=sum(s.solves for s in solvers) / steps,
             columns=self._columns / steps,
             fill=max((s.fill for s in solvers), default=0),
         )
 
-    def _energy(self, failed: bool) -> EnergyBalance:
-        load, belt, friction, damping = (float(w) for w in self._state.work)
-        end = np.nan if failed else self._recorder.stored()[1]
+    def _energy(self) -> EnergyBalance:
+        end = self._recorder.stored()[1] if self._status == its.DONE else np.nan
         return EnergyBalance(
-            work_load=load,
-            work_belt=belt,
-            friction=friction,
-            damping=damping,
-            stored_start=self._stored_start,
-            stored_end=end,
+            *self._state.work.tolist(), stored_start=self._stored_start, stored_end=end
         )
 
 
+@dataclass
 class Recorder:
     """Reads a run's state, whose motion is q = q_s + phi (alpha - alpha_s) (hybrid_layout).
 
@@ -259,33 +221,30 @@ class Recorder:
     hybrid, state : hybrid_layout tuples
         Of the run.
     settings : MotionSettings
-    sensed : ndarray (ns,) of int
-        Modes of the model whose amplitudes are kept, from 1.
+    modes : ndarray (ns,) of int
+        Places of the modes of the model whose amplitudes are kept.
     watching : ndarray (8 m, n)
         Rows whose products with q and q' are kept beside them (GrowingModes.sensors).
     """
 
-    def __init__(
-        self,
-        model: HybridModel,
-        hybrid: layout.Hybrid,
-        state: layout.State,
-        settings: MotionSettings,
-        sensed: np.ndarray,
-        watching: np.ndarray,
-    ) -> None:
-        self._model, self._hybrid, self._state = model, hybrid, state
-        self._settings, self._sensed_modes = settings, sensed - 1
-        self._watching = watching.reshape(-1, model.n)
-        self._watching_modes = self._watching @ model.phi
+    model: HybridModel
+    hybrid: layout.Hybrid
+    state: layout.State
+    settings: MotionSettings
+    modes: np.ndarray
+    watching: np.ndarray
+
+    def __post_init__(self) -> None:
+        self.watching = self.watching.reshape(-1, self.model.n)
+        self._watching_modes = self.watching @ self.model.phi
         self._rows: list[np.ndarray] = []
         self._sensed: list[np.ndarray] = []
         self._q: list[np.ndarray] = []
 
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Deviation and velocity (n,)."""
-        x, lag = self._state.vectors, self._lag()
-        moved = self._model.phi @ lag.T
+        x, lag = self.state.vectors, self._lag()
+        moved = self.model.phi @ lag.T
         return x[layout.Q] + moved[:, 0], x[layout.V] + moved[:, 1]
 
     def stored(self) -> tuple[float, float]:
@@ -293,48 +252,48 @@ class Recorder:
 
         Modes are orthogonal in M and K: theirs replaces that of the sparse part.
         """
-        x, modes, w2 = self._state.vectors, self._state.modes, self._hybrid.omega2
+        x, modes, w2 = self.state.vectors, self.state.modes, self.hybrid.omega2
         v = x[layout.V]
         a, a_s = modes[layout.ALPHA], modes[layout.ALPHA_S]
         rate, rate_s = modes[layout.RATE], modes[layout.RATE_S]
-        twice = v @ (self._model.M @ v) + x[layout.Q] @ x[layout.KQ]
+        twice = v @ (self.model.M @ v) + x[layout.Q] @ x[layout.KQ]
         twice += rate @ rate - rate_s @ rate_s + w2 @ (a * a - a_s * a_s)
         linear = 0.5 * float(twice)
-        return linear, linear + float(potential_energy(self._hybrid, self._state))
+        return linear, linear + float(potential_energy(self.hybrid, self.state))
 
     def save(self, step: int) -> None:
         """Append the accepted state, if the step is one of those kept."""
-        every = self._settings.save_every
+        every = self.settings.save_every
         if not every or step % every:
             return
-        row = np.zeros(len(HISTORY))
-        history_row(self._hybrid, self._state, row)
-        row[TIME] = step * self._settings.step
-        row[MODAL_ENERGY], row[STORED] = self.stored()
+        row = np.zeros(len(its.HISTORY))
+        history_row(self.hybrid, self.state, row)
+        row[its.TIME] = step * self.settings.step
+        row[its.MODAL_ENERGY], row[its.STORED] = self.stored()
         self._rows.append(row)
-        amplitudes = self._state.modes[[layout.ALPHA, layout.RATE]][:, self._sensed_modes]
-        motion = self._state.vectors[[layout.Q, layout.V]]
-        watched = motion @ self._watching.T + self._lag() @ self._watching_modes.T
+        amplitudes = self.state.modes[[layout.ALPHA, layout.RATE]][:, self.modes]
+        motion = self.state.vectors[[layout.Q, layout.V]]
+        watched = motion @ self.watching.T + self._lag() @ self._watching_modes.T
         self._sensed.append(np.hstack([amplitudes, watched]))
-        if self._settings.save_q:
+        if self.settings.save_q:
             self._q.append(self.motion()[0])
 
     def history(self) -> dict[str, np.ndarray]:
         """Columns newmark_layout.HISTORY (rows,)."""
-        rows = np.array(self._rows).reshape(-1, len(HISTORY))
-        return {name: rows[:, i].copy() for i, name in enumerate(HISTORY)}
+        rows = np.array(self._rows).reshape(-1, len(its.HISTORY))
+        return {name: rows[:, i].copy() for i, name in enumerate(its.HISTORY)}
 
     def sensed(self) -> np.ndarray:
         """Of q and q' (rows, 2, ns + 8 m): amplitudes, then what watches growing modes."""
-        ns = len(self._sensed_modes) + len(self._watching)
+        ns = len(self.modes) + len(self.watching)
         return np.array(self._sensed).reshape(-1, 2, ns)
 
     def coordinates(self) -> np.ndarray:
         """Deviations (rows, n), none unless they were asked for."""
-        return np.array(self._q).reshape(-1, self._model.n)
+        return np.array(self._q).reshape(-1, self.model.n)
 
     def _lag(self) -> np.ndarray:
         """What the modes differ from the sparse part, amplitude and velocity (2, m)."""
-        modes = self._state.modes
+        modes = self.state.modes
         part = modes[[layout.ALPHA, layout.RATE]] - modes[[layout.ALPHA_S, layout.RATE_S]]
         return np.asarray(part)

@@ -6,8 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as layout
 from squealstudy.motion.growing_modes import coordinates, projection
 from squealstudy.motion.system import MotionPoint
+
+OUTCOMES = {
+    layout.RUNNING: ("ok", ""),  # so far
+    layout.DONE: ("ok", ""),
+    layout.NOT_CONVERGED: ("not_converged", "the contact iteration did not converge"),
+    layout.NOT_FINITE: ("not_finite", "the forces are not finite"),
+    layout.SINGULAR: ("singular_jacobian", "the Jacobian is singular"),
+    layout.BLOWN_UP: ("blown_up", "far more energy than was ever put in"),
+}
+
+
+def outcome_of(status: int, time: float) -> tuple[str, str]:
+    """Outcome and message of a run with a kernel's status that got to a time [s]."""
+    outcome, reason = OUTCOMES[status]
+    return outcome, f"t = {time:.9g} s: {reason}" if reason else ""
 
 
 @dataclass(frozen=True)

@@ -21,25 +21,9 @@ from squealstudy.motion.arrays import (
     work_arrays,
 )
 from squealstudy.motion.integrator import Integrator, KernelIntegrator
-from squealstudy.motion.motion import EnergyBalance, Motion
+from squealstudy.motion.motion import EnergyBalance, Motion, outcome_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
-
-OUTCOMES = {
-    layout.RUNNING: "ok",  # so far
-    layout.DONE: "ok",
-    layout.NOT_CONVERGED: "not_converged",
-    layout.NOT_FINITE: "not_finite",
-    layout.SINGULAR: "singular_jacobian",
-    layout.BLOWN_UP: "blown_up",
-}
-REASONS = {
-    layout.DONE: "",
-    layout.NOT_CONVERGED: "the contact iteration did not converge",
-    layout.NOT_FINITE: "the forces are not finite",
-    layout.SINGULAR: "the Jacobian is singular",
-    layout.BLOWN_UP: "far more energy than was ever put in",
-}
 
 
 @dataclass(frozen=True)
@@ -187,17 +171,16 @@ class KernelRun:
         system, settings, saved = self.system, self.settings, self.saved
         n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
         count, real = self.work.counts[k], self.work.real[k]
-        status = int(count[layout.STATUS])
-        done = status in (layout.DONE, layout.RUNNING)
         steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.max_halvings
         time = float(steps * settings.step)
         rows = int(count[layout.SAVED])
+        outcome, message = outcome_of(int(count[layout.STATUS]), time)
         return Motion(
             point=self.designs[k],
             sensed=system.sensed,
             omega=system.frequencies[system.sensed - 1],
-            outcome=OUTCOMES[status],
-            message="" if done else f"t = {time:.9g} s: {REASONS[status]}",
+            outcome=outcome,
+            message=message,
             time=time,
             q=take(self.work.x[k, layout.Q, :n]),
             v=take(self.work.x[k, layout.V, :n]),
@@ -239,8 +222,8 @@ def _judged(system: ModalSystem, motion: Motion) -> Motion:
     """The motion, with its outcome and message where it blew up."""
     if not blown_up(motion, system):
         return motion
-    message = f"t = {motion.time:.9g} s: {REASONS[layout.BLOWN_UP]}"
-    return replace(motion, outcome=OUTCOMES[layout.BLOWN_UP], message=message, stopped="")
+    outcome, message = outcome_of(layout.BLOWN_UP, motion.time)
+    return replace(motion, outcome=outcome, message=message, stopped="")
 
 
 def blown_up(motion: Motion, system: ModalSystem) -> bool:

@@ -23,7 +23,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw, FrictionLaw
-from squealstudy.motion.growing_modes import GrowingModes, none_growing
+from squealstudy.motion.growing_modes import GrowingModes
 
 if TYPE_CHECKING:
     from squealstudy.reduction.hybrid import HybridModel
@@ -154,7 +154,7 @@ class MotionPoint:
     continued: bool = False
     beta: float = 0.0
     static_torque: float = 0.0
-    growing: GrowingModes = field(default_factory=none_growing)
+    growing: GrowingModes = field(default_factory=GrowingModes)
 
     def start(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Initial deviation and velocity (n,).

@@ -6,7 +6,7 @@ and its bounds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -42,10 +42,6 @@ class GrowthFit:
         When the fitted exponential reaches a tenth of the final amplitude (median over the last
         fifth of the whole record), s, or the first row where it begins above that; NaN unless the
         rate is above zero with 95 % confidence.
-    n_rows : int
-        Rows in the window.
-    frequency_hz : float
-        From the slope of the phase, positive either way; NaN for a real amplitude.
     status : str
         ``ok``, ``no_signal`` (zero or not finite), ``too_short`` (fewer than 24 rows or 5 periods
         between start-up and bend, a stationary signal included) or ``not_exponential`` (no such
@@ -58,17 +54,10 @@ class GrowthFit:
     start: float = np.nan
     stop: float = np.nan
     onset_time: float = np.nan
-    n_rows: int = 0
-    frequency_hz: float = np.nan
     status: str = "no_signal"
 
 
-def fit_growth(
-    time: np.ndarray,
-    amplitude: np.ndarray,
-    ceiling: float | None = None,
-    until: float = np.inf,
-) -> GrowthFit:
+def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -> GrowthFit:
     """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
 
     The window ends before the logarithm first comes within `SHARE` of its final level: a
@@ -87,8 +76,6 @@ def fit_growth(
     amplitude : ndarray (rows,)
         Complex (`growing_modes.projection`), or real: an envelope such as sqrt(energy), which may
         ripple.
-    ceiling : float or None
-        Amplitude at saturation; None takes it from the data.
     until : float
         Rows after this time are not looked at: where another, faster motion saturates, s.
     """
@@ -100,41 +87,24 @@ def fit_growth(
     rows = int(np.searchsorted(time, until, side="right"))
     if rows < LEAST_ROWS:
         return GrowthFit(status="too_short")
-    time, amplitude, log = time[:rows], amplitude[:rows], log[:rows]
+    time, amplitude, log, first_time = time[:rows], amplitude[:rows], log[:rows], time[0]
     real = not np.iscomplexobj(amplitude)
-    found = growth_window(Rising.of(log, real), ceiling, least_rows(amplitude))
+    found = growth_window(Rising.of(log, real), least_rows(amplitude))
     if isinstance(found, str):
         return GrowthFit(status=found)
-    first, last = found
-    fit = _fit(time[first:last], log[first:last], amplitude[first:last], end_level)
-    return replace(fit, onset_time=float(np.maximum(fit.onset_time, time[0])))
-
-
-def _fit(time: np.ndarray, log: np.ndarray, amplitude: np.ndarray, final: float) -> GrowthFit:
-    """Rate, bounds, frequency and onset over the rows of the window."""
-    real = not np.iscomplexobj(amplitude)
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    rate, half, middle, level = slope_interval(log, step, real)
+    time, log = time[slice(*found)], log[slice(*found)]
     begin, end = float(time[0]), float(time[-1])
-    reach = (float(np.log(ONSET)) + final - level) / rate if rate > half else np.nan
-    frequency = np.nan if real else abs(_phase_slope(time, amplitude)) / (2 * np.pi)
+    rate, half, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
+    reach = (float(np.log(ONSET)) + end_level - level) / rate if rate > half else np.nan
     return GrowthFit(
         growth_rate=rate,
         low=rate - half,
         high=rate + half,
         start=begin,
         stop=end,
-        onset_time=begin + middle + reach,
-        n_rows=len(time),
-        frequency_hz=frequency,
+        onset_time=float(np.maximum(begin + middle + reach, first_time)),
         status="ok",
     )
-
-
-def _phase_slope(time: np.ndarray, amplitude: np.ndarray) -> float:
-    """Mean angular velocity, rad/s."""
-    phase, t = np.unwrap(np.angle(amplitude)), time - time.mean()
-    return float(t @ (phase - phase.mean()) / (t @ t))
 
 
 def final_level(log: np.ndarray) -> float:
@@ -168,12 +138,11 @@ class Rising:
         return int(np.argmax(above)) * width if above.any() else len(self.log)
 
 
-def growth_window(rising: Rising, ceiling: float | None, least: int) -> tuple[int, int] | str:
+def growth_window(rising: Rising, least: int) -> tuple[int, int] | str:
     """First row and the row after the last of a straight stretch, or why there is none."""
     end = len(rising.log)
-    given = ceiling is not None and rising.sign > 0
-    if given or not _rises_throughout(rising, least):
-        level = float(np.log(ceiling)) if ceiling is not None and given else _ceiling(rising)
+    if not _rises_throughout(rising, least):
+        level = _ceiling(rising)
         end = rising.first_above(level + float(np.log(SHARE)))
         if end < least or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
             end = rising.first_above(level + float(np.log(SHARE_SHORT)))

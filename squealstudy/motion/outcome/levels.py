@@ -146,9 +146,15 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     rest = rest - x * (x @ rest) / max(float(x @ x), 1.0)
     if np.abs(rest).max() <= FLAT * np.abs(signal).max():
         return Spectrum(np.zeros(rows // 2 + 1), 1.0 / (rows * step))
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
+    window = hann(rows)
     power = 2 * np.abs(np.fft.rfft(window * rest)) ** 2 / (rows * float(window @ window))
     return Spectrum(power, 1.0 / (rows * step))
+
+
+def hann(rows: int) -> np.ndarray:
+    """Weights (rows,) that cut off no part of a period."""
+    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
+    return weight
 
 
 def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

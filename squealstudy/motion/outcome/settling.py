@@ -18,10 +18,11 @@ from squealstudy.motion.outcome.levels import (
     FLAT,
     LAST,
     LEAST_PERIODS,
+    hann,
     last_window,
     torque_levels,
 )
-from squealstudy.motion.outcome.verdict import expected_rise, hann, run_verdict
+from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import LEVELLED, STABLE
 
 BAND = 0.05  # least half-width of the band within which levels agree

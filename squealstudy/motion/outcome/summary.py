@@ -54,18 +54,19 @@ def summarise(run: Motion) -> Summary:
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
     levels, window = run_levels(run)
     behaviour = _behaviour(run, energy, verdict)
-    growth = growth_rows(run, behaviour["class"], window)
+    fits = mode_fits(run)
     energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
     shares = modal_shares(energies[window], run.modal_energy[window])
     point = {
         **_course(run),
         **_forecast(run),
-        **_growth(run, growth),
+        **_growth(run, fits),
         **levels,
         **behaviour,
         **_contact(run, window),
         **_leader(run, shares),
     }
+    growth = growth_rows(run, fits, behaviour["class"], window)
     return Summary(point, _mode_rows(run, energies, shares), growth)
 
 
@@ -96,44 +97,55 @@ def _forecast(run: Motion) -> dict[str, Any]:
     }
 
 
-def growth_rows(run: Motion, kind: str, window: slice) -> list[dict[str, Any]]:
+def _moves(run: Motion) -> bool:
+    """Whether the run ever moved, beyond round-off."""
+    return bool(run.modal_energy.max() > round_off(run))
+
+
+def mode_fits(run: Motion) -> list[GrowthFit]:
+    """Growth of each followed complex mode, until the first of them bends."""
+    fits: list[GrowthFit] = []
+    for k in range(len(run.point.growing.lam)):
+        until = fits[0].stop if k and fits[0].status == "ok" else np.inf
+        fits.append(fit_growth(run.times, run.xi(k), until) if _moves(run) else GrowthFit())
+    return fits
+
+
+def growth_rows(
+    run: Motion, fits: list[GrowthFit], kind: str, window: slice
+) -> list[dict[str, Any]]:
     """Fitted beside predicted growth of each followed complex mode, and its part in the end.
 
     Parameters
     ----------
     run : Motion
+    fits : list of GrowthFit
+        `mode_fits` of it.
     kind : str
         Its class.
     window : slice
         The rows whose levels are judged.
     """
-    rows: list[dict[str, Any]] = []
-    moving = bool(run.modal_energy.max() > round_off(run))
+    modes, moving = run.point.growing, _moves(run)
     sustained = kind in LEVELLED and moving
-    shares = level_shares(run, window) if sustained else np.full(len(run.point.growing.lam), np.nan)
-    until = np.inf
-    for k, lam in enumerate(run.point.growing.lam):
-        fit = fit_growth(run.times, run.xi(k), until=until) if moving else GrowthFit()
-        if k == 0 and fit.status == "ok":
-            until = fit.stop
-        unstable = k < run.point.growing.n_unstable
-        rows.append(
-            {
-                "mode": k + 1,
-                "frequency_hz": float(abs(lam)) / (2 * np.pi),
-                "growth_rate": float(lam.real),
-                "damping_ratio": float(-lam.real / abs(lam)),
-                "unstable": unstable,
-                "fitted_growth_rate": fit.growth_rate,
-                "fitted_low": fit.low,
-                "fitted_high": fit.high,
-                "fit_start": fit.start,
-                "fit_stop": fit.stop,
-                "level_share": float(shares[k]),
-                "expressed": _expressed(float(shares[k]), kind, moving) if unstable else None,
-            }
-        )
-    return rows
+    shares = level_shares(run, window) if sustained else np.full(len(fits), np.nan)
+    return [
+        {
+            "mode": k + 1,
+            "frequency_hz": float(abs(lam)) / (2 * np.pi),
+            "growth_rate": float(lam.real),
+            "damping_ratio": float(-lam.real / abs(lam)),
+            "unstable": k < modes.n_unstable,
+            "fitted_growth_rate": fit.growth_rate,
+            "fitted_low": fit.low,
+            "fitted_high": fit.high,
+            "fit_start": fit.start,
+            "fit_stop": fit.stop,
+            "level_share": float(share),
+            "expressed": _expressed(float(share), kind, moving) if k < modes.n_unstable else None,
+        }
+        for k, (lam, fit, share) in enumerate(zip(modes.lam, fits, shares, strict=True))
+    ]
 
 
 def _expressed(share: float, kind: str, moving: bool) -> bool | None:
@@ -147,25 +159,19 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     return kind in LEVELLED and share >= EXPRESSED
 
 
-def _growth(run: Motion, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
-    if run.modal_energy.max() <= round_off(run):
+    if not _moves(run):
         return {}
-    if rows and np.isfinite(rows[0]["fitted_growth_rate"]):
-        fit = fit_growth(run.times, run.xi(0))
-        return {
-            "growth_rate": fit.growth_rate,
-            "growth_rate_low": fit.low,
-            "growth_rate_high": fit.high,
-            "growth_method": "left_vector",
-            "onset_time": fit.onset_time,
-        }
-    fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
+    fit, method = fits[0] if fits else GrowthFit(), "left_vector"
+    if not np.isfinite(fit.growth_rate):
+        fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
+        method = "energy" if fit.status == "ok" else ""
     return {
         "growth_rate": fit.growth_rate,
         "growth_rate_low": fit.low,
         "growth_rate_high": fit.high,
-        "growth_method": "energy" if fit.status == "ok" else "",
+        "growth_method": method,
         "onset_time": fit.onset_time,
     }
 
@@ -241,7 +247,7 @@ def _contact(run: Motion, window: slice) -> dict[str, Any]:
 
 def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any() or run.modal_energy.max() <= round_off(run):
+    if not shares.share.any() or not _moves(run):
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {

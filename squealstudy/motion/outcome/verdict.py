@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import Verdict, classify
 from squealstudy.motion.outcome.energies import level_shares, round_off
-from squealstudy.motion.outcome.levels import LAST
+from squealstudy.motion.outcome.levels import LAST, hann
 from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
 
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
@@ -63,12 +63,6 @@ def _predicted_pace(run: Motion) -> float:
         unstable = np.arange(len(rates)) < modes.n_followed
         return float((shares * rates)[unstable & (shares >= EXPRESSED)].sum())
     return min(float(rates[0]), 0.0) if shares[0] >= NEARLY_ALL else 0.0
-
-
-def hann(rows: int) -> np.ndarray:
-    """Weights (rows,)."""
-    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
-    return weight
 
 
 def grows_until(run: Motion, k: int) -> float:
