@@ -206,9 +206,7 @@ class _Run:
 
     def _energy(self) -> EnergyBalance:
         end = self._recorder.stored()[1] if self._status == its.DONE else np.nan
-        return EnergyBalance(
-            *self._state.work.tolist(), stored_start=self._stored_start, stored_end=end
-        )
+        return EnergyBalance(*[*self._state.work.tolist(), self._stored_start, end])
 
 
 @dataclass
