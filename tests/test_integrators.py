@@ -17,12 +17,12 @@ from test_newmark import KICK, belt, linear_case, point_system, random_system
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laboratory.integrators.adaptive import Adaptive, Equations
 from squealstudy.laboratory.integrators.fixed_step import own_arrays
-from squealstudy.laboratory.integrators.warmup import warm_integrators
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
 from squealstudy.motion.integrator import Integrator, integrator, integrators, register_integrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
+from squealstudy.motion.warmup import warm
 
 INTEGRATORS = integrators()
 SOLVERS = [name for name, method in INTEGRATORS.items() if issubclass(method, Adaptive)]
@@ -534,6 +534,6 @@ def test_two_integrators_of_one_name_are_refused():
 
 
 def test_warming_runs_every_integrator():
-    assert warm_integrators() >= 0.0
+    assert warm(integrator(name) for name in integrators()) >= 0.0
     with pytest.raises(ParameterError, match=r"is none of .*exponential"):
-        warm_integrators(["euler"])
+        integrator("euler")

@@ -15,7 +15,7 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_layout import Contact, Limits
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import exact_kernel, fast_kernel
 from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
 FIRST_SHARE = 0.5  # of the tolerance: imbalance below which a point is left alone in a sweep
@@ -121,7 +121,7 @@ def contact_iteration(
     return its.NOT_CONVERGED, limits.max_iterations, contraction
 
 
-@fast_kernel
+@exact_kernel
 def imbalance(contact: Contact, i: int, y: np.ndarray, r: np.ndarray, F: np.ndarray) -> float:
     """F = f(y) - r of point i, its square; y, r and F (3,).
 
@@ -137,6 +137,7 @@ def imbalance(contact: Contact, i: int, y: np.ndarray, r: np.ndarray, F: np.ndar
     t2 *= area
     trial[its.OUT_X], trial[its.OUT_W1], trial[its.OUT_W2] = x, w1, w2
     trial[its.OUT_P], trial[its.OUT_T1], trial[its.OUT_T2] = p, t1, t2
+    # r comes off last: friction near lift-off is far below the round-off of the base's
     F[0] = area * p - point[its.POINT_NORMAL] + point[its.POINT_STIFFNESS] * x - r[0]
     F[1] = t1 - point[its.POINT_T1] - r[1]
     F[2] = t2 - point[its.POINT_T2] - r[2]

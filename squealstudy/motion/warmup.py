@@ -6,7 +6,7 @@ import gc
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 from squealstudy.extensions import extension_files
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -39,15 +40,8 @@ def begin_warming(single_storage: bool = False) -> None:
     files = [str(path) for path in extension_files()]
     read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
     call = f"{read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
-    nothing = subprocess.DEVNULL
-    _begun.append(
-        subprocess.Popen(
-            [sys.executable, "-c", call],
-            stdin=nothing,
-            stdout=nothing,
-            stderr=nothing,
-        )
-    )
+    nothing = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    _begun.append(subprocess.Popen([sys.executable, "-c", call], **nothing))
 
 
 def warm_kernels(single_storage: bool = False) -> float:
@@ -63,13 +57,18 @@ def warm_kernels(single_storage: bool = False) -> float:
     One process at a time: numba writes its files atomically, but two processes that compile for
     different types at once may both take the same file name.
     """
+    stored = (False, True) if single_storage else (False,)
+    return warm(Newmark(single_storage=single) for single in stored)
+
+
+def warm(methods: Iterable[Integrator]) -> float:
+    """Compile what integrators need, as `warm_kernels`; seconds it took."""
     began = time.perf_counter()
     while _begun:
         _begun.pop().wait()
     system, design = smallest()
     with alone(), uncollected():
-        for stored in (False, True) if single_storage else (False,):
-            method = Newmark(single_storage=stored)
+        for method in methods:
             settings = MotionSettings(duration=2e-6, step=1e-6, save_every=1, integrator=method)
             simulate(system, [design], settings)
     return time.perf_counter() - began

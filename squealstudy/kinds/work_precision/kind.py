@@ -31,8 +31,9 @@ from squealstudy.kinds.work_precision.variants import (
     common_study,
     make_variants,
 )
-from squealstudy.laboratory.integrators.warmup import warm_integrators
+from squealstudy.laboratory import integrators  # noqa: F401 - they register themselves
 from squealstudy.motion.integrator import integrator
+from squealstudy.motion.warmup import warm
 from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.variants import read_base
@@ -102,7 +103,7 @@ class WorkPrecision(Kind):
                 continue
         first = variants[0].plan
         first.kind.check(first)
-        warm_integrators(sorted({v.integrator for v in variants if v.integrator}))
+        warm(integrator(name) for name in sorted({v.integrator for v in variants} - {""}))
         return plan, {}
 
     def patience(self, plan: MethodsPlan) -> float:
