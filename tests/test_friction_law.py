@@ -13,7 +13,13 @@ from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
 
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.laws import friction_at, law_row
-from squealstudy.laws import FrictionLaw, contact_law, friction_curve
+from squealstudy.laws import (
+    FRICTION_CURVES,
+    FrictionCurveDefinition,
+    FrictionLaw,
+    contact_law,
+    friction_curve,
+)
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
@@ -26,6 +32,7 @@ from squealstudy.modes.full_order.modes import (
     stiffness_residuals,
 )
 from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.parameter import Parameter
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column
@@ -79,6 +86,52 @@ def test_slope_is_that_of_the_kernels_law(speed, ratio, decay):
 def test_constant_friction_has_no_slope(decay):
     operating = replace(NOMINAL, friction=0.37, curve=falling_curve(1.0, decay))
     assert operating.friction_at(NO_PRESSURE) == (0.37, 0.0, 0.0)
+
+
+def fading(s, p, friction, weight):
+    """mu = friction (1 + weight s exp(-p / 1 MPa)): over speed and pressure, and its slopes."""
+    share = math.exp(-p / 1e6)
+    slope = friction * weight * share
+    return friction + slope * s, slope, -slope * s / 1e6
+
+
+@pytest.fixture
+def fading_curve(monkeypatch):
+    """A curve that gives no derivatives of its own."""
+    weight = Parameter("friction_law.weight", 0.5, "s/m", "of the fall", minimum=0.0)
+    law = FrictionCurveDefinition("fading", "over both", parameters=(weight,), mu=fading)
+    monkeypatch.setitem(FRICTION_CURVES._known, "fading", law)
+    return friction_curve("fading", weight=0.5)
+
+
+def test_friction_that_depends_on_pressure(fading_curve):
+    """The traction mu p follows the pressure by more than mu; a point at rest has its own mu."""
+    p, h = np.array([2e5, 1e6, 3e6]), 1.0
+    found = fading_curve.at(0.4, 0.7, p)
+    np.testing.assert_allclose(found.mu, 0.4 * (1 + 0.35 * np.exp(-p / 1e6)), rtol=1e-14)
+    traction = [fading_curve.at(0.4, 0.7, p + sign * h).mu * (p + sign * h) for sign in (1, -1)]
+    np.testing.assert_allclose(found.following(p), (traction[0] - traction[1]) / 2, rtol=1e-8)
+    assert fading_curve.at_rest(0.4, 1e6) == 0.4
+    without = friction_curve(static_ratio=1.5).at(0.4, 0.7, p)
+    assert without.following(p) == without.mu
+
+
+def test_derivatives_of_a_curve_that_gives_none(fading_curve):
+    """By speed, pressure, friction and its own parameter: those of the formula."""
+    p, s = np.array([2e5, 1e6, 3e6]), 0.7
+    by = fading_curve.slopes(0.4, s, p)
+    e, one, nothing = np.exp(-p / 1e6), np.ones(3), np.zeros(3)
+    slope = 0.4 * 0.5 * e
+    exact = [
+        (slope, nothing, -slope / 1e6),
+        (-slope * s / 1e6, -slope / 1e6, slope * s / 1e12),
+        (one + 0.5 * s * e, 0.5 * e, -0.5 * e * s / 1e6),
+        (0.4 * s * e, 0.4 * e, -0.4 * e * s / 1e6),
+    ]
+    assert by.shape == (4, 3, 3)
+    for found, formula in zip(by, exact, strict=True):
+        for a, b in zip(found, formula, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max() + 1e-15)
 
 
 @pytest.mark.parametrize("name", list(MODELS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from squealstudy.errors import ModelError
 from squealstudy.kernels.laws import contact_at, law_row
 from squealstudy.kernels.newmark_layout import LAW_CONTACT
 from squealstudy.laws import CONTACT_LAWS, FrictionLaw, contact_law
+from squealstudy.laws.contact.exponential import sinh_over
 
 LAWS = {
     "exponential": contact_law("exponential", p0=1e5, lam=5e5),
@@ -112,6 +114,49 @@ def test_gap_at_inverts_the_law(kind, pressure):
     assert kappa[0] * law.gap_scale(pressure) == pytest.approx(
         pressure * (law.value("contact.exponent") if kind == "power" else 1.0), rel=1e-12
     )
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_pressure_is_the_slope_of_the_potential(kind):
+    """And nothing is stored where nothing presses."""
+    law, h = LAWS[kind], 1e-11
+    potential = law.definition.potential
+    p, _ = law.evaluate(GAPS)
+    for gap, pressure in zip(GAPS, p, strict=True):
+        less, more = (potential(gap + sign * h, *law.parameters) for sign in (1, -1))
+        assert (more - less) / (2 * h) == pytest.approx(pressure, rel=1e-6, abs=1e-6)
+    if kind != "bilateral":  # open, it pulls
+        assert potential(1e-3, *law.parameters) == pytest.approx(0.0, abs=1e-200)
+    assert potential(0.0, *law.parameters) == (0.2 if kind == "exponential" else 0.0)
+
+
+@pytest.mark.parametrize("z", [0.0, 1e-9, 1e-2, 0.5, 0.999, 1.001, 5.0, 150.0])
+def test_sinh_over_its_argument(z):
+    """Its series up to 1, to round-off."""
+    exact = math.sinh(z) / z if z else 1.0
+    assert sinh_over(z) == pytest.approx(exact, rel=6e-16 if z < 1 else 1e-14)
+    assert sinh_over(-z) == sinh_over(z)
+    assert math.isfinite(sinh_over(1e4))
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("pressure", [1e3, 1e5, 1e7])
+def test_what_a_law_does_not_give_follows_from_its_pressure(kind, pressure, monkeypatch):
+    """Its gap by bisection, closed or open, and its derivatives by differences."""
+    law, given = LAWS[kind], LAWS[kind].definition
+    bare = replace(given, gap_at=None, gap_scale=None, evaluate=None, slopes=None)
+    gap, slopes = law.gap_at(pressure), law.slopes(GAPS)
+    p, kappa = law.evaluate(GAPS)
+    tangent = law.evaluate(np.array([gap]))[1][0]
+    monkeypatch.setitem(CONTACT_LAWS._known, kind, bare)
+    assert law.gap_at(pressure) == pytest.approx(gap, rel=1e-12, abs=1e-20)
+    assert law.gap_scale(pressure) == pytest.approx(pressure / tangent, rel=1e-12)
+    np.testing.assert_allclose(law.evaluate(GAPS), (p, kappa), rtol=1e-13)
+    own = law.slopes(GAPS)
+    assert len(own) == 1 + len(law.parameters)
+    for found, exact in zip(own, slopes, strict=True):
+        for a, b in zip(found, exact, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6 * np.abs(b).max())
 
 
 def test_every_law_has_a_code_of_its_own():
