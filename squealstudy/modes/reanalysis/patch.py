@@ -123,7 +123,7 @@ def make_patch(
         if not _all_followed(blocks, middle, nodes, band):
             continue
         kept = _within_reach(blocks, grid, nodes, band)
-        if max((b.size for b in kept), default=0) > MOST_MODES:
+        if not kept or max(b.size for b in kept) > MOST_MODES:
             continue
         try:
             return _assembled(box, grid, kept, nodes, mixings, _reach(band))
@@ -141,7 +141,8 @@ def _within_reach(
     """Blocks of which a mode is in the band anywhere in the box, not at the nodes alone.
 
     The mean root of a block is interpolated over the box; its roots keep the distance from their
-    mean that they have at some node.
+    mean that they have at some node. Where no mode is in the band, the nearest block is taken: such
+    points are served too, with no mode.
     """
     if not blocks:
         return []
@@ -153,7 +154,11 @@ def _within_reach(
     away = spread.max(axis=0)
     meets = ((size + away >= low) & (size - away <= high)).any(axis=0)
     above = np.array([[(lam.imag >= 0).any() for lam in row] for row in roots]).any(axis=0)
-    return [b for b, kept in zip(blocks, meets & above, strict=True) if kept]
+    chosen = meets & above
+    if not chosen.any():
+        beyond = np.maximum(low - size - away, size - away - high).min(axis=0)
+        chosen[np.where(above, beyond, np.inf).argmin()] = True
+    return [b for b, kept in zip(blocks, chosen, strict=True) if kept]
 
 
 def _reach(band: tuple[float, float]) -> tuple[float, float]:

@@ -1,0 +1,220 @@
+"""What patches are made of, each by itself: polynomials, boxes, blocks of modes, small problems."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from synthetic import HZ, SyntheticProblem, constant, in_order, random_points, whole_box
+
+from squealstudy.linalg.companion import all_pairs
+from squealstudy.modes.reanalysis.blocks import Solved, find_blocks, gauged, mixing
+from squealstudy.modes.reanalysis.patch import Box, make_patch, mixing_by_direction
+from squealstudy.modes.reanalysis.polynomials import interpolation, spread_points
+from squealstudy.modes.reanalysis.ritz import _eigenvalues
+from squealstudy.modes.reanalysis.sweep_basis import _on_faces, build_sweep_basis
+from squealstudy.modes.rungs.windows import RUNG, Windows, _may_be_inside, _may_be_real
+
+GRIDS = [(0, 1), (5, 1), (8, 1), (4, 2), (7, 2), (2, 3), (6, 3), (2, 5)]
+
+
+# -- interpolation -------------------------------------------------------------------------------
+@pytest.mark.parametrize(("degree", "dimension"), GRIDS)
+def test_polynomials_of_the_degree_are_interpolated_exactly(degree, dimension):
+    """Inside the box and beyond it, from as few nodes as there are coefficients."""
+    grid = interpolation(degree, dimension)
+    assert len(grid.nodes) == math.comb(degree + dimension, dimension)
+    assert np.abs(grid.nodes).max() < 1
+    direction = np.random.default_rng(degree).uniform(-1, 1, dimension)
+
+    def polynomial(xi):
+        return (0.3 + xi @ direction) ** degree
+
+    at = 1.3 * random_points(20, dimension)
+    found = grid.cardinals(at) @ polynomial(grid.nodes)
+    np.testing.assert_allclose(found, polynomial(at), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("degree", "dimension"), GRIDS)
+def test_nodes_are_placed_well(degree, dimension):
+    """What errors at nodes become anywhere in the box: near the best that any nodes give."""
+    amplified = np.abs(interpolation(degree, dimension).cardinals(spread_points(dimension)))
+    assert amplified.sum(axis=1).max() < {1: 2.5, 2: 12.0}.get(dimension, 30.0)
+
+
+@pytest.mark.parametrize("dimension", [0, 1, 2, 3, 5])
+def test_points_that_stand_for_a_box_have_its_corners(dimension):
+    points = spread_points(dimension)
+    assert points.shape[1] == dimension
+    assert (np.abs(points) == 1).all(axis=1).sum() == 2**dimension
+    assert min(250, 2**dimension) <= max(len(points), 32) <= 250
+
+
+# -- boxes ---------------------------------------------------------------------------------------
+def test_a_box_and_its_halves():
+    box = Box(np.array([-1.0, 0.2]), np.array([0.0, 0.6]))
+    theta = np.array([[-1.0, 0.6], [-0.5, 0.4], [-0.25, 0.3]])
+    local = np.array([[-1.0, 1.0], [0.0, 0.0], [0.5, -0.5]])
+    np.testing.assert_allclose(box.local(theta), local, atol=1e-15)
+    np.testing.assert_allclose(box.place(local), theta, atol=1e-15)
+    assert box.holds(np.array([[-1.0, 0.6], [0.0, 0.2], [0.01, 0.4], [-0.5, 0.19]])).tolist() == [
+        *(True, True, False, False)
+    ]
+    low, high = box.halves(1)
+    for half, ends in ((low, [[-1.0, 0.2], [0.0, 0.4]]), (high, [[-1.0, 0.4], [0.0, 0.6]])):
+        np.testing.assert_allclose([half.low, half.high], ends)
+    flat = Box(np.array([0.3]), np.array([0.3]))
+    assert flat.local(np.array([[0.3]])) == 0.0
+
+
+def test_points_on_faces_are_every_other_one():
+    """Moved to the nearest face; the others stay."""
+    points = random_points(11, 3)
+    moved = _on_faces(points)
+    np.testing.assert_array_equal(moved[1::2], points[1::2])
+    assert (np.abs(moved[::2]) == 1).any(axis=1).all()
+    np.testing.assert_allclose(
+        np.abs(moved - points)[::2].sum(axis=1), 1 - np.abs(points[::2]).max(axis=1)
+    )
+
+
+# -- blocks --------------------------------------------------------------------------------------
+def solved(C, K):
+    return Solved(all_pairs(C, K), C)
+
+
+def in_turn(lam):
+    return lam[np.argsort(lam.imag)]
+
+
+def chain(angle):
+    """Modes of 3, 4 and 9 rad/s; the first two are turned by an angle into each other."""
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turn @ np.diag([9.0, 16.0, 81.0]) @ turn.T
+
+
+def test_modes_mix_as_far_as_they_are_turned():
+    C = 1e-3 * np.eye(3)
+    middle = solved(C, chain(0.0))
+    same = mixing(middle, middle)
+    np.testing.assert_allclose(same.right, np.eye(6), atol=1e-9)
+    np.testing.assert_allclose(same.left, np.eye(6), atol=1e-9)
+    mixed = mixing(middle, solved(C, chain(0.5)))
+    near = lambda lam, w: np.flatnonzero(np.abs(lam - 1j * w) < 0.1)[0]  # noqa: E731
+    at, there = middle.pairs.lam, solved(C, chain(0.5)).pairs.lam
+    share = mixed.right[near(at, 3.0), near(there, 4.0)] / mixed.right[near(at, 3.0)].max()
+    # state vectors [x; lam x]: of unlike frequencies, (3 + 4) / (2 * 3) of the sine
+    assert abs(share) > 0.3
+    assert np.abs(mixed.right[near(at, 9.0)]).max() == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("angle", "threshold", "sizes"), [(0.1, 0.3, 6), (0.5, 0.3, 4)])
+def test_modes_that_mix_are_one_block(angle, threshold, sizes):
+    C = 1e-3 * np.eye(3)
+    middle, nodes = solved(C, chain(0.0)), [solved(C, chain(a)) for a in (-angle, 0.0, angle)]
+    mixings = [mixing(middle, node) for node in nodes]
+    blocks = find_blocks(mixings, threshold)
+    assert len(blocks) == sizes
+    assert sum(b.size for b in blocks) == 6
+    for block in blocks:
+        for number, node in enumerate(nodes):
+            X, S, Y, T = gauged(block, number, node, mixings[number])
+            K = chain((-angle, 0.0, angle)[number])
+            np.testing.assert_allclose(X @ S @ S + C @ X @ S + K @ X, 0, atol=1e-9)
+            Yh = Y.conj().T
+            np.testing.assert_allclose(T @ T @ Yh + T @ Yh @ C + Yh @ K, 0, atol=1e-9)
+            own = node.pairs.lam[block.at_nodes[number]]
+            for A in (S, T):
+                roots = np.linalg.eigvals(A)
+                np.testing.assert_allclose(in_turn(roots), in_turn(own), rtol=1e-9)
+    # of another angle the middle's modes are few of the node's: no gauge
+    lost = mixings[0]._replace(right=0 * mixings[0].right)
+    with pytest.raises(np.linalg.LinAlgError, match="gauge"):
+        gauged(blocks[0], 0, nodes[0], lost)
+
+
+def test_modes_mix_along_the_direction_that_turns_them():
+    C, grid = 1e-3 * np.eye(3), interpolation(2, 2)
+    middle = solved(C, chain(0.0))
+    nodes = [solved(C, chain(0.4 * xi[1])) for xi in grid.nodes]
+    slope = mixing_by_direction(grid, [mixing(middle, node) for node in nodes])
+    assert slope[1] > 5 * abs(slope[0])
+    assert mixing_by_direction(grid, [mixing(middle, middle)] * len(nodes)) == pytest.approx(
+        [0.0, 0.0], abs=1e-9
+    )
+
+
+@pytest.mark.parametrize(("band", "followed"), [((2.5, 5.0), 2), ((2.5, 9.1), 3), ((5.0, 8.0), 1)])
+def test_a_patch_follows_the_modes_of_its_band(band, followed):
+    """Or the nearest one, where there is none."""
+    C, grid = 1e-3 * np.eye(3), interpolation(2, 1)
+    middle = solved(C, chain(0.0))
+    nodes = [solved(C, chain(0.5 * xi[0])) for xi in grid.nodes]
+    patch = make_patch(whole_box(1), grid, middle, nodes, band)
+    assert sum(b.size for b in patch.blocks) == followed
+    assert patch.m == followed
+    assert [k for _, k in patch.slices] == [b.size for b in patch.blocks]
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_eigenvalues_of_small_matrices(k):
+    A = np.random.default_rng(k).standard_normal((7, k, k, 2)).view(complex)[..., 0]
+    for found, exact in zip(_eigenvalues(A), A, strict=True):
+        np.testing.assert_allclose(
+            np.sort_complex(found), np.sort_complex(np.linalg.eigvals(exact)), rtol=1e-12
+        )
+
+
+# -- what windows decide -------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("lam", "error", "may_be"),
+    [
+        (150j, 1.0, True),
+        (98j, 1.0, False),
+        (98j, 3.0, True),
+        (203j, 1.0, False),
+        (203j, 4.0, True),
+        (150 - 2j, 1.0, False),
+        (150 - 2j, 3.0, True),
+        (150j, 0.1, False),  # within the tolerance: it is where it is found
+        (150j, np.nan, True),
+        (0.5j, 1.0, False),
+    ],
+)
+def test_roots_that_may_lie_in_the_band(lam, error, may_be):
+    found = _may_be_inside(np.array([lam]), np.array([error]), (100.0, 200.0), 1e-3)
+    assert found.tolist() == [may_be]
+
+
+def test_roots_that_may_be_real():
+    lam = np.array([-3 + 1e-3j, -3 + 1e-3j, -3.0, -3 + 1e-3j])
+    error = np.array([1e-2, 1e-4, 1.0, np.nan])
+    assert _may_be_real(lam, error).tolist() == [True, False, False, True]
+
+
+def test_points_of_a_window_cost_less_the_more_there_are():
+    """As studies/benchmarks/method_costs.py measured: over one parameter, and over two."""
+    assert RUNG.relative_cost(60, 1) == pytest.approx(0.23, abs=0.01)
+    assert RUNG.relative_cost(300, 2) == pytest.approx(0.89, abs=0.01)
+    assert RUNG.relative_cost(500, 2) == pytest.approx(0.7, abs=0.01)
+    assert RUNG.relative_cost(1, 1) == RUNG.relative_cost(0, 2) == 1.0
+    assert RUNG.relative_cost(20_000, 3) == RUNG.relative_cost(20_000, 2) < 0.15
+
+
+def test_a_part_of_the_design_without_modes_in_the_band():
+    """One mode leaves it; the others are far above."""
+    stiffness = np.diag([0.0, *(HZ * np.array([3000.0, 3500.0, 4000.0])) ** 2])
+    moving = np.diag([HZ**2, 0.0, 0.0, 0.0])
+    problem = SyntheticProblem(
+        [(stiffness, constant()), (moving, lambda t: (1250.0 + 750.0 * t[0]) ** 2)],
+        [(np.eye(4), constant())],
+        1,
+        (300.0, 1000.0),
+    )
+    windows = Windows(problem, build_sweep_basis(problem, 1e-5), 1e-4)
+    theta = np.linspace(0.2, 1.0, 40)[:, None]
+    found = in_order(windows.solve(Box(np.array([0.2]), np.array([1.0])), theta))
+    assert [len(p.lam) for p in found] == [0] * 40
+    assert {p.method for p in found} == {"windows"}
