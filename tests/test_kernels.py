@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from squealstudy.errors import ModelError
 from squealstudy.kernels.laws import contact_at, law_row
 from squealstudy.kernels.newmark_layout import LAW_CONTACT
-from squealstudy.laws import CONTACT_LAWS, FrictionLaw, contact_law
+from squealstudy.laws import CONTACT_LAWS, REGULARISATIONS, FrictionLaw, contact_law
 from squealstudy.laws.contact.exponential import sinh_over
 
 LAWS = {
@@ -157,6 +157,27 @@ def test_what_a_law_does_not_give_follows_from_its_pressure(kind, pressure, monk
     for found, exact in zip(own, slopes, strict=True):
         for a, b in zip(found, exact, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6 * np.abs(b).max())
+
+
+@pytest.mark.parametrize("name", ["regularised", "smooth"])
+@pytest.mark.parametrize("s", [1e-4, 0.03, 0.9, 4.0])
+def test_regularised_friction_and_its_slopes(name, s):
+    """From the slope k_t at rest up to the bound, which it has where it is saturated."""
+    law, k_t, b, h = REGULARISATIONS[name], 2e5, 1e5, 1e-7
+    f, by_s, by_b = law.partials(k_t, b, s)
+    assert law.resistance(k_t, b, s) * s == pytest.approx(f, rel=1e-9)
+    ahead, back = (law.partials(k_t, b, s * (1 + x))[0] for x in (h, -h))
+    assert by_s == pytest.approx((ahead - back) / (2 * h * s), rel=1e-6, abs=1e-3)
+    ahead, back = (law.partials(k_t, b * (1 + x), s)[0] for x in (h, -h))
+    assert by_b == pytest.approx((ahead - back) / (2 * h * b), rel=1e-6, abs=1e-9)
+    rest, saturated = 1e-9, 1.001 * law.saturation * b / k_t
+    assert law.partials(k_t, b, rest)[0] == pytest.approx(k_t * rest, rel=1e-9)
+    assert law.partials(k_t, b, saturated)[0] == pytest.approx(b, rel=1.1e-4)
+    assert law.resistance(k_t, b, 0.0) == k_t
+    kinked = name == "regularised"
+    assert law.slope(k_t, b, s) == pytest.approx(k_t if kinked else f / s, rel=1e-9)
+    if kinked:  # kernels divide by a bound of 0, Python does not
+        assert law.resistance(k_t, 0.0, s) == 0.0
 
 
 def test_every_law_has_a_code_of_its_own():

@@ -28,7 +28,7 @@ from squealstudy.modes.full_order.modes import (
     family_system,
     solve_family_point,
 )
-from squealstudy.reduction.prepared_family import prepare_family
+from squealstudy.reduction.prepared_family import prepare_family, shape_basis
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
 from squealstudy.study.schema import study_schema
@@ -252,6 +252,17 @@ def test_bands_with_most_of_the_roots_or_none():
     assert everything.n_below == 2 * M.shape[0]
     assert len(roots_in_band(M, C, K, (1e4, 1e5)).lam) == 0
     assert len(roots_in_band(M, C, K, (1e-3, 1e-2)).lam) == 0
+
+
+def test_shapes_span_the_basis_they_are_compared_in():
+    """Whatever their lengths are; the first coordinate stands in where there are none."""
+    rng = np.random.default_rng(0)
+    psi = rng.standard_normal((9, 2, 2)).view(complex)[..., 0] * [1e-6, 1e6]
+    basis = shape_basis(psi)
+    assert basis.shape == (9, 4)
+    np.testing.assert_allclose(basis @ (basis.T @ psi), psi, rtol=1e-9)
+    assert shape_basis(psi[:, :1].real + 0j).shape == (9, 1)
+    np.testing.assert_array_equal(shape_basis(psi[:, :0]), np.eye(9)[:, :1])
 
 
 @pytest.mark.parametrize("n", [20, 160])

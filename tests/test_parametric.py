@@ -179,6 +179,64 @@ def test_many_whole_matrices_are_summed_first(count):
     np.testing.assert_allclose(system.slopes(weights, lam, X, Y), slope)
 
 
+def test_only_numbers_times_whole_matrices_are_summed_first():
+    """Those of one order, where they are many; rows with weights of their own stay."""
+    rng = np.random.default_rng(3)
+    n, lam = 4, rng.standard_normal(3) + 1j
+    whole, rowwise = rng.standard_normal((2, MANY + 1, n, n))
+    X = rng.standard_normal((n, 3)) + 0j
+    terms = [Term(MASS), *(Term(STIFFNESS, None, A) for A in (*whole, *rowwise))]
+    system = ParametricSystem(n, tuple(terms))
+    w, d = rng.standard_normal(MANY + 1), rng.standard_normal((MANY + 1, n))
+    weights = (1.0, *w, *d)
+    K = np.tensordot(w, whole, 1) + sum(np.diag(row) @ A for row, A in zip(d, rowwise, strict=True))
+    np.testing.assert_allclose(system.apply(weights, lam, X), X * lam**2 + K @ X)
+    few, _ = system.gathered(weights)
+    assert len(few.terms) == 1 + (MANY + 1) + 1
+    assert [t.dense for t in few.terms].count(True) == 1
+    as_they_are, same = system.gathered((1.0, *d, *d))
+    assert as_they_are is system
+    assert len(same) == len(terms)
+
+
+def test_a_weight_that_is_a_whole_matrix():
+    rng = np.random.default_rng(4)
+    n, lam = 4, rng.standard_normal(3) + 1j
+    system = ParametricSystem(n, (Term(MASS), Term(DAMPING, dense=True), Term(STIFFNESS)))
+    C, k = rng.standard_normal((n, n)), rng.standard_normal(n)
+    X, Y = rng.standard_normal((2, n, 3)) + 1j * rng.standard_normal((2, n, 3))
+    weights = (2.0, C, k)
+    ahead = 2 * X * lam**2 + C @ X * lam + k[:, None] * X
+    np.testing.assert_allclose(system.apply(weights, lam, X), ahead)
+    behind = 2 * Y * lam.conj() ** 2 + C.T @ Y * lam.conj() + k[:, None] * Y
+    np.testing.assert_allclose(system.apply_adjoint(weights, lam, Y), behind)
+    slope = np.einsum("ij,ij->j", Y.conj(), 4 * lam * X + C @ X)
+    np.testing.assert_allclose(system.slopes(weights, lam, X, Y), slope)
+    np.testing.assert_allclose(system.forms(weights, lam, X, Y), Y.conj().T @ ahead)
+    M, D, K = system.matrices(weights)
+    for found, expected in ((M, 2 * np.eye(n)), (D, C), (K, np.diag(k))):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_sparse_sums_keep_dense_rows_apart():
+    """As dense, with numbers, rows of weights, and rows whose weight is zero."""
+    rng = np.random.default_rng(5)
+    n = 5
+    L, R, A = (sp.csr_matrix(rng.standard_normal((m, n))) for m in (3, 3, n))
+    U = rng.standard_normal((4, n))
+    terms = (Term(MASS, None, A), Term(STIFFNESS, L, R), Term(STIFFNESS, None, A))
+    terms += (Term(STIFFNESS, U, U), Term(DAMPING, L, L))
+    system = ParametricSystem(n, terms)
+    d = np.array([1.0, 0.0, -2.0, 0.5])
+    weights = (3.0, rng.standard_normal(3), rng.standard_normal(n), d, -1.5)
+    for found, expected in zip(
+        system.sparse_matrices(weights), system.matrices(weights), strict=True
+    ):
+        X = rng.standard_normal((n, 2))
+        np.testing.assert_allclose(found @ X, expected @ X, atol=1e-12)
+    assert system.sparse_matrices(weights)[2].U.shape == (n, 3)
+
+
 # -- all roots with both vectors ---------------------------------------------------------------
 @given(st.integers(1, 8), st.integers(0, 10_000))
 @settings(max_examples=60)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -239,6 +240,23 @@ def test_modal_damping_is_interpolated_over_what_stiffens_the_brake(prepared):
     weights = problem.modal_damping.weights
     np.testing.assert_array_equal(weights(theta), weights(theta * [1, 1, 0, 0]))
     assert np.abs(weights(theta) - weights(theta * [0.9, 1, 1, 1])).max() > 0
+
+
+def test_damping_of_a_design_without_parameters(prepared):
+    """Interpolated over nothing: at its one point the damping is exact."""
+    problem = BrakeProblem(
+        prepared, 0, lambda theta: DesignState(NOMINAL, damping_ratio=0.01), BAND
+    )
+    assert len(problem.modal_damping.matrices) == 1
+    assert problem.interpolation_error() < 1e-10 * 0.01
+
+
+def test_interpolated_damping_is_looked_at_inside_the_box_too(prepared):
+    """Where a field that is right at the corners is wrong, by the error times the ratio."""
+    problem = BrakeProblem(prepared, 2, damped_map, BAND)
+    wrong_inside = lambda theta, K, top: float((np.abs(theta) < 1).all())  # noqa: E731
+    problem.modal_damping = SimpleNamespace(error=wrong_inside)
+    assert 0.004 < problem.interpolation_error() < 0.008
 
 
 def test_undamped_problems_have_no_modal_damping(map_problem):

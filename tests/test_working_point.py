@@ -17,7 +17,12 @@ from squealstudy.linalg.factor import factorise
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness
-from squealstudy.reduction.working_point import known_working_point, working_point
+from squealstudy.reduction.working_point import (
+    known_working_point,
+    open_share,
+    working_point,
+    working_point_result,
+)
 
 NO_SHAPES = np.zeros((2, 0))
 
@@ -189,6 +194,28 @@ def test_known_gaps_are_verified(brake):
     for other in (replace(NOMINAL, brake_pressure=12.001e5), replace(NOMINAL, friction=0.5001)):
         assert known_working_point(brake.space, other, brake.point.gap) is None
     assert known_working_point(brake.space, NOMINAL, np.nan * brake.point.gap) is None
+
+
+def test_open_share_is_that_of_the_area_without_pressure():
+    """Below 1 % of the mean over the area, which is 7.5 kPa."""
+    area, p = np.array([1e-4, 3e-4, 4e-4]), np.array([3.998e6, 7.4e3, 5e5])
+    assert open_share(area, p) == pytest.approx(3 / 8)
+    assert open_share(area, np.maximum(p, 7.6e3)) == 0.0
+
+
+@pytest.mark.parametrize("law", [contact_law(), contact_law("power", stiffness=1e14, exponent=2)])
+def test_the_imbalance_tells_what_the_contact_stiffness_may_be_off_by(law):
+    """By gaps that err by ten times their imbalance: exactly so, small, of the exponential law."""
+    area, g = np.array([1e-4, 3e-4, 2e-4]), np.array([-2e-6, -1e-6, -4e-6])
+    F = 1e-12 * np.array([1.0, -3.0, 2.0])
+    p, kappa = law.evaluate(g)
+    found = working_point_result(area, g, p, kappa, 3, 1e-9, F).tangent_error
+    moved = (area @ law.evaluate(g - 10 * np.abs(F))[1]) / (area @ kappa) - 1
+    if law.kind == "exponential":
+        assert found == pytest.approx(moved, rel=1e-4)
+    assert moved <= 1.001 * found <= 3 * moved
+    unloaded = working_point_result(area, g, 0 * p, 0 * kappa, 3, 1e-9, F)
+    assert unloaded.tangent_error == 0.0
 
 
 def test_more_pressure_closes_the_contact(brake):
