@@ -128,6 +128,18 @@ def test_pairs_of_a_family_with_varying_mass():
     assert np.abs(two_sided_error(problem, weights, pairs) / pairs.lam).max() < 1e-9
 
 
+def test_modes_that_decay_faster_than_asked_for_are_left_out():
+    problem, theta = machine(), np.array([0.4])
+    _, every = problem.pairs(theta, 1.0)
+    least = float(np.median(every.lam.real))
+    part = FamilyProblem(problem.family, 1, problem.values_at, (100.0, 400.0), least_growth=least)
+    _, kept = part.pairs(theta, 1.0)
+    assert 5 < len(kept.lam) < len(every.lam)
+    np.testing.assert_allclose(
+        np.sort_complex(kept.lam), np.sort_complex(every.lam[every.lam.real >= least]), rtol=1e-9
+    )
+
+
 def test_left_vectors_of_doublets_are_turned_against_the_right():
     one = sp.csr_matrix(np.diag([W1**2, W2**2, W1**2, W2**2, (3 * W1) ** 2]))
     damping = sp.csr_matrix(np.diag([1.0, 2.0, 1.0, 2.0, 3.0]))
@@ -151,6 +163,9 @@ def test_vectors_that_do_not_match_are_refused():
     right = roots_in_band(M, C, K, problem.band)
     with pytest.raises(ConvergenceError, match="no left one"):
         biorthogonal(M, C, right.lam, right.psi, right.lam * 1.01, right.psi)
+    one_moved = np.where(np.arange(len(right.lam)) == 3, 1.0001 * right.lam, right.lam)
+    with pytest.raises(ConvergenceError, match="no left one"):
+        biorthogonal(M, C, right.lam, right.psi, one_moved, right.psi)
     with pytest.raises(ConvergenceError, match="not biorthogonal"):
         biorthogonal(M, C, right.lam, right.psi, right.lam, right.psi)
     with pytest.raises(ConvergenceError, match="right and"):

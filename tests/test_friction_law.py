@@ -99,7 +99,9 @@ def fading(s, p, friction, weight):
 def fading_curve(monkeypatch):
     """A curve that gives no derivatives of its own."""
     weight = Parameter("friction_law.weight", 0.5, "s/m", "of the fall", minimum=0.0)
-    law = FrictionCurveDefinition("fading", "over both", parameters=(weight,), mu=fading)
+    law = FrictionCurveDefinition(
+        name="fading", description="over both", parameters=(weight,), mu=fading
+    )
     monkeypatch.setitem(FRICTION_CURVES._known, "fading", law)
     return friction_curve("fading", weight=0.5)
 
@@ -132,6 +134,14 @@ def test_derivatives_of_a_curve_that_gives_none(fading_curve):
     for found, formula in zip(by, exact, strict=True):
         for a, b in zip(found, formula, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max() + 1e-15)
+
+
+def test_derivatives_of_falling_friction_are_those_of_its_curve(monkeypatch):
+    """All of them, by pressure too, against differences of the curve."""
+    p, curve = np.zeros(1), falling_curve(1.4, 0.3)
+    given = curve.slopes(0.4, 0.2, p)
+    monkeypatch.setitem(FRICTION_CURVES._known, curve.kind, replace(curve.definition, slopes=None))
+    np.testing.assert_allclose(given, curve.slopes(0.4, 0.2, p), rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", list(MODELS))

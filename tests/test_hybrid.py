@@ -29,6 +29,7 @@ from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import (
     HybridSettings,
+    _cleaned,
     assembly_stiffness,
     explicit_dofs,
     hybrid_model,
@@ -98,6 +99,15 @@ def run_modal(model, design, settings, q0, v0):
     project = phi.T @ model.M
     result = run_one(system, modal, settings, project @ q0, project @ v0)
     return result, phi
+
+
+def test_rounding_beside_a_diagonal_is_dropped():
+    """Of its own size there: entries of stiff and of soft coordinates differ by decades."""
+    A = np.array([[1e12, 1e-8, 1e-4], [1e-8, 1e-6, 0.0], [1e-4, 0.0, 1e12]])
+    kept = _cleaned(sp.csr_matrix(A)).toarray()
+    A[0, 2] = A[2, 0] = 0.0
+    np.testing.assert_array_equal(kept, A)
+    assert _cleaned(sp.csr_matrix(A * 1e-30)).nnz == 5
 
 
 def test_explicit_layers(case):

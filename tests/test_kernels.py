@@ -15,7 +15,14 @@ from hypothesis import strategies as st
 from squealstudy.errors import ModelError
 from squealstudy.kernels.laws import contact_at, law_row
 from squealstudy.kernels.newmark_layout import LAW_CONTACT
-from squealstudy.laws import CONTACT_LAWS, REGULARISATIONS, FrictionLaw, contact_law
+from squealstudy.laws import (
+    CONTACT_LAWS,
+    REGULARISATIONS,
+    ContactLaw,
+    FrictionCurve,
+    FrictionLaw,
+    contact_law,
+)
 from squealstudy.laws.contact.exponential import sinh_over
 
 LAWS = {
@@ -130,6 +137,12 @@ def test_pressure_is_the_slope_of_the_potential(kind):
     assert potential(0.0, *law.parameters) == (0.2 if kind == "exponential" else 0.0)
 
 
+@pytest.mark.parametrize("kind", ["unilateral", "power"])
+def test_nothing_depends_on_anything_where_contact_is_open(kind):
+    for by in LAWS[kind].slopes(np.array([0.0, 1e-9, 2e-6])):
+        np.testing.assert_array_equal(by, 0.0)
+
+
 @pytest.mark.parametrize("z", [0.0, 1e-9, 1e-2, 0.5, 0.999, 1.001, 5.0, 150.0])
 def test_sinh_over_its_argument(z):
     """Its series up to 1, to round-off."""
@@ -200,6 +213,31 @@ def test_every_law_has_a_code_of_its_own():
 def test_bad_law_is_refused(arguments):
     with pytest.raises(ModelError):
         contact_law(**arguments)
+
+
+def test_laws_are_keys_whatever_their_values_came_as():
+    """Of a file or of numpy: values become floats, which name a design point."""
+    for values in ([5], np.array([5]), (5,)):
+        law = ContactLaw("unilateral", values)
+        assert law == ContactLaw("unilateral", (5.0,))
+        assert hash(law) == hash(ContactLaw("unilateral", (5.0,)))
+        assert type(law.parameters[0]) is float
+    curve = FrictionCurve("exponential_fall", [2, np.float32(0.5)])
+    assert [type(x) for x in curve.parameters] == [float, float]
+    assert hash(curve) == hash(FrictionCurve("exponential_fall", (2.0, 0.5)))
+
+
+@pytest.mark.parametrize(
+    ("friction", "k_t", "regularisation"),
+    [
+        *((0.5, 1e6, "none"), (-0.1, 1e6, "smooth"), (0.5, 0.0, "smooth")),
+        *((0.5, -1.0, "regularised"), (math.nan, 1e6, "smooth"), (0.5, math.inf, "smooth")),
+    ],
+)
+def test_bad_friction_in_time_is_refused(friction, k_t, regularisation):
+    with pytest.raises(ModelError):
+        FrictionLaw(friction, k_t, regularisation=regularisation)
+    assert FrictionLaw(0.0, 1e6).saturation == 1.0
 
 
 def test_compiled_kernels_are_kept_by_a_hash_of_all_sources(tmp_path, monkeypatch):

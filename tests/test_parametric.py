@@ -137,6 +137,24 @@ def test_a_mass_that_varies_is_divided_by():
         np.testing.assert_allclose(C[i], np.linalg.solve(M, 0.1 * A[2]), atol=1e-12)
         np.testing.assert_allclose(K[i], np.linalg.solve(M, 2.0 * A[3]), atol=1e-12)
         np.testing.assert_allclose(expanded.mass(w), M, atol=1e-12)
+    assert not expanded.unit_mass
+
+
+def test_a_mass_that_is_the_identity_in_the_basis_is_not_divided_by():
+    """Of one term or of two, in a basis that is orthonormal in it; not where it varies."""
+    rng = np.random.default_rng(2)
+    A = rng.standard_normal((5, 5))
+    M, K = A @ A.T + np.eye(5), np.diag([1.0, 2.0, 3.0, 4.0, 5.0])
+    V = np.linalg.inv(np.linalg.cholesky(M)).T[:, :3]
+    system = ParametricSystem(5, (Term(MASS, None, A @ A.T), Term(MASS), Term(STIFFNESS, None, K)))
+    weights = [(1.0, 1.0, k) for k in (1.0, 2.0)]
+    expanded = collocate(system, weights, V, V, 1e-12)
+    assert expanded.unit_mass
+    np.testing.assert_array_equal(expanded.mass(weights[0]), np.eye(3))
+    np.testing.assert_allclose(expanded.matrices(weights)[1][1], 2 * V.T @ K @ V, atol=1e-12)
+    varying = collocate(system, [*weights, (1.0, 1.1, 1.0)], V, V, 1e-12)
+    assert not varying.unit_mass
+    np.testing.assert_allclose(varying.mass((1.0, 1.1, 1.0)), np.eye(3) + 0.1 * V.T @ V, atol=1e-12)
 
 
 def test_weights_that_vanish_at_some_points():

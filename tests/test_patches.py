@@ -12,6 +12,7 @@ from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.reanalysis.blocks import Mixing, Solved, find_blocks, gauged, mixing
 from squealstudy.modes.reanalysis.patch import Box, make_patch, mixing_by_direction
 from squealstudy.modes.reanalysis.polynomials import interpolation, spread_points
+from squealstudy.modes.reanalysis.problem import in_band
 from squealstudy.modes.reanalysis.ritz import _eigenvalues
 from squealstudy.modes.reanalysis.sweep_basis import _on_faces, build_sweep_basis
 from squealstudy.modes.rungs.windows import RUNG, Windows, _may_be_inside, _may_be_real
@@ -177,6 +178,14 @@ def test_eigenvalues_of_small_matrices(k):
         np.testing.assert_allclose(
             np.sort_complex(found), np.sort_complex(np.linalg.eigvals(exact)), rtol=1e-12
         )
+
+
+# -- bands ---------------------------------------------------------------------------------------
+def test_the_ends_of_a_band_belong_to_it():
+    """Of the band widened by a factor; conjugates do not, real roots do."""
+    lam = np.array([49.9j, 50j, 100j, 200j, -150.0 + 0j, 400j, 400.1j, -150j])
+    assert np.flatnonzero(in_band(lam, (100.0, 200.0), 1.0)).tolist() == [2, 3, 4]
+    assert np.flatnonzero(in_band(lam, (100.0, 200.0), 2.0)).tolist() == [1, 2, 3, 4, 5]
 
 
 # -- what windows decide -------------------------------------------------------------------------

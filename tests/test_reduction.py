@@ -17,7 +17,7 @@ from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.reduction.orthonormal import complete_basis
-from squealstudy.reduction.prepared import shape_column
+from squealstudy.reduction.prepared import contact_stiffness, reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.linearise import component_frequencies, linearise
 
@@ -68,6 +68,17 @@ def test_observation_is_that_of_the_assembly(brake, reduced):
         np.testing.assert_allclose(getattr(model, name) @ x, seen, atol=1e-12 * np.abs(seen).max())
     energy = q @ (brake.assembly.K_springs() @ q)
     assert x @ model.K_springs @ x == pytest.approx(energy, rel=1e-10)
+
+
+def test_contact_stiffness_is_that_of_the_linearisation(brake, reduced):
+    """Without friction; that of the reference is of a uniform pressure under both loads."""
+    K = linearise(reduced[0], brake.point, DesignState(NOMINAL)).K_sym
+    found = contact_stiffness(reduced[0], brake.point.tangent)
+    np.testing.assert_allclose(found, K, atol=1e-12 * np.abs(K).max())
+    both = replace(brake.assembly, constant_load=2e5 * brake.assembly.load)
+    pressure = 14e5 * np.abs(brake.assembly.load).sum() / brake.assembly.contact.area.sum()
+    stiffness = NOMINAL.law.value("contact.lambda") * pressure
+    assert reference_stiffness(both, NOMINAL) == pytest.approx(stiffness, rel=1e-12)
 
 
 def test_nominal_real_modes(brake, reduced):

@@ -20,7 +20,9 @@ from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import in_band, light
 from squealstudy.modes.reanalysis.sweep_basis import (
+    REACH,
     _next_points,
+    _snapshots,
     build_sweep_basis,
     corners,
     sample_box,
@@ -252,9 +254,12 @@ def test_damping_of_a_design_without_parameters(prepared):
 
 
 def test_interpolated_damping_is_looked_at_inside_the_box_too(prepared):
-    """Where a field that is right at the corners is wrong, by the error times the ratio."""
+    """A field is wrong there and right at the corners: up to the band's top, times the ratio."""
     problem = BrakeProblem(prepared, 2, damped_map, BAND)
-    wrong_inside = lambda theta, K, top: float((np.abs(theta) < 1).all())  # noqa: E731
+
+    def wrong_inside(theta, K, top):
+        return top / problem.band[1] * (np.abs(theta) < 1).all()
+
     problem.modal_damping = SimpleNamespace(error=wrong_inside)
     assert 0.004 < problem.interpolation_error() < 0.008
 
@@ -284,6 +289,22 @@ def test_lift_off_of_part_of_the_contact(prepared, middle, half, share, change):
     covered(true, estimate, 1e-7)
 
 
+def test_snapshots_hold_both_modes_of_their_point(map_problem):
+    """Real and imaginary parts, of unit energy each: any phase of a mode is in their span."""
+    theta = np.array([0.2, -0.7])
+    block = _snapshots(map_problem, theta)
+    shapes, (_, pairs) = map_problem.from_energy(block), map_problem.pairs(theta, REACH)
+    m = len(pairs.lam)
+    assert block.shape[1] == 4 * m
+    for Z, parts in ((pairs.X, shapes[:, : 2 * m]), (pairs.Y, shapes[:, 2 * m :])):
+        turned = Z * np.exp(1j * np.arange(m))
+        for seen in (turned.real, turned.imag):
+            left = seen - parts @ np.linalg.lstsq(parts, seen, rcond=None)[0]
+            assert np.abs(left).max() < 1e-8 * np.abs(seen).max()
+    energy = (block**2).sum(axis=0).reshape(2, 2, m).sum(axis=1)
+    np.testing.assert_allclose(energy, 1.0, rtol=1e-12)
+
+
 # -- how a basis is made -----------------------------------------------------------------------
 def test_samples_fill_the_box():
     for dimension in (1, 2, 5):
@@ -293,6 +314,7 @@ def test_samples_fill_the_box():
         assert np.abs(points.mean(axis=0)).max() < 0.1
         np.testing.assert_array_equal(points, sample_box(dimension, 50, seed=0))
         assert len(np.unique(corners(dimension), axis=0)) == min(2**dimension, 16)
+        assert (np.abs(corners(dimension)) == 1).all()
     assert sample_box(0, 5, 0).shape == corners(0).shape == (1, 0)
 
 

@@ -495,3 +495,4 @@ def test_errors_of_light_modes_only_decide():
         slight = light(p.lam)
         assert (p.error[slight] <= 1e-5 * np.abs(p.lam[slight])).all()
         assert windows.good(p)
+        assert not windows.good(p._replace(sure=False))  # another root may lie in the band

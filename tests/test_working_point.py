@@ -191,7 +191,8 @@ def test_known_gaps_are_verified(brake):
     np.testing.assert_array_equal(known.tangent, brake.point.tangent)
     assert known.residual < 1e-11
     # gaps of a slightly different pressure, or lost ones, are no working point of this one
-    for other in (replace(NOMINAL, brake_pressure=12.001e5), replace(NOMINAL, friction=0.5001)):
+    others = [replace(NOMINAL, brake_pressure=p) for p in (12.001e5, 12e5 * (1 + 1e-7))]
+    for other in (*others, replace(NOMINAL, friction=0.5001)):
         assert known_working_point(brake.space, other, brake.point.gap) is None
     assert known_working_point(brake.space, NOMINAL, np.nan * brake.point.gap) is None
 
