@@ -64,8 +64,10 @@ def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
     """
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        kind, _, title = column.rpartition(":")
-        table.add_column(title, **COLUMNS[kind or "number"])
+        kind, colon, title = column.partition(":")
+        if not colon or kind not in COLUMNS:  # a title that has a colon itself
+            kind, title = "number", column
+        table.add_column(title, **COLUMNS[kind])
     for row in rows:
         table.add_row(*row)
     return table

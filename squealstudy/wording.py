@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 # classes of runs in time, as the points table of a transient study has them
@@ -123,3 +124,9 @@ def with_unit(name: str, units: Mapping[str, str]) -> str:
 def percent(low: float, high: float) -> str:
     """Two shares as ``12.3 to 45.6``, in percent."""
     return f"{100 * low:.1f} to {100 * high:.1f}"
+
+
+def failure_counts(status: Iterable[str]) -> str:
+    """How often rows are not ok, by status, the most frequent first: ``3 not_converged``."""
+    counts = Counter(name for name in status if name != "ok").most_common()
+    return ", ".join(f"{count} {name}" for name, count in counts)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from squealstudy.screen import Rows
 from squealstudy.tables.validity import outside_validity
-from squealstudy.wording import plural
+from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -20,7 +20,8 @@ def summary(results: Results, drawn: list[Path]) -> Rows:
     solved, total = results.solved or 0, manifest["n_points"]
     failed = ""
     if lost := manifest["n_failed"] + manifest.get("n_inaccurate", 0):
-        failed = f", {lost} not ok ({_failures(results)}; see message in {results.tables[0]})"
+        rows = results.table(results.tables[0])["status"]
+        failed = f", {lost} not ok ({failure_counts(rows)}; see message in {results.tables[0]})"
     counts = f"{total}: {solved} solved now, {total - solved} found in {directory}{failed}"
     return [
         (f"{results.screen.row_word}s", counts),
@@ -39,13 +40,6 @@ def summary(results: Results, drawn: list[Path]) -> Rows:
 
 def _listed(directory: Path, names: list[str]) -> str:
     return f"in {directory}: {', '.join(names)}"
-
-
-def _failures(results: Results) -> str:
-    """How often rows are not ok, by status, such as ``3 not_converged``."""
-    status = results.table(results.tables[0])["status"]
-    counts = status[status != "ok"].value_counts()
-    return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
 def outside(results: Results, head: str = "") -> list[str]:

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.modes.rung import Rung, Scope
-from squealstudy.modes.rungs import all_rungs, exact_rung, rung_named
+from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
-from squealstudy.study.sections import AUTO
 from squealstudy.study.source import SourceText
 
 

@@ -22,6 +22,7 @@ from squealstudy.engine.manifest import (
 from squealstudy.engine.store import INACCURATE, remove_leftovers, write_manifest
 from squealstudy.engine.workers import Progress, Work, Workers, peak_memory_mb, silent
 from squealstudy.errors import ResultsError
+from squealstudy.wording import failure_counts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -210,9 +211,3 @@ def _expect_solved(plan: Planned, directory: Path, points: pd.DataFrame) -> None
         f"{directory}: every {plan.kind.row_word} {what} ({counts}), the first with: "
         f"{points['message'].iloc[0]}"
     )
-
-
-def failure_counts(status: pd.Series) -> str:
-    """How often design points are not ok, by status, such as ``3 not_converged``."""
-    counts = status[status != "ok"].value_counts()
-    return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -103,7 +103,7 @@ def _probabilities(axes: Axes, shown: pd.DataFrame) -> None:
     finish(axes, "Probability of instability [%]", "")
     name_rows(axes, [_mode(row) for row in shown.to_dict("records")])
     failed = int(shown["failed_points"].iloc[0])
-    note = f", {plural(failed, 'point')} failed" if failed else ""
+    note = f", {plural(failed, 'point')} not ok" if failed else ""
     head(axes, f"{plural(int(shown['points'].iloc[0]), 'point')}{note}; bars: confidence interval")
 
 

@@ -9,12 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
-from squealstudy.modes.rungs import rung_names
+from squealstudy.modes.rungs import AUTO, rung_names
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, FloatList, NumberTable, Section
 from squealstudy.study.source import shown
-
-AUTO = "auto"  # [modes] method: the rung of least cost
 
 Scale = Literal["linear", "log"]
 DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]

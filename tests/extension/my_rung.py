@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from squealstudy.errors import ConvergenceError
 from squealstudy.modes.rung import Rung
+from squealstudy.modes.rungs import register_rung
 
 SAFETY = 1.5  # roots are no parabolas
 
@@ -19,22 +22,48 @@ class Linear(Rung):
     keeps_tolerance = False
     shares_work = True
 
+    def __init__(self):
+        self._known = WeakKeyDictionary()  # what a box costs, for points that are asked for later
+
     def refusal(self, scope):
         return "" if scope.varied == 1 else f"linear serves one parameter, {scope.varied} vary"
 
     def solve(self, problem, points, box):
-        low, middle, high = (
-            problem.exact(problem.point_at(theta)) for theta in (box.low, box.middle, box.high)
-        )
-        curved = np.abs(middle.lam - (low.lam + high.lam) / 2)  # of a parabola, at its middle
-        for i, theta in enumerate(problem.theta(points)):
-            share = float((box.local(theta)[0] + 1) / 2)
-            lam = (1 - share) * low.lam + share * high.lam
-            error = SAFETY * 4 * share * (1 - share) * curved + low.error_rung
-            yield i, replace(low, lam=lam, error_rung=error, method=self.name)
+        low, high, curved = self._ends(problem, box)
+        theta = problem.theta(points)
+        for i, (at, own) in enumerate(zip(theta, problem.swept.samples(theta), strict=True)):
+            if isinstance(own, ConvergenceError):  # no working point: none by any rung
+                yield i, own
+                continue
+            share = float((box.local(at)[0] + 1) / 2)
+            near = low if share < 0.5 else high
+            yield (
+                i,
+                replace(
+                    near,  # its shapes and residuals
+                    lam=(1 - share) * low.lam + share * high.lam,
+                    error_rung=SAFETY * 4 * share * (1 - share) * curved + near.error_rung,
+                    energies=(1 - share) * low.energies + share * high.energies,
+                    working_point=own.working_point or near.working_point,
+                    method=self.name,
+                ),
+            )
 
     def relative_cost(self, points, varied):
         return 3 / max(points, 3)
 
+    def _ends(self, problem, box):
+        """Modes at both ends, and how far roots lie off the line in the middle; once a box."""
+        boxes = self._known.setdefault(problem, {})
+        key = (*box.low, *box.high)
+        if key not in boxes:
+            low, middle, high = (
+                problem.exact(problem.point_at(theta)) for theta in (box.low, box.middle, box.high)
+            )
+            if not len(low.lam) == len(middle.lam) == len(high.lam):
+                raise ConvergenceError("not_converged", "modes leave the band within the box")
+            boxes[key] = low, high, np.abs(middle.lam - (low.lam + high.lam) / 2)
+        return boxes[key]
 
-RUNG = Linear()
+
+register_rung(Linear())

@@ -13,7 +13,8 @@ from threadpoolctl import ThreadpoolController
 
 from squealstudy.engine.cache import known_gap, load_prepared
 from squealstudy.engine.plan import Plan
-from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.engine.rows import FAILURES
+from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box
 from squealstudy.modes.point import state_working_point
@@ -74,13 +75,20 @@ class Between:
         ConvergenceError
             Where there are none: no working point, or an eigenproblem without solution.
         """
-        rung = rung_named(self.rung)
-        try:
-            with _threads().limit(limits=1):
-                problem = problem_of(self.structure, rung)
-                return rung.modes_at(problem, self.design_at(x), self.box)
-        except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
-            raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+        rung, point = rung_named(self.rung), self.design_at(x)
+        problem = problem_of(self.structure, rung)
+        with _threads().limit(limits=1):
+            if not rung.exact:
+                try:
+                    return rung.modes_at(problem, point, self.box)
+                except ExtensionError:
+                    raise
+                except FAILURES:
+                    rung = rung_named(problem.swept.exact)
+            try:
+                return rung.modes_at(problem, point, self.box)
+            except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+                raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def matrices(self) -> ModalMatrices:
         """The design point in the real modes of its structure, of an assembly.

@@ -66,6 +66,7 @@ def mode_errors(
         "reduction_sample_points": len(samples),
         "reduction_widened": widened,
         "largest_rung": _largest(errors.rung, columns.lam, judged),
+        "unknown_rung": int((judged & np.isnan(errors.rung)).sum()),
         "largest_reduction": _largest(errors.reduction, columns.lam, judged),
     }
     return errors, facts

@@ -33,9 +33,8 @@ from squealstudy.kinds.complex_modes.solve_tasks import (
     solve_tasks,
     whole_box,
 )
-from squealstudy.modes.rungs import rung_named
+from squealstudy.modes.rungs import AUTO, rung_named
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.sections import AUTO
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -186,6 +185,8 @@ class ComplexModes(ModelKind):
                 reason += f"; no basis, all points are exact: {structure.refusal.read_text()}"
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}
+        if len(left := points.loc[(points["status"] == "ok") & (points["message"] != "")]):
+            method["left_over"] = {"points": len(left), "first": left["message"].iloc[0]}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def measuring(self) -> Measuring:

@@ -39,10 +39,12 @@ SCHEMA = pa.schema(
 )
 
 
-def solved_row(point_id: str, wall_s: float, modes: PointModes) -> dict[str, Any]:
+def solved_row(
+    point_id: str, wall_s: float, modes: PointModes, message: str = ""
+) -> dict[str, Any]:
     """Chunk row of a solved point; models without a working point have none of its figures."""
     point = modes.working_point
-    return head(point_id, wall_s) | {
+    return head(point_id, wall_s, message=message) | {
         "method": modes.method,
         "working_point_residual": np.nan if point is None else point.residual,
         "open_share": np.nan if point is None else point.open_share,

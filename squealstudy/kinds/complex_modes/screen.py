@@ -20,7 +20,7 @@ from squealstudy.tables.mode_ranking import (
     settings_of,
 )
 from squealstudy.tables.stability import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
-from squealstudy.wording import in_digits, percent, plural
+from squealstudy.wording import failure_counts, in_digits, percent, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -131,10 +131,11 @@ def _doubt(results: Results, where: str | None) -> str:
 
 
 def _left_out(results: Results) -> str:
-    """What does not count, in words; empty where no point failed."""
-    failed = int((results.points["status"] != "ok").sum())
-    verb = "counts" if failed == 1 else "count"
-    return f"{plural(failed, 'design point')} failed and {verb} neither way" if failed else ""
+    """What does not count, in words; empty where every point is ok."""
+    lost = int((results.points["status"] != "ok").sum())
+    verb = "is not ok and counts" if lost == 1 else "are not ok and count"
+    counts = failure_counts(results.points["status"])
+    return f"{plural(lost, 'design point')} {verb} neither way ({counts})" if lost else ""
 
 
 def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[str]:
@@ -197,6 +198,9 @@ def _method(manifest: Mapping[str, Any]) -> Rows:
         return []
     served = ", ".join(f"{rung} {count}" for rung, count in method["points"].items())
     rows = [("method", f"{method['chosen']} ({method['reason']}); points by rung: {served}")]
+    if left := method.get("left_over"):
+        points = plural(left["points"], "point")
+        rows.append(("left over", f"{points}, solved exactly; the first was {left['first']}"))
     audit = manifest.get("audit")
     if audit and audit["modes"]:
         text = (
@@ -214,6 +218,8 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     if not errors or errors["largest_rung"] is None:
         return []
     text = f"method {errors['largest_rung']:.1e}, "
+    if unknown := errors.get("unknown_rung"):
+        text += f"of {plural(unknown, 'mode')} not known, "
     if not errors["reduced"]:
         return [("estimates", f"{text}no reduction: relative, of light and of growing modes")]
     reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
@@ -294,7 +300,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
     first = table.iloc[0]
     drawn = "points of the two independent samples" if sampled else "points"
     failed = int(first["failed_points"])
-    counted = f"{failed} failed and count neither way" if failed else "none failed"
+    counted = f"{failed} are not ok and count neither way" if failed else "all are ok"
     texts = [
         f"of {first['points'] + failed} {drawn}, {counted}",
         "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "

@@ -5,7 +5,6 @@ Boxes of neighbours, or chunks for rungs that need no box.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,10 +18,12 @@ from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import Solved, split_chunks
+from squealstudy.errors import ConvergenceError, ExtensionError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.rows import failed_row, solved_row
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.rung import answers, beyond_tolerance
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
 
@@ -149,10 +150,10 @@ def solve_points(task: SolveTask) -> Solved:
     key = task.structure.key
     looked_up = task.points if task.keep_gaps else ()
     known = {p.point_id for p in looked_up if known_gap(key, p) is not None}
-    for i, found in _solved(task):
+    for i, found, left_over in _solved(task):
         point, now = task.points[i], time.perf_counter()
         if isinstance(found, PointModes):
-            rows.append(solved_row(point.point_id, now - last, found))
+            rows.append(solved_row(point.point_id, now - last, found, left_over))
             if task.keep_gaps and point.point_id not in known:
                 new_gaps.add(key, point, found.working_point.gap)
         else:
@@ -162,24 +163,33 @@ def solve_points(task: SolveTask) -> Solved:
     return Solved(rows, known=len(known))
 
 
-def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception]]:
-    """Modes of each point, in any order, or why it has none.
+def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]]:
+    """Modes of each point, in any order, or why it has none; why its rung left it over, or ''.
 
-    Points that a failure of an approximate rung leaves over are solved exactly.
+    Points that an approximate rung leaves over are solved exactly.
     """
     rung = rung_named(task.rung)
     problem = problem_of(task.structure, rung)
-    left = dict.fromkeys(range(len(task.points)))
+    left = dict.fromkeys(range(len(task.points)), "")
     if not rung.exact:
-        with contextlib.suppress(*FAILURES):
-            for i, found in rung.solve(problem, task.points, task.box):
-                del left[i]
-                yield i, found
+        why = "not yielded"
+        try:
+            for i, found in answers(rung, problem, task.points, task.box):
+                if isinstance(found, PointModes):
+                    left[i] = beyond_tolerance(rung, problem, found)
+                if isinstance(found, ConvergenceError) or not left[i]:
+                    del left[i]
+                    yield i, found, ""
+        except ExtensionError:
+            raise
+        except FAILURES as error:
+            why = ": ".join(part for part in reason(error) if part)
+        left = {i: f"left over by {rung.name}: {own or why}" for i, own in left.items()}
         rung = rung_named(problem.swept.exact)
-    for i in left:
+    for i, left_over in left.items():
         try:
             ((_, modes),) = rung.solve(problem, [task.points[i]], task.box)
         except FAILURES as error:
-            yield i, error
+            yield i, error, left_over
         else:
-            yield i, modes
+            yield i, modes, left_over

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from squealstudy.modes.rung import Rung
 
+AUTO = "auto"  # of study files: the rung of least cost
 _registered: dict[str, Rung] = {}
 
 
@@ -18,10 +19,17 @@ def register_rung(rung: Rung) -> None:
 
     Raises
     ------
+    TypeError
+        What is no instance of a Rung, such as a class.
     ValueError
-        Where a rung of the package has that name.
+        Where another rung has that name.
     """
-    if rung.name in _own_names():
+    from squealstudy.modes.rung import Rung
+
+    if not isinstance(rung, Rung):
+        raise TypeError(f"expected an instance of a Rung, got {rung!r}")
+    known = _registered.get(rung.name, rung)
+    if rung.name in (*_own_names(), AUTO) or type(known).__module__ != type(rung).__module__:
         raise ValueError(f"there is a rung named '{rung.name}' already")
     _registered[rung.name] = rung
 

@@ -1,0 +1,5 @@
+"""``python -m squealstudy``: the command."""
+
+from squealstudy.cli.app import main
+
+main()
