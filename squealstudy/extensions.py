@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from squealstudy.errors import ExtensionError
+from squealstudy.errors import ExtensionError, SquealstudyError
 
 LENGTH = 16  # of a hash
 PACKAGE = Path(__file__).parent
@@ -43,7 +43,9 @@ def load_extension(path: str | Path) -> str:
             spec.loader.exec_module(module)
         except Exception as error:
             del sys.modules[name]
-            raise ExtensionError(path, f"{type(error).__name__}: {error}") from error
+            known = isinstance(error, SquealstudyError)
+            text = str(error) if known else f"{type(error).__name__}: {error}"
+            raise ExtensionError(path, text) from error
     _read[path] = source
     return source
 

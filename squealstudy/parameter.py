@@ -51,7 +51,7 @@ class Parameter:
             raise ParameterError(self.name, f"expected a finite number, got {value!r}")
         if self.positive and value <= 0:
             raise ParameterError(
-                self.name, f"expected a positive value{self._unit()}, got {value:g}"
+                self.name, f"expected a value above 0{self._unit()}, got {value:g}"
             )
         if value < self.minimum:
             raise ParameterError(

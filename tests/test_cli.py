@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -281,6 +282,33 @@ def test_models_lists_units_and_defaults(capsys):
     assert "1.2e+11" in screen
     assert command("models", "hoffman") == 2
     assert "hoffmann" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["hulten", "hoffmann", "belt"])
+def test_models_lists_the_modes_of_components(name, capsys):
+    assert command("models", name) == 0
+    screen = capsys.readouterr().out
+    assert "free-free modes, Hz (number: frequency, rigid ones first)" in screen
+    assert re.search(r"^\w+ +[12] +1", screen, re.MULTILINE)  # component, DOF, its modes
+
+
+def test_a_check_that_compares_nothing_says_so(study, capsys):
+    """Modes of 10 % damping: none that errors are stated for."""
+    text = STUDY.replace("start = 0.0\nstop = 0.6\nnum = 13", "values = [0.1]")
+    study.write_text(text.replace("friction = 0.5", "damping_ratio = 0.1"))
+    assert command("run", "study.toml", "--no-pictures") == 0
+    assert "not known: the full-order model has no mode of damping < 5 %" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert open_results("results/lockin").points["reference_frequency_error"].isna().all()
+
+
+def test_fast_growing_modes_are_checked_too(study, capsys):
+    """At 0.4 the modes of Hulten's model grow and decay with 13 % damping."""
+    study.write_text(STUDY.replace("start = 0.0\nstop = 0.6\nnum = 13", "values = [0.4]"))
+    assert command("run", "study.toml", "--no-pictures") == 0
+    assert "0 modes missed" in capsys.readouterr().out
+    assert open_results("results/lockin").points["reference_frequency_error"].max() < 1e-9
 
 
 def test_schema_is_json_schema(capsys):

@@ -218,12 +218,12 @@ BAD = {
     "negative pressure": (
         GOOD.replace("8e5]", "-8e5] #!"),
         "sweep[2].values[3]",
-        "pressure: expected a positive value Pa, got -800000",
+        "pressure: expected a value above 0 Pa, got -800000",
     ),
     "negative pressure set": (
         HEAD + "[parameters]\npressure = -1e5 #!\n",
         "parameters.pressure",
-        "expected a positive value Pa, got -100000",
+        "expected a value above 0 Pa, got -100000",
     ),
     "stop out of bounds": (GOOD.replace("0.7", "70 #!"), "sweep[1].stop", "expected at most 5"),
     "unknown parameter": (

@@ -133,7 +133,7 @@ def test_bad_speeds(tmp_path, values, message):
 
 
 def test_without_any_sliding_there_is_no_study():
-    with pytest.raises(StudyFileError, match="expected a positive value m/s, got 0"):
+    with pytest.raises(StudyFileError, match="expected a value above 0 m/s, got 0"):
         belt([0.0])
 
 

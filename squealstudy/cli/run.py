@@ -30,12 +30,19 @@ def summary(results: Results, drawn: list[Path]) -> Rows:
             if solved
             else [("nothing to do", f"all {results.screen.row_word}s were there already")]
         ),
-        ("time", f"{manifest['timings']['total_s']:.1f} s in the run that solved them"),
+        ("time", f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"),
         *fidelity(manifest.get("fidelity")),
         *results.screen.facts(results),
         ("tables", _listed(directory, [f"{name}.parquet" for name in results.tables])),
         *([("pictures", _listed(directory, [path.name for path in drawn]))] if drawn else []),
     ]
+
+
+def _of_run(solved: int, total: int) -> str:
+    """Which run a time is of, where it did not solve everything."""
+    if solved == total:
+        return ""
+    return ", without what earlier runs solved" if solved else " in the run that wrote the tables"
 
 
 def _listed(directory: Path, names: list[str]) -> str:

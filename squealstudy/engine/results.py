@@ -14,7 +14,13 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from squealstudy.engine.pictures import Plots, pictures, save_figure
-from squealstudy.engine.store import onset_parameter, read_history, read_manifest
+from squealstudy.engine.store import (
+    PICTURES,
+    onset_parameter,
+    read_history,
+    read_manifest,
+    write_manifest,
+)
 from squealstudy.errors import ResultsError
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
@@ -262,11 +268,17 @@ class Results:
         return Plots(self)
 
     def draw(self, directory: Path | None = None) -> list[Path]:
-        """Draw every picture that the tables allow, beside them or elsewhere; their paths."""
+        """Draw every picture that the tables allow, beside them or elsewhere; their paths.
+
+        Those beside them stand in the manifest, so that new tables remove them.
+        """
         drawn = []
         for name, plot, choices in pictures(self):
             drawn.append((directory or self.directory) / f"{name}.png")
             save_figure(plot(self, **choices), drawn[-1])
+        if directory is None and drawn:
+            self.manifest[PICTURES] = sorted(path.name for path in drawn)
+            write_manifest(self.directory, self.manifest)
         return drawn
 
     @property

@@ -19,7 +19,7 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
-from squealstudy.engine.store import INACCURATE, remove_leftovers, write_manifest
+from squealstudy.engine.store import INACCURATE, PICTURES, remove_leftovers, write_manifest
 from squealstudy.engine.workers import Progress, Work, Workers, peak_memory_mb, silent
 from squealstudy.errors import ResultsError
 from squealstudy.wording import failure_counts
@@ -105,6 +105,8 @@ def run_study(
         if text := outdated(directory, found):
             warn(f"{text}; all {kind.rows_word} are solved again")
         remove_leftovers(directory)
+        for name in found.get(PICTURES, []) if found else []:  # of tables that are made anew
+            (directory / Path(name).name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
         write_manifest(directory, manifest)

@@ -31,6 +31,7 @@ MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
 HISTORIES, STATES = "histories", "states"
 ONSET_PARAMETER = "friction"
+PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 MANIFEST = "manifest.json"
 CHUNKS = "chunks"

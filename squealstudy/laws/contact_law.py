@@ -8,10 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from squealstudy.laws.consistency import AGREED, Tried
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
 BISECTIONS = 200
+GAPS = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
+WIDTH = 7.3e-7  # m: of the interval of a mean pressure that is tried
 WIDEST = 1e3  # m: a gap beyond which no contact is looked for
 
 Scalar = Callable[..., float]
@@ -62,6 +65,25 @@ class ContactLawDefinition(LawDefinition):
     evaluate: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None
     slopes: Callable[..., Sequence[tuple[np.ndarray, np.ndarray]]] | None = None
     pulls: bool = False
+
+    def expect_consistent(self) -> None:
+        """Compare tangent, potential and mean pressure with each other."""
+        values = [p.default for p in self.parameters]
+        names = ("g", *(p.name for p in self.parameters))
+        pressure = Tried(self.name, self.pressure, names, ("p", "-dp/dg"))
+        potential = Tried(self.name, self.potential, names, ("U",))
+        for g in GAPS:
+            p, tangent = pressure(g, *values)
+            at = f"at g = {g:g} m"
+            pressure.expect_slope(f"dp/dg {at}", -tangent, (g, *values), 0)
+            potential.expect_slope(f"-p, which is dU/dg, {at}", -p, (g, *values), 0)
+            if self.mean_pressure is not None:
+                mean = Tried(self.name, self.mean_pressure, ("g", "d", *names[1:]), ("mean p",))
+                found = mean(g, WIDTH, *values)[0]
+                ends = [potential(g + side * WIDTH / 2, *values)[0] for side in (-1, 1)]
+                expected = (ends[0] - ends[1]) / WIDTH
+                if abs(found - expected) > AGREED * max(abs(found), abs(expected)):
+                    raise mean.error(f"is {found:g} {at}, the potential gives {expected:g} Pa")
 
 
 CONTACT_LAWS: Registry[ContactLawDefinition] = ContactLawDefinition.registry

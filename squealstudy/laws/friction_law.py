@@ -10,14 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.laws.consistency import Tried
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 Number = float | np.ndarray
+
+# where curves are tried: no round numbers, at which kinks lie
+SPEEDS = (0.0437, 0.517, 5.23)  # m/s
+PRESSURES = (1.3e5, 1.1e6, 1.7e7)  # Pa
+FRICTION = 0.43
 
 
 class Friction(NamedTuple):
@@ -58,6 +65,22 @@ class FrictionCurveDefinition(LawDefinition):
     pressure_dependent: bool = True
     constant: Callable[..., bool] | None = None
     slopes: Callable[..., Sequence[tuple[float, float, float]]] | None = None
+
+    def expect_consistent(self) -> None:
+        """Compare slopes with differences of mu, and mu without friction with 0."""
+        values = [p.default for p in self.parameters]
+        names = ("s", "p", "friction", *(p.name for p in self.parameters))
+        mu = Tried(self.name, self.mu, names, ("mu", "dmu/ds", "dmu/dp"))
+        for s, p in product(SPEEDS, PRESSURES):
+            arguments = (s, p, FRICTION, *values)
+            _, by_speed, by_pressure = mu(*arguments)
+            at = f"at s = {s:g} m/s, p = {p:g} Pa"
+            mu.expect_slope(f"dmu/ds {at}", by_speed, arguments, 0)
+            mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1)
+            if by_pressure and not self.pressure_dependent:
+                raise mu.error(f"dmu/dp is {by_pressure:g} {at}, expected pressure_dependent")
+            if mu(s, p, 0.0, *values)[0]:
+                raise mu.error(f"expected mu to be 0 {at} with a friction of 0")
 
 
 @dataclass(frozen=True, kw_only=True)

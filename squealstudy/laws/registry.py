@@ -78,6 +78,9 @@ class LawDefinition:
         """The first of those, which every law of the sort has."""
         return next(iter(self.functions.values()))
 
+    def expect_consistent(self) -> None:
+        """Try the functions with the parameters' defaults; ModelError where they contradict."""
+
 
 D = TypeVar("D", bound=LawDefinition)
 
@@ -97,7 +100,8 @@ class Registry(Generic[D]):
         Raises
         ------
         ModelError
-            Another law of that name, or a parameter that another law defines otherwise.
+            Another law of that name, a parameter that another law defines otherwise, or, of a law
+        from outside, functions that contradict each other.
         """
         known = self._known.get(definition.name)
         if known is not None and known.source != definition.source:
@@ -107,6 +111,8 @@ class Registry(Generic[D]):
                 raise ModelError(
                     f"parameter '{parameter.name}' is defined otherwise by another law"
                 )
+        if not definition.in_package:
+            definition.expect_consistent()
         self._known[definition.name] = definition
 
     def __getitem__(self, name: str) -> D:
@@ -140,7 +146,7 @@ def register(law: D) -> D:
     ------
     ModelError
         Another law of that name, a parameter that another law defines otherwise, or functions
-        that were not written in a file.
+        that were not written in a file or contradict each other.
     ExtensionError
         Functions of the program itself: workers could not execute them.
     """

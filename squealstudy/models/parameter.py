@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly
 from squealstudy.parameter import Parameter
 
@@ -84,7 +85,8 @@ class ModelDefinition:
     Attributes
     ----------
     declared : tuple of Parameter, or of callable
-        The model's parameters; a callable gives those of a register. The first of a name counts.
+        The model's parameters; a callable gives those of a register. A model may have one of them
+        as its own with another default.
     build : callable
         (options, parameter values, all of them) -> Assembly.
     components : tuple of str
@@ -116,11 +118,25 @@ class ModelDefinition:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All that can be varied, those of the laws registered by now among them."""
-        groups = ((p,) if isinstance(p, Parameter) else p() for p in self.declared)
+        """All that can be varied, those of the laws registered by now among them.
+
+        Raises
+        ------
+        ModelError
+            A law has a parameter of a name that means another one in this model.
+        """
+        own = {p.name: p for p in self.declared if isinstance(p, Parameter)}
         known: dict[str, Parameter] = {}
-        for parameter in (p for group in groups for p in group):
-            known.setdefault(parameter.name, parameter)
+        for declared in self.declared:
+            for parameter in (declared,) if isinstance(declared, Parameter) else declared():
+                mine = own.get(parameter.name, parameter)
+                if replace(mine, default=parameter.default) != parameter:
+                    raise ModelError(
+                        f"'{parameter.name}' is a parameter of the model {self.name}: the one of "
+                        f"that name that a law from outside has needs another, such as "
+                        f"'law.{parameter.name}'"
+                    )
+                known.setdefault(parameter.name, mine)
         return tuple(known.values())
 
     @property

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 
 LABELS = 10  # tracks named in one picture
+LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
 
 
@@ -95,6 +96,7 @@ def stability_diagram(
         bar = figure.colorbar(dots, ax=axes, label=shade.label, pad=0.015)
         set_ticks(bar.ax.yaxis, shade, points[colour])
         title = plural(len(shown), "design point")
+    _widen(axes)
     shade_unstable(axes)
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
     head(axes, title, _summary(shown, table))
@@ -103,6 +105,14 @@ def stability_diagram(
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
     place_labels(figure, axes, _labels(drawn), _obstacles(axes, drawn))
     return figure
+
+
+def _widen(axes: Axes) -> None:
+    """A span of frequency that tells numbers apart: at a lock-in two modes have the same."""
+    low, high = axes.get_xlim()
+    least = LEAST_SPAN * (low + high) / 2
+    if high - low < least:
+        axes.set_xlim((low + high - least) / 2, (low + high + least) / 2)
 
 
 def _one_point(axes: Axes, modes: pd.DataFrame) -> None:

@@ -158,7 +158,9 @@ WRONG = {
     "lam of (1,)": lambda i, found: [(i, replace(found, lam=found.lam[:1]))],
     "lam of ()": lambda i, found: [(i, replace(found, lam=found.lam[0]))],
     "shapes (1,)": lambda i, found: [(i, replace(found, shapes=found.shapes[:1]))],
-    "roots of point 0 are not finite": lambda i, found: [(i, replace(found, lam=np.full(2, np.nan + 0j)))],
+    "roots of point 0 are not finite": lambda i, found: [
+        (i, replace(found, lam=np.full(2, np.nan + 0j)))
+    ],
     "expected an index from 0 to": lambda i, found: [(i + 30, found)],
     "yielded point 0 twice": lambda i, found: [(0, found)],
     "expected PointModes": lambda i, found: [(i, found.lam)],

@@ -16,7 +16,7 @@ from squealstudy.engine.store import write_json
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
-from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.modes.full_order.pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.modes.point import PointModes
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
 from squealstudy.reduction.prepared_family import PreparedFamily
@@ -48,8 +48,7 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
         pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
         result |= {
             "status": "ok",
-            "frequency_error": pairs.frequency_error,
-            "damping_error": pairs.damping_error,
+            **({} if np.isnan(pairs.frequency_error) else _errors(pairs)),
             "missed_modes": pairs.missed,
             "full_order_modes": len(full.lam),
             "full_order_residual": float(full.residual.max(initial=0.0)),
@@ -60,6 +59,10 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
         result |= {"status": "failed", "message": str(error)}
     result["wall_s"] = time.perf_counter() - started
     return result
+
+
+def _errors(pairs: FullOrderPairs) -> dict[str, float]:
+    return {"frequency_error": pairs.frequency_error, "damping_error": pairs.damping_error}
 
 
 def write_reference(directory: Path, found: dict[str, Any]) -> None:

@@ -154,6 +154,11 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
         name = f"{along} [{unit}]" if unit else along
         texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
         texts += [text for kind, text in ONSETS.items() if (table["threshold_kind"] == kind).any()]
+        if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
+            texts.append(
+                "- for an onset: none is known; the mode is untracked, or an unstable mode only "
+                "changed its number there"
+            )
     if (table["kind"] == group_kind(UNTRACKED)).any():
         texts.append(
             "untracked: all modes in this range of frequency, maybe different ones; growth and "
@@ -251,12 +256,16 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
     points = plural(len(checks), "point")
     if not any(c["full_order_modes"] for c in checks):
         return f"{other} has no mode in the band either, at {points}"
-    frequency = max(c["frequency_error"] for c in checks)
-    damping = max(c["damping_error"] for c in checks)
-    missed = sum(c["missed_modes"] for c in checks)
+    compared = [c for c in checks if "frequency_error" in c]
+    if not compared:
+        return f"not known: {other} has no mode of damping < 5 % to compare with, at {points}"
+    points = plural(len(compared), "point")
+    frequency = max(c["frequency_error"] for c in compared)
+    damping = max(c["damping_error"] for c in compared)
+    missed = sum(c["missed_modes"] for c in compared)
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of |damping| < 5 % against {other} at {points}{OF_MESH if meshed else ''}"
+        f"modes of damping < 5 % against {other} at {points}{OF_MESH if meshed else ''}"
     )
 
 

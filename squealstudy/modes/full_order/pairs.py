@@ -8,13 +8,13 @@ import numpy as np
 
 from squealstudy.root_pairs import partners
 
-LIGHT = 0.05  # |zeta| below: the modes that errors are stated for
+LIGHT = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
 PAIRED = 0.05  # relative distance within which a full-order root has a partner
 TOLD = 100.0  # errors of the full-order root above which a distance says something
 
 
 class FullOrderPairs(NamedTuple):
-    """Light full-order roots with a partner among the roots of a point.
+    """Full-order roots, lightly damped or growing, with a partner among the roots of a point.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class FullOrderPairs(NamedTuple):
     told : ndarray (k,) of bool
         Whether their distance is well above the error of the full-order root itself.
     missed : int
-        Light full-order roots without a partner.
+        Such full-order roots without a partner.
     """
 
     row: np.ndarray
@@ -42,18 +42,20 @@ class FullOrderPairs(NamedTuple):
 
     @property
     def frequency_error(self) -> float:
-        """Largest relative error of |lambda|; infinite where every root is missed."""
+        """Largest relative error of |lambda|; infinite where every root is missed, NaN of none."""
         error = np.abs(np.abs(self.lam) / np.abs(self.full) - 1.0)
         return self._largest(error)
 
     @property
     def damping_error(self) -> float:
-        """Largest error of the damping ratio; infinite where every root is missed."""
+        """Largest error of the damping ratio; infinite where every root is missed, NaN of none."""
         zeta = [-roots.real / np.abs(roots) for roots in (self.lam, self.full)]
         return self._largest(np.abs(zeta[0] - zeta[1]))
 
     def _largest(self, error: np.ndarray) -> float:
-        return float(error.max(initial=0.0)) if len(error) or not self.missed else np.inf
+        if len(error):
+            return float(error.max())
+        return np.inf if self.missed else np.nan
 
 
 def paired_with_full_order(
@@ -63,8 +65,8 @@ def paired_with_full_order(
 
     `error` (n,) is that of the full-order roots themselves.
     """
-    light = np.abs(full.real) < LIGHT * np.abs(full)
-    full, own = full[light], np.broadcast_to(error, light.shape)[light]
+    judged = (np.abs(full.real) < LIGHT * np.abs(full)) | (full.real > 0)
+    full, own = full[judged], np.broadcast_to(error, judged.shape)[judged]
     distance = np.abs(full[:, None] - lam[None, :])
     partner = partners(distance / np.abs(full)[:, None], PAIRED)
     kept = partner >= 0
