@@ -25,6 +25,8 @@ from squealstudy.kernels.jit import fast_kernel, kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
 TIGHT = 0.02  # of the tolerances in the contact iteration: what it leaves, extrapolation amplifies
+# backward differences of one order more each; they vanish for the force that is extrapolated
+DIFFERENCES = np.array([[1.0, -1, 0, 0, 0], [1, -2, 1, 0, 0], [1, -3, 3, -1, 0], [1, -4, 6, -4, 1]])
 
 
 @kernel
@@ -259,27 +261,16 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
     for order in range(min(known, at.MOST_TIMES) - 1):
         e2 = 0.0
         for i in range(first, last):
-            r1, r2, r3, r4, r5 = past[0, i], past[1, i], past[2, i], past[3, i], past[4, i]
-            if order == 0:
-                e = r1 - r2
-            elif order == 1:
-                e = r1 - 2.0 * r2 + r3
-            elif order == 2:
-                e = r1 - 3.0 * r2 + 3.0 * r3 - r4
-            else:
-                e = r1 - 4.0 * r2 + 6.0 * r3 - 4.0 * r4 + r5
+            e = 0.0
+            for age in range(order + 2):
+                e += DIFFERENCES[order, age] * past[age, i]
             e2 += e * e
         if e2 < least:
             best, least = order, e2
     for i in range(first, last):
-        r1, r2, r3, r4 = past[0, i], past[1, i], past[2, i], past[3, i]
-        r = r1
-        if best == 1:
-            r = 2.0 * r1 - r2
-        elif best == 2:
-            r = 3.0 * (r1 - r2) + r3
-        elif best == 3:
-            r = 4.0 * (r1 + r3) - 6.0 * r2 - r4
+        r = 0.0
+        for age in range(best + 1):
+            r -= DIFFERENCES[best, age + 1] * past[age, i]
         rows[at.R, i] = r
         rows[at.R_GUESS, i] = r
 

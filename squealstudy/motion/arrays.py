@@ -162,8 +162,13 @@ def _tangential(
     rows = aligned_zeros(2 * nc, n)
     rows[::2, : system.n] = system.T1[:nc]
     rows[1::2, : system.n] = system.T2[:nc]
+    return rows, *point_compliance(rows, answer)
+
+
+def point_compliance(rows: np.ndarray, answer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Modal.compliance and own of tangential rows (2 nc, n) where velocities answer so (n,)."""
     compliance = np.ascontiguousarray((rows * answer) @ rows.T)
-    return rows, compliance, compliance.diagonal().reshape(nc, 2).max(axis=1)
+    return compliance, compliance.diagonal().reshape(-1, 2).max(axis=1)
 
 
 def _stack(rows: Sequence[np.ndarray | None], n: int, name: str) -> np.ndarray:

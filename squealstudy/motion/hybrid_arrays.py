@@ -117,8 +117,6 @@ class StepSolver:
     Attributes
     ----------
     level : hybrid_layout.Level
-    fill : int
-        Entries of the triangular factors.
     solves : int
         Forward/back solves done in the run.
 
@@ -135,7 +133,6 @@ class StepSolver:
             self._lu = symmetric_lu(J)
         except RuntimeError as error:
             raise ConvergenceError("singular_jacobian", f"hybrid Jacobian: {error}") from error
-        self.fill = int(self._lu.L.nnz + self._lu.U.nnz)
         self.solves = 0
         self.level = self._condense(model, h, forces)
 
@@ -172,6 +169,6 @@ class StepSolver:
             G_shapes=shapes,
             X=X,
             shape_inverse=inverse,
-            fill=self.fill,
+            fill=int(self._lu.L.nnz + self._lu.U.nnz),
             floor2=floor2,
         )

@@ -31,15 +31,11 @@ class HybridMotion(Motion):
     solves : float
         Forward/back solves of the factor a step.
     columns : float
-        Columns of J^-1 B^T added a step instead of a second solve, for few points; fill / n of
-        them cost as much as a solve.
-    fill : int
-        Entries of the factors.
+        Columns of J^-1 B^T added a step instead of a second solve, for few points.
     """
 
     solves: float
     columns: float
-    fill: int
 
 
 def simulate_hybrid(
@@ -201,7 +197,6 @@ class _Run:
             steps=self._step,
             solves=sum(s.solves for s in solvers) / steps,
             columns=self._columns / steps,
-            fill=max((s.fill for s in solvers), default=0),
         )
 
     def _energy(self) -> EnergyBalance:

@@ -42,13 +42,27 @@ def friction_law(
     ParameterError
         Friction so soft that steady sliding is not steady.
     """
-    operating = state.operating
-    k_t = slope if slope > 0 else automatic_slope(state, point, saturation)
+    operating, automatic = state.operating, slope <= 0
+    k_t = automatic_slope(state, point, saturation) if automatic else slope
     friction = FrictionLaw(
         friction=operating.friction, k_t=k_t, curve=operating.curve, regularisation=kind
     )
-    _check_slope(friction, state, point, 0.0 if slope > 0 else saturation)
-    return friction
+    speed = operating.sliding_speed
+    bound = float(operating.traction(point.contact_pressure).max())
+    least = friction.saturation * bound / speed  # slope that has reached it at the sliding speed
+    if k_t >= least:
+        return friction
+    if automatic:
+        raise ParameterError(
+            "contact.regularisation_speed",
+            f"friction must saturate at the sliding speed of {speed:g} m/s: at most "
+            f"{saturation * k_t / least:.3g} m/s is allowed, got {saturation:.3g}",
+        )
+    raise ParameterError(
+        "contact.kt",
+        f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
+        f"got {k_t:.3g}",
+    )
 
 
 def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
@@ -60,31 +74,6 @@ def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> fl
     hardest = max(float(point.contact_pressure.max()), 1e-300)
     mu = max(operating.curve.at_rest(operating.friction, hardest), LEAST_FRICTION)
     return mu * hardest / speed
-
-
-def _check_slope(
-    friction: FrictionLaw, state: DesignState, point: WorkingPoint, saturation: float
-) -> None:
-    """Friction must have reached its bound at the sliding speed, at every contact point.
-
-    `saturation` [m/s] is what its slope follows from; 0 where the slope itself is given.
-    """
-    operating = state.operating
-    least = float(operating.traction(point.contact_pressure).max()) / operating.sliding_speed
-    least *= friction.saturation
-    if friction.k_t >= least:
-        return
-    if saturation > 0:
-        raise ParameterError(
-            "contact.regularisation_speed",
-            f"friction must saturate at the sliding speed of {operating.sliding_speed:g} m/s: at "
-            f"most {saturation * friction.k_t / least:.3g} m/s is allowed, got {saturation:.3g}",
-        )
-    raise ParameterError(
-        "contact.kt",
-        f"friction must saturate at the sliding speed: at least {least:.3g} N s/m3 is needed, "
-        f"got {friction.k_t:.3g}",
-    )
 
 
 def motion_point(
@@ -119,8 +108,7 @@ def motion_point(
     """
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
-    normal = system.area * point.contact_pressure
-    drag = -system.area * system.frictional * operating.traction(point.contact_pressure)
+    force = point.forces(system.area, system.frictional, operating)
     made = MotionPoint(
         contact=operating.law,
         friction=friction,
@@ -129,8 +117,8 @@ def motion_point(
         d=d,
         s=s,
         gap=point.gap,
-        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
-        static_torque=float(-(system.radius @ drag)),
+        force=force,
+        static_torque=float(-(system.radius @ force[:, 1])),
     )
     C, K = tangent(system, made, point, state)
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))

@@ -86,8 +86,6 @@ def reference_modes(
     """
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
-    normal = model.area * point.contact_pressure
-    drag = -model.area * model.frictional * state.operating.traction(point.contact_pressure)
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
         omega2=omega2,
@@ -99,7 +97,7 @@ def reference_modes(
         radius=model.radius,
         gap=point.gap,
         k_ref=model.area * point.tangent,
-        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        force=point.forces(model.area, model.frictional, state.operating),
         shapes=phi[rows],
     )
     return ReferenceModes(

@@ -9,7 +9,6 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numba
 import numpy as np
@@ -41,8 +40,8 @@ def begin_warming(single_storage: bool = False) -> None:
     files = [str(path) for path in extension_files()]
     read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
     call = f"{read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
-    nothing: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    _begun.append(subprocess.Popen([sys.executable, "-c", call], **nothing))
+    command, nothing = [sys.executable, "-c", call], subprocess.DEVNULL
+    _begun.append(subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing))
 
 
 def warm_kernels(single_storage: bool = False) -> float:

@@ -150,8 +150,6 @@ def hybrid_model(
     basis = hybrid_basis(assembly, K, modes[1], static, settings.layers, settings.by_component)
     M_h, K_h = basis.project(assembly.M), basis.project(K)
     omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
-    normal = c.area * point.contact_pressure
-    drag = -c.area * c.frictional * operating.traction(point.contact_pressure)
     return HybridModel(
         basis=basis,
         M=M_h,
@@ -164,7 +162,7 @@ def hybrid_model(
         radius=c.radius,
         gap=point.gap,
         k_ref=c.area * point.tangent,
-        force=np.column_stack([normal, drag, np.zeros_like(normal)]),
+        force=point.forces(c.area, c.frictional, operating),
         omega=omega,
         phi=phi,
         damping_cutoff=settings.damping_cutoff,

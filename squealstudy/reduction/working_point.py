@@ -59,6 +59,13 @@ class WorkingPoint:
     open_share: float
     tangent_error: float = 0.0
 
+    def forces(
+        self, area: np.ndarray, frictional: np.ndarray, operating: OperatingPoint
+    ) -> np.ndarray:
+        """Normal and friction forces (nc, 3) [N] of points of these areas, along and across."""
+        drag = -area * frictional * operating.traction(self.contact_pressure)
+        return np.column_stack([area * self.contact_pressure, drag, np.zeros_like(drag)])
+
 
 def working_point(
     space: ContactSpace, point: OperatingPoint, start: np.ndarray | None = None

@@ -215,11 +215,7 @@ def effort(result) -> str:
     solves = getattr(result, "solves", None)
     if solves is None:
         return ""
-    as_solves = solves + result.columns * len(result.q) / result.fill
-    return (
-        f", {solves:.2f} solves and {result.columns:.0f} columns a step ({as_solves:.2f} solves "
-        f"by multiplications), {result.fill} entries"
-    )
+    return f", {solves:.2f} solves and {result.columns:.0f} columns a step"
 
 
 def print_above(assembly, point) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import replace
 
-import numpy as np
 from pydantic import Field
 
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.alpha_method import alpha_method
 from squealstudy.kernels.newmark_layout import Scheme
 from squealstudy.laboratory.integrators.fixed_step import Iterated
+from squealstudy.motion.arrays import point_compliance
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
@@ -105,7 +105,5 @@ def with_answers(modal: layout.Modal, scheme: Scheme, h: float) -> layout.Modal:
         b_q, b_v = share * scheme.beta * part * part, share * scheme.gamma * part
         D = 1.0 + b_v * modal.modes[0, layout.C] + b_q * modal.modes[0, layout.W2]
         E[layout.LAST_Q], E[layout.LAST_V] = b_q / D, b_v / D
-    rows = modal.tangential
-    compliance = np.ascontiguousarray((rows * steps[0, 0, layout.LAST_V]) @ rows.T)
-    own = compliance.diagonal().reshape(-1, 2).max(axis=1)
+    compliance, own = point_compliance(modal.tangential, steps[0, 0, layout.LAST_V])
     return modal._replace(steps=steps, compliance=compliance, own=own)

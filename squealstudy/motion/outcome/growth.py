@@ -152,7 +152,7 @@ def growth_window(rising: Rising, least: int) -> tuple[int, int] | str:
     count = max(8, -(-least // width))
     if len(blocks) - skipped < count:
         return "too_short"
-    stretch = best_of_all(blocks, count) if rising.real else best_from(blocks, skipped, count)
+    stretch = best_stretch(blocks, count, None if rising.real else skipped)
     if stretch is None:
         return "not_exponential"
     return stretch[0] * width, stretch[1] * width
@@ -258,29 +258,19 @@ class _Sums:
         return slope, yy - y * y / n - slope**2 * spread, spread
 
 
-def best_from(y: np.ndarray, first: int, count: int) -> tuple[int, int] | None:
-    """The stretch from `first`, of `count` values or more, that gives a rising slope best.
+def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int] | None:
+    """The straight stretch of `count` values or more that gives a rising slope best.
 
-    None ends after the line first bends.
+    It is that of least relative error of the slope; without one the least bent, or none. With
+    `begin` all start there and none ends after the line first bends.
     """
-    last = np.arange(first + count, len(y) + 1)
-    starts = np.full_like(last, first)
-    found = straightness(y, starts, last)
-    good = found.accepted() & (found.slope > 0)
-    return _best(found, np.logical_and.accumulate(good), starts, last)
-
-
-def best_of_all(y: np.ndarray, count: int) -> tuple[int, int] | None:
-    """The straight stretch of `count` values or more that gives a rising slope best."""
     first, last = np.triu_indices(len(y) + 1, count)
+    if begin is not None:
+        first, last = first[first == begin], last[first == begin]
     found = straightness(y, first, last)
-    return _best(found, found.accepted() & (found.slope > 0), first, last)
-
-
-def _best(
-    found: Straight, good: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> tuple[int, int] | None:
-    """The good stretch of least relative error of slope; without one the least bent, or none."""
+    good = found.accepted() & (found.slope > 0)
+    if begin is not None:
+        good = np.logical_and.accumulate(good)
     if good.any():
         slope = np.where(good, found.slope, 1.0)
         error = np.where(good, found.error / (last - first) / slope, np.inf)
