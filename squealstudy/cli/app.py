@@ -231,12 +231,19 @@ def models(
     modes: Annotated[
         bool, typer.Option(help="Build the model and list its components' free-free modes.")
     ] = True,
+    extension: Annotated[
+        list[Path] | None,
+        typer.Option(help="File with a law or a model of your own, executed first."),
+    ] = None,
 ) -> None:
     """List models, or one model's parameters with units and defaults, components and modes."""
     from squealstudy import face, screen
     from squealstudy.cli.models import CONTRACT, described
+    from squealstudy.extensions import load_extension
     from squealstudy.models.matrices.family import NAME as MATRICES
 
+    for path in extension or ():
+        load_extension(path)
     listed = face.list_models()
     if name is None:
         screen.show(screen.facts(listed.items()))

@@ -115,6 +115,8 @@ def _study(definition: StudyDefinition) -> Iterator[str]:
         yield from _comment(described)
         yield f"{key} = {toml_value(getattr(study, key))}"
     yield '# description = ""'
+    yield from _comment(type(study).model_fields["extensions"].description or "")
+    yield "# extensions = []"
     yield ""
 
 

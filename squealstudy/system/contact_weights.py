@@ -6,8 +6,9 @@ the friction coefficient mu(s, p), the forces A p and mu A p change with gap and
     stiffness  N^T (A kappa) N  +  T^T (-(mu + p dmu/dp) A kappa) N
     damping    T_perp^T (mu A p / s) T_perp  +  T^T (dmu/ds A p) T
 
-These four weights, a figure a contact point each, stand here and nowhere else; mu is multiplied by
-the factor `frictional` of the point.
+These four weights, a figure a contact point each, are formed here alone, whatever the coordinates;
+mu is multiplied by the factor `frictional` of the point. In time the same signs are those of the
+traction and its slope in `kernels/laws.py` and, for loops over points, `kernels/law_text.py`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from squealstudy.tables.sensitivity_ranking import (
     rank_sensitivities,
     step_text,
 )
-from squealstudy.wording import in_digits, setting
+from squealstudy.wording import in_digits, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -53,7 +53,10 @@ class SensitivityScreen(KindScreen):
                 f"first order within {100 * off.median():.2g} % of the reanalysis (median; 95 % of "
                 f"them within {100 * off.quantile(0.95):.2g} %); {text}"
             )
-        return [("error", text)]
+        without = int((results.points["n_modes"] == 0).sum())
+        points = plural(without, "solved point")
+        rows = [("without", f"{points}: no mode that is asked for, so no row")] if without else []
+        return [*rows, ("error", text)]
 
 
 def sensitivities(
