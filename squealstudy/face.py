@@ -24,12 +24,10 @@ from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.study.definition import Study as ResolvedStudy
-from squealstudy.study.definition import resolve_study
-from squealstudy.study.kinds import kind_of_file
+from squealstudy.study.definition import read_tables
 from squealstudy.study.parameters import did_you_mean, parse_parameter
-from squealstudy.study.source import SourceText, parse_toml, read_text
+from squealstudy.study.source import SourceText, changed
 from squealstudy.study.toml_text import toml_text
-from squealstudy.study.variants import changed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,20 +125,14 @@ def read_study(path: str | Path) -> Study:
     StudyFileError
         With file, line, key and what was expected, whatever is wrong with the file.
     """
-    source = SourceText(Path(path), read_text(Path(path)))
-    return _resolved(source, parse_toml(source.path, source.text), source.text)
+    source = SourceText.read(path)
+    return _resolved(source, source.tables, source.text)
 
 
 def _resolved(source: SourceText, tables: Mapping[str, Any], text: str) -> Study:
     """The study of a file's tables; `text` says the same as they do."""
-    kind = kind_of_file(source, tables)
-    if kind is None:
-        resolved: Any = resolve_study(source, tables)  # which says what is wrong in [study]
-    else:
-        resolved = kind.read(source, tables)
-    if isinstance(resolved, ResolvedStudy):
-        return Study(source, tables, replace(resolved, text=text))
-    return Study(source, tables, replace(resolved, source=SourceText(source.path, text)))
+    resolved = replace(read_tables(source, tables), source=SourceText(source.path, text))
+    return Study(source, tables, resolved)
 
 
 def open_results(path: str | Path) -> Results:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -12,12 +13,18 @@ from squealstudy.cli.app import main
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.face import read_study
 from squealstudy.study.definition import parse_study
 
 
 def plan_of(text: str, path: Path = Path("study.toml")) -> Plan:
     """The plan of a study's text, as if it stood in the file `path`."""
     return Plan(parse_study(text, path))
+
+
+def load_plan(path: Path) -> Any:
+    """The design points, or runs, of a study file of any kind."""
+    return read_study(path).plan()
 
 
 def solved(study: Plan | str, directory: Path, jobs: int = 1) -> Results:

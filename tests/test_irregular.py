@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from study_runs import plan_of
+from study_runs import load_plan, plan_of
 
 import squealstudy
 from squealstudy.engine.runner import run_study
 from squealstudy.kinds.work_precision.variants import make_variants
 from squealstudy.motion.outcome.levels import mean_interval, pooled_interval
-from squealstudy.study.definition import load_any, load_plan
+from squealstudy.study.definition import load_any
 
 STUDIES = Path(__file__).parents[1] / "studies"
 NEIGHBOURS = """

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from study_runs import load_plan
 from typer.testing import CliRunner
 
 from squealstudy import open_results
@@ -14,7 +15,6 @@ from squealstudy.cli import app as cli
 from squealstudy.cli.app import app
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.study.definition import load_plan
 from squealstudy.tables.method_quality import agreement
 
 SHIPPED = sorted((Path(__file__).parents[1] / "studies" / "stability").glob("*.toml"))

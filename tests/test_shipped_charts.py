@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
+from study_runs import load_plan
 
 import squealstudy
 from squealstudy.engine.runner import run_study
-from squealstudy.study.definition import load_plan
 
 STUDIES = Path(__file__).parents[1] / "studies"
 

@@ -258,7 +258,7 @@ def test_a_slope_that_is_given_has_no_pilot(tmp_path):
 def test_screens(tmp_path, monkeypatch, capsys):
     plan = belt([0.9, 1.9])
     monkeypatch.chdir(tmp_path)
-    Path("belt.toml").write_text(plan.study.text)
+    Path("belt.toml").write_text(plan.study.source.text)
     printed = {}
     for verb, more in (("check", ()), ("run", ("--no-pictures",))):
         assert command(verb, "belt.toml", "--jobs", "1", "--output", "here", *more) == 0

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_results import made
+from study_runs import load_plan
 from typer.testing import CliRunner
 
 from squealstudy import open_results
@@ -18,7 +19,6 @@ from squealstudy.kinds.complex_modes import problems
 from squealstudy.kinds.transient.measuring import together
 from squealstudy.kinds.work_precision import kind as kind_module
 from squealstudy.modes.point import solve_point
-from squealstudy.study.definition import load_plan
 
 SPEED = '"contact.regularisation_speed" = 0.08'
 BELT = """

@@ -76,7 +76,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "nominal": {p: plan.nominal_values[p] for p in parameters},
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
-        "study": study.text,
+        "study": study.source.text,
     }
 
 

@@ -11,7 +11,6 @@ from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
-from squealstudy.study.source import SourceText
 
 
 class Method(NamedTuple):
@@ -77,15 +76,14 @@ def choose_method(
     if section.method == AUTO:
         name, reason = _cheapest(study, scope, exact)
         return Method(name, section.tolerance, reason, exact)
-    source = SourceText(study.path, study.text)
     if not study.kind.chooses_rung:
-        raise source.error(
+        raise study.error(
             ("modes", "method"),
             f"a {study.kind.name} study has no choice of method: leave the key out",
         )
     if refusal := rung_named(section.method).refusal(scope):
         others = ", ".join(rung.name for rung in all_rungs() if not rung.refusal(scope))
-        raise source.error(("modes", "method"), f"{refusal}: expected one of {others}")
+        raise study.error(("modes", "method"), f"{refusal}: expected one of {others}")
     return Method(section.method, section.tolerance, _who_says(study), exact)
 
 

@@ -187,7 +187,7 @@ def build_structures(
     made = workers.each(build_structure, tasks, "reduction")
     failures = {key: reason for key, reason in made if reason}
     if len(failures) == len(plan.structures):
-        raise SquealstudyError(f"{plan.study.path}: {next(iter(failures.values()))}")
+        raise SquealstudyError(f"{plan.study.source.path}: {next(iter(failures.values()))}")
     return failures
 
 

@@ -26,7 +26,6 @@ from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
-from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
 
 if TYPE_CHECKING:
@@ -188,7 +187,7 @@ class Plan:
         """Content hash of the one prepared model of a family: its files, not where they are."""
         model = self.study.model
         assert isinstance(model, FamilyDefinition)
-        digests = file_digests(model, SourceText(self.study.path, self.study.text))
+        digests = file_digests(model, self.study.source)
         terms = [
             [term.matrix, digest, term.variable, term.coefficient]
             for term, digest in zip(model.sources, digests, strict=True)
@@ -329,11 +328,7 @@ class Plan:
         for number, sweep in enumerate(self.study.sweeps):
             if sweep.name == parameter:
                 keys = ("sweep", number, "parameter")
-        return self.error_at(keys, message)
-
-    def error_at(self, keys: KeyPath, message: str) -> StudyFileError:
-        """A StudyFileError at a key of the file."""
-        return SourceText(self.study.path, self.study.text).error(keys, message)
+        return self.study.error(keys, message)
 
 
 def has_mesh(study: Study) -> bool:

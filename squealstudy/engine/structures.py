@@ -63,8 +63,7 @@ def build_task(plan: Plan, structure: Structure, threads: int) -> BuildTask | Fa
     """What has to be done for a structure of the plan."""
     study = plan.study
     if isinstance(study.model, FamilyDefinition):
-        source = SourceText(study.path, study.text)
-        return FamilyTask(structure.key, study.model, source, plan.band_hz, threads)
+        return FamilyTask(structure.key, study.model, study.source, plan.band_hz, threads)
     return BuildTask(
         structure=structure,
         options=study.options,

@@ -206,7 +206,7 @@ def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
 
 def _path(scene: Scene) -> Path:
     ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
-    content = [source_hash(CODE), scene.base.tables, ids, scene.tolerance, scene.jobs]
+    content = [source_hash(CODE), scene.study.source.tables, ids, scene.tolerance, scene.jobs]
     return cache_directory() / "fidelity" / f"{content_hash(content)}.json"
 
 

@@ -143,7 +143,7 @@ class ModeSearch:
             if worst > self.scene.tolerance:
                 break
         if worst is None:
-            path = self.scene.study.path
+            path = self.scene.study.source.path
             raise SquealstudyError(f"{path}: no pilot has a better model to be held to: {failure}")
         return worst
 

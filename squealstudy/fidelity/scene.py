@@ -15,8 +15,6 @@ from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study
 from squealstudy.study.sections import FidelitySection
-from squealstudy.study.source import SourceText, parse_toml
-from squealstudy.study.variants import BaseStudy
 from squealstudy.tables.method_quality import (
     FoundError,
     Miscount,
@@ -67,12 +65,6 @@ class Scene:
         return section
 
     @cached_property
-    def base(self) -> BaseStudy:
-        """The file, variants of which are measured."""
-        source = SourceText(self.study.path, self.study.text)
-        return BaseStudy(source, parse_toml(source.path, source.text), self.study)
-
-    @cached_property
     def plan(self) -> Plan:
         """The study as the file has it."""
         return Plan(self.study)
@@ -91,7 +83,7 @@ class Scene:
 
     def variant(self, changes: Mapping[str, Any], swept: list[dict[str, float]] | None) -> Plan:
         """The study with other settings; `swept` replaces its design points."""
-        return Plan(self.base.variant(changes), swept)
+        return Plan(self.study.variant(changes), swept)
 
     def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
         """Measure settings at some of the study's design points, once.
@@ -115,7 +107,7 @@ class Scene:
         reasons = [failures.get(plan.tasks[i].structure, "") for i in points]
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
-            raise SquealstudyError(f"{self.study.path}: {reasons[0]}")
+            raise SquealstudyError(f"{self.study.source.path}: {reasons[0]}")
         made = self.measuring.measure(plan, built, Asked())
         own = iter(made.findings.values())
         findings = {
@@ -151,7 +143,7 @@ class Scene:
             missing = count - len(good)
             kept, waiting = good + waiting[:missing], waiting[missing:]
         raise SquealstudyError(
-            f"{self.study.path}: every pilot design point failed, the first with {first}; "
+            f"{self.study.source.path}: every pilot design point failed, the first with {first}; "
             "without [fidelity] the study runs as its settings say"
         )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.errors import ParameterError
+from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.parameters import (
     StudyParameter,
@@ -16,14 +16,7 @@ from squealstudy.study.parameters import (
     parse_parameter,
 )
 from squealstudy.study.sections import ModelSection, StudyDefinition
-from squealstudy.study.source import (
-    SourceText,
-    extensions_of,
-    parse_toml,
-    read_text,
-    shown,
-    validate,
-)
+from squealstudy.study.source import SourceText, changed, extensions_of, shown, validate
 from squealstudy.study.sweeps import Sweep, resolve_sweeps
 from squealstudy.study.toml_text import KeyPath
 
@@ -38,9 +31,8 @@ class Study:
 
     Attributes
     ----------
-    path : Path
-    text : str
-        The file's content as it was read.
+    source : SourceText
+        The file as it was read, and its path.
     kind : ModelKind
         What is computed at the design points.
     definition : StudyDefinition
@@ -54,8 +46,7 @@ class Study:
         Hashes of the files that it names.
     """
 
-    path: Path
-    text: str
+    source: SourceText
     kind: ModelKind
     definition: StudyDefinition
     model: ModelDefinition
@@ -69,10 +60,18 @@ class Study:
         """Of the study and its results directory."""
         return self.definition.study.name
 
+    def error(self, keys: KeyPath, message: str) -> StudyFileError:
+        """The error to raise about a key of the file."""
+        return self.source.error(keys, message)
+
     @property
     def section(self) -> Any:
         """The table of the file that is the kind's own; None where it has none."""
         return getattr(self.definition, self.kind.section) if self.kind.section else None
+
+    def variant(self, changes: Mapping[str, Any]) -> Study:
+        """The study with other values of some dotted keys; StudyFileError about one it refuses."""
+        return resolve_study(self.source, changed(self.source, self.source.tables, changes))
 
     @property
     def shown_parameters(self) -> tuple[str, ...]:
@@ -89,43 +88,36 @@ def load_any(path: str | Path) -> Any:
     StudyFileError
         With file, line, key and what was expected, whatever is wrong with the file.
     """
-    source = SourceText(Path(path), read_text(Path(path)))
-    tables = parse_toml(source.path, source.text)
+    source = SourceText.read(path)
+    return read_tables(source, source.tables)
+
+
+def read_tables(source: SourceText, tables: Mapping[str, Any]) -> Any:
+    """The study, as `load_any`, of a file's tables, perhaps with some values changed."""
     kind = kind_of_file(source, tables)
     return resolve_study(source, tables) if kind is None else kind.read(source, tables)
 
 
-def load_plan(path: str | Path) -> Any:
-    """The design points, or runs, of a study file of any kind; raises as `load_any`."""
-    study = load_any(path)
-    return study.kind.plan(study)
-
-
 def load_study(path: str | Path) -> Study:
-    """Read and check a study file of a model.
+    """Read and check a study file of a model; raises as `load_any`."""
+    source = SourceText.read(path)
+    return resolve_study(source, source.tables)
 
-    Raises
-    ------
-    StudyFileError
-        With file, line, key and what was expected, whatever is wrong with the file.
-    """
-    return parse_study(read_text(Path(path)), Path(path))
+
+def parse_study(text: str, path: Path) -> Study:
+    """The study of a TOML text; `path` is for messages. Raises as `load_any`."""
+    source = SourceText(path, text)
+    return resolve_study(source, source.tables)
 
 
 def given_keys(study: Study) -> set[str]:
     """Dotted keys of the file, ``transient.step``, of tables in tables too."""
-    tables = parse_toml(study.path, study.text)
     return {
         f"{section}.{key}"
-        for section, table in tables.items()
+        for section, table in study.source.tables.items()
         if isinstance(table, dict)
         for key in table
     }
-
-
-def parse_study(text: str, path: Path) -> Study:
-    """The study of a TOML text; `path` is for messages. Raises as `load_study`."""
-    return resolve_study(SourceText(path, text), parse_toml(path, text))
 
 
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
@@ -149,8 +141,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
     _check_disjoint(used, source)
     return Study(
-        path=source.path,
-        text=source.text,
+        source=source,
         kind=kind,
         definition=definition,
         model=model,

@@ -9,7 +9,6 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.study.definition import Study
-from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import SOBOL_INDICES, beyond
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
@@ -33,7 +32,7 @@ def check_limit(study: Study, yes: bool, n_points: int | None = None) -> None:
     count = count_points(study) if n_points is None else n_points
     limit = study.definition.design.limit
     if count > limit and not yes:
-        raise SourceText(study.path, study.text).error(
+        raise study.error(
             ("design", "limit"),
             f"the study has {count:,} design points, more than the limit of {limit:,}: "
             "give --yes to run it all the same, raise the limit or sweep fewer values",
@@ -108,9 +107,8 @@ def _sampled(study: Study, number: int, u: np.ndarray) -> np.ndarray:
         try:
             sweep.parameter.check(float(value))
         except ParameterError as e:
-            source = SourceText(study.path, study.text)
             message = f"{sweep.name}: {beyond(sweep.distribution, e.message)}"
-            raise source.error(("sweep", number, "distribution"), message) from None
+            raise study.error(("sweep", number, "distribution"), message) from None
     return values
 
 

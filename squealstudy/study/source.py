@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import tomllib
 from collections.abc import Mapping
@@ -16,10 +17,11 @@ from pydantic_core import ErrorDetails
 from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.toml_text import KeyLines, KeyPath, key_lines
+from squealstudy.study.toml_text import KeyLines, KeyPath
 
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
 LONGEST_SHOWN = 40
 
 EXPECTED = {  # pydantic's error types, where they need no more than a word for the user
@@ -42,15 +44,25 @@ EXPECTED = {  # pydantic's error types, where they need no more than a word for 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A study file's path and its text (valid TOML), for messages that name file, line and key."""
+    """A study file's path and its text, for messages that name file, line and key."""
 
     path: Path
     text: str
 
+    @classmethod
+    def read(cls, path: str | Path) -> SourceText:
+        """The text of a UTF-8 file; StudyFileError where there is none."""
+        return cls(Path(path), _read_text(Path(path)))
+
+    @cached_property
+    def tables(self) -> dict[str, Any]:
+        """What it says, as nested dicts; StudyFileError with the line where it is not TOML."""
+        return _parsed(self.path, self.text)
+
     @cached_property
     def lines(self) -> KeyLines:
         """Where its keys are."""
-        return key_lines(self.text)
+        return KeyLines(self.text)
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:
         """The error to raise about a key, with the line of it or of the table around it."""
@@ -63,8 +75,7 @@ def dotted(keys: KeyPath) -> str:
     return text.removeprefix(".")
 
 
-def read_text(path: Path) -> str:
-    """Content of a UTF-8 file; StudyFileError where there is none."""
+def _read_text(path: Path) -> str:
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
@@ -80,8 +91,7 @@ def read_text(path: Path) -> str:
         raise StudyFileError("expected UTF-8 text", path, line=line) from None
 
 
-def parse_toml(path: Path, text: str) -> dict[str, Any]:
-    """TOML text as nested dicts; StudyFileError with the line where it is not TOML."""
+def _parsed(path: Path, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -94,6 +104,49 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
         what = str(e)[: place.start()].replace("Cannot overwrite a value", "a key is given twice")
         column = f" (column {place[2]})" if place[2] else " (end of file)"
         raise StudyFileError(f"not valid TOML: {what}{column}", path, line=line) from None
+
+
+def changed(
+    source: SourceText, tables: Mapping[str, Any], changes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A copy of a file's tables with other values of some keys; StudyFileError where one cannot be.
+
+    A value of None takes the key out of the file.
+    """
+    copied = copy.deepcopy(dict(tables))
+    for key, value in changes.items():
+        try:
+            _set_key(copied, key, value)
+        except KeyError as error:
+            message = f"'{error.args[0]}' is no table of single keys in this file"
+            raise StudyFileError(message, source.path, key) from None
+    return copied
+
+
+def _set_key(tables: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key, ``transient.step``, in nested tables; tables on the way are made.
+
+    A key that the file writes in quotes, dots and all, is the one that is set. ``sweep[1].num`` is
+    that of the first of several tables of a name.
+    """
+    name, _, rest = key.partition(".")
+    if key in tables or not rest:
+        if value is None:
+            tables.pop(key, None)
+        else:
+            tables[key] = value
+        return
+    if place := PLACE.fullmatch(name):
+        listed = tables.get(place["name"])
+        number = int(place["number"])
+        if not isinstance(listed, list) or not 1 <= number <= len(listed):
+            raise KeyError(name)
+        _set_key(listed[number - 1], rest, value)
+        return
+    inner = tables.setdefault(name, {})
+    if not isinstance(inner, dict):
+        raise KeyError(name)
+    _set_key(inner, rest, value)
 
 
 def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, ...]:

@@ -118,7 +118,7 @@ def chosen(scene: Scene) -> Choice:
     choice = search_runs(scene) if scene.in_time else search_modes(scene)
     spent, waited = time.process_time() - started, time.perf_counter() - began
     one = choice.chosen
-    print(f"{scene.study.path.stem}: tolerance {scene.tolerance:g}, chosen: {one.text}")
+    print(f"{scene.study.source.path.stem}: tolerance {scene.tolerance:g}, chosen: {one.text}")
     print(f"estimated error {one.error:.1e}, {one.cost:.1f} s; {choice.reason}")
     plan = scene.variant(one.changes, None)
     kept = sum(sum(load_any(s.key).timings.values()) for s in plan.structures)

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from registries import registered  # noqa: F401 - a fixture of the module
+from study_runs import load_plan
 
 from squealstudy import open_results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
-from squealstudy.study.definition import load_plan, load_study
+from squealstudy.study.definition import load_study
 from squealstudy.study.kinds import kind_named, register_kind
 
 FILE = Path(__file__).with_name("my_kind.py")

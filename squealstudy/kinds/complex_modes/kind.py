@@ -103,7 +103,7 @@ class ComplexModes(ModelKind):
             if not chosen:  # all its points are then exact
                 refuse_basis(structure, str(error))
                 return
-            raise plan.error_at(
+            raise plan.study.error(
                 ("modes", "method"),
                 f"no sweep basis for {rung.name} can be made over this box ({error}): "
                 f'method = "{plan.method.exact}" solves point by point',

@@ -25,7 +25,6 @@ from squealstudy.study.parameters import (
     StudyParameter,
     parse_parameter,
 )
-from squealstudy.study.source import SourceText
 
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
@@ -55,9 +54,8 @@ def asked_parameters(study: Study, design: DesignPoint) -> tuple[Asked, ...]:
     StudyFileError
         A name that the model does not know, or that has no derivative here.
     """
-    source = SourceText(study.path, study.text)
     if not study.model.components:
-        raise source.error(
+        raise study.error(
             ("study", "kind"),
             f"model '{study.model.name}' has no components and no contact: there are no "
             "sensitivities of it",
@@ -70,7 +68,7 @@ def asked_parameters(study: Study, design: DesignPoint) -> tuple[Asked, ...]:
         try:
             found.append(_asked(name, study, operating))
         except ParameterError as error:
-            raise source.error(("sensitivity", "parameters", number), error.message) from None
+            raise study.error(("sensitivity", "parameters", number), error.message) from None
     return tuple(found)
 
 
@@ -169,8 +167,7 @@ def structural_names(asked: Sequence[Asked]) -> list[str]:
 
 def error_at_name(study: Study, error: ParameterError) -> StudyFileError:
     """The error of a parameter as one of the study file, where its name stands in it."""
-    source = SourceText(study.path, study.text)
     names = study.section.parameters
     if error.key in names:
-        return source.error(("sensitivity", "parameters", names.index(error.key)), error.message)
-    return source.error(("sensitivity",), f"{error.key}: {error.message}")
+        return study.error(("sensitivity", "parameters", names.index(error.key)), error.message)
+    return study.error(("sensitivity",), f"{error.key}: {error.message}")

@@ -99,12 +99,12 @@ class Transient(ModelKind):
         try:
             sampling(section, plan.band_hz)
         except ValueError as error:
-            raise plan.error_at(("transient", "save_every"), str(error)) from None
+            raise plan.study.error(("transient", "save_every"), str(error)) from None
         if (start := start_of(plan)) is not None:
             keys = {s.key for s in plan.structures}
             reason = check_model(start, keys, section)
             if reason:
-                raise plan.error_at(START, reason)
+                raise plan.study.error(START, reason)
         for structure in plan.structures:
             if not is_prepared(structure.key):
                 continue
@@ -112,15 +112,15 @@ class Transient(ModelKind):
             try:
                 reference = shared_reference(structure.key, plan.nominal, mode_keys(plan), basis)
             except ParameterError as error:
-                raise plan.error_at(("transient", error.key), error.message) from None
+                raise plan.study.error(("transient", error.key), error.message) from None
             omega2 = reference.system.omega2[: reference.n_exact]
             try:
                 sensed_modes(section, omega2, plan.band_hz)
             except ValueError as error:
-                raise plan.error_at(("transient", "sensors"), str(error)) from None
+                raise plan.study.error(("transient", "sensors"), str(error)) from None
             plan.check_assembly_modes(reference.n_exact)
             if max(section.perturb_modes, default=1) > reference.n_exact:
-                raise plan.error_at(
+                raise plan.study.error(
                     ("transient", "perturb_modes"),
                     f"the assembly has modes 1 to {reference.n_exact} in this basis",
                 )

@@ -44,7 +44,7 @@ POINT_KEY = ("transient", "start_point")
 @lru_cache(maxsize=KEPT)
 def start_of(plan: Plan) -> StartState | None:
     """The earlier state that a study continues; StudyFileError where it is not there."""
-    return find_start(plan.study.section, SourceText(plan.study.path, plan.study.text))
+    return find_start(plan.study.section, plan.study.source)
 
 
 def motion_identity(plan: Plan) -> list[Any]:

@@ -215,7 +215,9 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     settings = replace(settings, save_every=max(1, settings.n_steps // SNAPSHOTS), save_q=True)
     finished = [m for m in simulate(system, designs, settings) if m.outcome == "ok"]
     if not finished:
-        raise SquealstudyError(f"{plan.study.path}: no training run for pod_vectors succeeded")
+        raise SquealstudyError(
+            f"{plan.study.source.path}: no training run for pod_vectors succeeded"
+        )
     return Training(
         np.concatenate([motion.q_history for motion in finished]),
         np.hstack([motion.point.growing.right for motion in finished]),

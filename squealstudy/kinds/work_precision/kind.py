@@ -34,9 +34,9 @@ from squealstudy.kinds.work_precision.variants import (
 from squealstudy.laboratory import integrators  # noqa: F401 - they register themselves
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.warmup import warm
+from squealstudy.study.definition import load_study
 from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText, validate
-from squealstudy.study.variants import read_base
 
 
 class WorkPrecision(Kind):
@@ -56,13 +56,13 @@ class WorkPrecision(Kind):
         path = source.path.parent / definition.work_precision.base
         if not path.is_file():
             raise source.error(("work_precision", "base"), f"there is no study file {path}")
-        return PrecisionFile(self, source, definition, read_base(path))
+        return PrecisionFile(self, source, definition, load_study(path))
 
     def plan(self, study: PrecisionFile) -> MethodsPlan:
         """The reference once, then rounds over all methods."""
         variants = make_variants(study)
         check_file(study, variants)
-        section, base = study.definition.work_precision, study.base.study
+        section, base = study.definition.work_precision, study.base
         methods = [v for v in variants if not v.reference]
         order = [(v, 0) for v in variants if v.reference]
         order += [(v, n) for n in range(section.repeats) for v in methods]
@@ -76,7 +76,7 @@ class WorkPrecision(Kind):
             source=study.source,
             tasks=tuple(Run(name, run) for name, run in runs.items()),
             facts=(
-                ("base", f"{base.path}: {base.name}, {base.kind.name}"),
+                ("base", f"{base.source.path}: {base.name}, {base.kind.name}"),
                 ("measured at", f"{len(variants[0].measured)} design points"),
                 (
                     "runs",
@@ -139,7 +139,7 @@ class WorkPrecision(Kind):
         return {
             "study": plan.source.text,
             "base": study.base.source.text,
-            "base_kind": study.base.study.kind.name,
+            "base_kind": study.base.kind.name,
             "quantities": list(quantities(study)),
             "tolerance": section.tolerance,
             "over": _over(study),
@@ -165,7 +165,7 @@ class WorkPrecision(Kind):
 
 
 def _measuring(study: PrecisionFile) -> Measuring:
-    found = study.base.study.kind.measuring()
+    found = study.base.kind.measuring()
     assert found is not None
     return found
 

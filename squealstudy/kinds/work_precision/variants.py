@@ -27,7 +27,6 @@ from squealstudy.study.definition import Study
 from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_text import KeyPath
-from squealstudy.study.variants import BaseStudy
 
 REFERENCE = "reference"
 
@@ -36,7 +35,7 @@ REFERENCE = "reference"
 class PrecisionFile(MethodsFile[WorkPrecisionDefinition]):
     """A work-precision study's file, with the study it is made on."""
 
-    base: BaseStudy
+    base: Study
 
 
 @dataclass(frozen=True)
@@ -249,7 +248,7 @@ def _mixed(low: float, high: float, u: float, log: bool) -> float:
 
 def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
     """Raise StudyFileError for what the sections alone do not show."""
-    definition, base_kind = study_file.definition, study_file.base.study.kind
+    definition, base_kind = study_file.definition, study_file.base.kind
     measuring = base_kind.measuring()
     if measuring is None:
         kinds = [k.name for k in map(kind_named, kind_names()) if k.measuring() is not None]
@@ -279,7 +278,7 @@ def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
 
 
 def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
-    kind, section = study_file.base.study.kind, variant.plan.study.section
+    kind, section = study_file.base.kind, variant.plan.study.section
     if kind.name != "transient":
         raise study_file.error(
             (*variant.keys, "integrator"), f"a {kind.name} study integrates nothing"

@@ -20,7 +20,6 @@ from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_bas
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.study.definition import load_study
 from squealstudy.study.family import read_family
-from squealstudy.study.source import SourceText
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, Weights
 
 from .measure import timed
@@ -87,7 +86,7 @@ class M0:
 
     def __init__(self, tests: int) -> None:
         study = load_study(STUDY)
-        self.family: MatrixFamily = read_family(study.model, SourceText(study.path, study.text))
+        self.family: MatrixFamily = read_family(study.model, study.source)
         self.problem = FamilyProblem(
             self.family, 1, omega_log, BAND_HZ, 100, least_growth=TRAINED_GROWTH
         )
