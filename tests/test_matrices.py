@@ -414,8 +414,8 @@ def test_prepared_families_are_read_back_as_they_were(tmp_path, monkeypatch):
     plan = Plan(load_study(write_hulten(tmp_path)))
     run_study(plan, tmp_path / "r", jobs=1)
     (structure,) = plan.structures
-    assert is_prepared(structure.key)
-    found = load_any(structure.key)
+    assert is_prepared(structure)
+    found = load_any(structure)
     modes = solve_family_point(found, plan.designs[4].plain_values(), plan.band_hz)
     table = squealstudy.open_results(tmp_path / "r").modes
     own = table[table["point_id"] == plan.tasks[4].point_id]

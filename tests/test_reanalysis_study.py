@@ -340,23 +340,22 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
     """Two studies of one structure in one process, the second with component modes."""
     made = []
 
-    class Model:
-        def build(self, options, values):
-            made.append(values)
+    def point(*modes):
+        def assembly():
+            made.append(modes)
             return object()
 
-    def point(*modes):
         return SimpleNamespace(
-            model=Model(), mode_parameters=lambda: modes, plain_values=lambda: modes
+            structure="key", mode_parameters=lambda: modes, assembly=assembly
         )
 
     monkeypatch.setattr(reference, "_built", {})
     monkeypatch.setattr(reference, "component_modes", lambda assembly, cutoff: {"pad": cutoff})
-    rung = reference.Unreduced("key", {}, SimpleNamespace(component_cutoff=1.0))
-    first = rung.assembly(point())
-    assert rung.assembly(point()) is first
+    settings = SimpleNamespace(component_cutoff=1.0)
+    first = reference.unreduced_assembly(point(), settings)
+    assert reference.unreduced_assembly(point(), settings) is first
     assert first[1] == {}
-    assert rung.assembly(point("pad.modes[7]"))[1] == {"pad": 1.0}
+    assert reference.unreduced_assembly(point("pad.modes[7]"), settings)[1] == {"pad": 1.0}
     assert len(made) == 2
 
 

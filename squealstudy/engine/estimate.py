@@ -90,7 +90,7 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[fl
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
     kind = plan.kind
-    ready = [s.key for s in plan.structures if is_prepared(s.key)]
+    ready = [key for key in plan.structures if is_prepared(key)]
     missing = len(plan.structures) - len(ready)
     if not ready:
         return Estimate(

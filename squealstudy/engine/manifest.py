@@ -67,7 +67,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
     units = {p.name: p.unit for p in study.model.parameters}
     return {
         "options": dict(study.options),
-        "structures": [s.key for s in plan.structures],
+        "structures": list(plan.structures),
         "basis_enriched": plan.enriched,
         "band_hz": list(plan.band_hz),
         "parameters": list(parameters),

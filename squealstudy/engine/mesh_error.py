@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.engine.cache import load_prepared
-from squealstudy.engine.plan import Plan, Structure
+from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.full_order.pairs import LIGHT
@@ -83,8 +83,8 @@ def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, fl
     """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
     started = time.perf_counter()
     design = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
-    structure = Structure(plan.structure_key(design), design)
-    key, reason = build_structure(build_task(plan, structure, threads))
+    design = replace(design, structure=plan.structure_key(design))
+    key, reason = build_structure(build_task(plan, design, threads))
     if reason:
         raise SquealstudyError(f"mesh '{plan.study.options[MESH_OPTION]}': {reason}")
     prepared = load_prepared(key)

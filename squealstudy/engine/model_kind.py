@@ -156,7 +156,7 @@ class ModelKind(Kind):
 
     def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
         """Seconds of each stage of a structure when it was made, the mean over structures."""
-        kept = [s.key for s in plan.structures if s.key not in failures]
+        kept = [key for key in plan.structures if key not in failures]
         found = [load_any(key).timings for key in kept]
         return {
             f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
@@ -176,14 +176,14 @@ def build_structures(
     SquealstudyError
         Where no structure of the study can be made.
     """
-    asked = [s for s in plan.structures if wanted is None or s.key in wanted]
-    missing = [s for s in asked if not is_prepared(s.key)]
+    asked = plan.structures if wanted is None else plan.structures.keys() & wanted
+    missing = [p for key, p in plan.structures.items() if key in asked and not is_prepared(key)]
     if not missing:
         return {}
     if workers.jobs > 1:
         plan.kind.begin(plan)
     threads = workers.jobs if len(missing) == 1 else 1
-    tasks = [build_task(plan, s, threads) for s in missing]
+    tasks = [build_task(plan, point, threads) for point in missing]
     made = workers.each(build_structure, tasks, "reduction")
     failures = {key: reason for key, reason in made if reason}
     if len(failures) == len(plan.structures):
@@ -193,7 +193,7 @@ def build_structures(
 
 def build_first(plan: Plan, jobs: int) -> str:
     """Make the first structure of a plan; the reason of its failure, or an empty string."""
-    return build_structure(build_task(plan, plan.structures[0], jobs))[1]
+    return build_structure(build_task(plan, plan.tasks[0], jobs))[1]
 
 
 def check_component_modes(plan: Plan) -> None:
@@ -202,7 +202,7 @@ def check_component_modes(plan: Plan) -> None:
     Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
     """
     if plan.designs[0].mode_parameters():
-        first = plan.structures[0].key
+        first = plan.tasks[0].structure
         ready = is_prepared(first)
         plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
 
@@ -213,7 +213,7 @@ def check_shapes(plan: Plan) -> str:
     Raises StudyFileError where it does in all of them.
     """
     model = plan.study.model
-    values = [s.design.plain_values() for s in plan.structures]
+    values = [point.plain_values() for point in plan.structures.values()]
     found = [(pair, v) for v in values if (pair := model.vanishing(v))]
     if not found:
         return ""

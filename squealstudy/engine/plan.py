@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -39,14 +39,6 @@ FINER_SOURCES = ("system", "modes/full_order")
 REANALYSIS_SOURCES = ("kinds/complex_modes",)  # boxes, charts, what a basis must reach
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
-
-
-@dataclass(frozen=True)
-class Structure:
-    """One prepared model to be made or read: its key and the design that first asks for it."""
-
-    key: str
-    design: DesignPoint
 
 
 class Plan:
@@ -246,12 +238,12 @@ class Plan:
         )
 
     @cached_property
-    def structures(self) -> tuple[Structure, ...]:
-        """The distinct prepared models, in the order of their first use."""
-        first: dict[str, Structure] = {}
+    def structures(self) -> dict[str, DesignPoint]:
+        """By key of each prepared model the first design point that asks for it, in order."""
+        first: dict[str, DesignPoint] = {}
         for task in self.tasks:
-            first.setdefault(task.structure, Structure(task.structure, task))
-        return tuple(first.values())
+            first.setdefault(task.structure, task)
+        return first
 
     @cached_property
     def study_hash(self) -> str:

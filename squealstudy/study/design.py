@@ -11,6 +11,7 @@ from squealstudy.laws import (
     ContactLaw,
     FrictionCurve,
 )
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -88,6 +89,10 @@ class DesignPoint:
             for p in sorted(self.model.parameters, key=lambda p: p.name)
             if p.structural
         }
+
+    def assembly(self) -> Assembly:
+        """The unreduced model, meshed and assembled; ModelError where it cannot be."""
+        return self.model.build(self.options, self.plain_values())
 
     def plain_values(self) -> dict[str, float]:
         """The values of the model's own parameters."""

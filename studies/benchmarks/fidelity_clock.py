@@ -31,7 +31,7 @@ class Clock:
     def shared(self, plan: Plan) -> float:
         """Of reductions, and of bases or training runs; makes what is not there."""
         kind = kind_named(plan.study.definition.study.kind)
-        keys = [s.key for s in plan.structures]
+        keys = list(plan.structures)
         total = sum(self._timed(k, partial(build_structures, plan, 1, _quiet, {k})) for k in keys)
         return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet))
 
@@ -47,7 +47,7 @@ def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
     """Files of sweep bases or training runs of a study: plans with the same share them."""
     if plan.study.definition.study.kind == "transient":
         wanted = plan.study.section.pod_vectors
-        return tuple(training_path(plan, s.key) for s in plan.structures if wanted)
+        return tuple(training_path(plan, key) for key in plan.structures if wanted)
     if not plan.method.rung.over_a_basis:
         return ()
     return tuple(structure.path for structure in swept_structures(plan))

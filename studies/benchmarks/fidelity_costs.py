@@ -121,7 +121,7 @@ def chosen(scene: Scene) -> Choice:
     print(f"{scene.study.source.path.stem}: tolerance {scene.tolerance:g}, chosen: {one.text}")
     print(f"estimated error {one.error:.1e}, {one.cost:.1f} s; {choice.reason}")
     plan = scene.variant(one.changes, None)
-    kept = sum(sum(load_any(s.key).timings.values()) for s in plan.structures)
+    kept = sum(sum(load_any(key).timings.values()) for key in plan.structures)
     print(
         f"choosing took {spent:.1f} s of the processor, {waited:.1f} s by the clock; of it the run "
         f"of {len(plan.tasks)} points uses again the reduction ({kept:.1f} s by the clock)\n",

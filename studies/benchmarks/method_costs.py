@@ -120,7 +120,7 @@ def main() -> None:
             asked = arguments.points or PAYS_FROM[varied]
             samples = asked // (5 if arguments.quick else 1)
             plan = plan_of(folder, mesh, varied, samples, RUNG.name)
-            if reason := build_structure(build_task(plan, plan.structures[0], 1))[1]:
+            if reason := build_structure(build_task(plan, plan.tasks[0], 1))[1]:
                 raise SystemExit(reason)
             exact = exact_seconds(folder, mesh, varied, samples)
             basis, point = served_seconds(plan)

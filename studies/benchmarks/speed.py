@@ -157,7 +157,7 @@ def _reduced(plan: Any) -> float:
     from squealstudy.engine.structures import build_structure, build_task
 
     started = time.process_time()
-    _, failure = build_structure(build_task(plan, plan.structures[0], 1))
+    _, failure = build_structure(build_task(plan, plan.tasks[0], 1))
     if failure:
         raise SystemExit(failure)
     return time.process_time() - started
@@ -173,7 +173,7 @@ def _point(quick: bool, folder: Path) -> dict[str, float]:
 
     plan = _plan("study", quick, folder)
     _reduced(plan)
-    prepared = load_prepared(plan.structures[0].key)
+    prepared = load_prepared(plan.tasks[0].structure)
     states = [task.state() for task in plan.tasks[:: max(len(plan.tasks) // 8, 1)]]
     solve_point(prepared, states[0], plan.band_hz)  # what is loaded and mapped once
     started = time.process_time()
@@ -188,10 +188,10 @@ def _check(quick: bool, folder: Path) -> dict[str, float]:
 
     plan = _plan("study", quick, folder)
     _reduced(plan)
-    prepared, design = load_prepared(plan.structures[0].key), plan.tasks[-1]
+    prepared, design = load_prepared(plan.tasks[0].structure), plan.tasks[-1]
     started = time.process_time()
     state = design.state()
-    assembly = design.model.build(plan.study.options, design.plain_values())
+    assembly = design.assembly()
     cutoff = getattr(plan.settings, "damped_to", plan.settings.assembly_cutoff)
     full_order_modes(prepared, assembly, {}, state, plan.band_hz, cutoff)
     return {"check": time.process_time() - started}

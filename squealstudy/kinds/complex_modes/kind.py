@@ -57,9 +57,9 @@ class ComplexModes(ModelKind):
         """Modes of the assembly must be held by every basis; component modes are, in any kind."""
         if not plan.designs[0].assembly_parameters() or plan.method.rung.unreduced:
             return
-        for structure in plan.structures:
-            if is_prepared(structure.key):
-                plan.check_assembly_modes(load_any(structure.key).model.n)
+        for key in plan.structures:
+            if is_prepared(key):
+                plan.check_assembly_modes(load_any(key).model.n)
 
     def warnings(self, plan: Plan) -> list[str]:
         """A method that keeps no tolerance."""
@@ -152,7 +152,7 @@ class ComplexModes(ModelKind):
         wanted = [t for t in chosen if t.point_id not in present]
         found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
         tasks = [
-            ReferenceTask(t, lam, plan.study.options, plan.settings, plan.band_hz)
+            ReferenceTask(t, lam, plan.settings, plan.band_hz)
             for t in wanted
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
@@ -172,7 +172,7 @@ class ComplexModes(ModelKind):
 
         if plan.study.definition.modes.track:  # which solves points in between
             self.prepare(plan, workers.report)
-        built = {s.key: "" for s in plan.structures if not is_prepared(s.key)}
+        built = {key: "" for key in plan.structures if not is_prepared(key)}
         samples = make_samples(plan, built, workers)
         points, facts = build_tables(plan, directory, workers, samples)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}

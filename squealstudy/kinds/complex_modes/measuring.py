@@ -134,7 +134,7 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 
 def reduction_seconds(plan: Plan) -> float:
     """What the structures of a study took when they were made, or will by those that are."""
-    made = [s.key for s in plan.structures if is_prepared(s.key)]
+    made = [key for key in plan.structures if is_prepared(key)]
     spent = sum(sum(load_any(key).timings.values()) for key in made)
     return float(spent) * len(plan.structures) / max(len(made), 1)
 

@@ -19,7 +19,7 @@ from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.reference import Unreduced
+from squealstudy.kinds.complex_modes.reference import solve_unreduced
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
@@ -57,8 +57,6 @@ class SweptStructure:
     band_hz : (low, high)
     tolerance : float
         Of the study's modes.
-    options : mapping of name -> str or int
-        Of the model.
     settings : BasisSettings
         Of the reduction.
     """
@@ -67,7 +65,6 @@ class SweptStructure:
     chart: Chart
     band_hz: tuple[float, float]
     tolerance: float
-    options: Mapping[str, str | int]
     settings: BasisSettings
 
     @cached_property
@@ -83,11 +80,6 @@ class SweptStructure:
         """Where it is said why there is no basis over this box."""
         return self.path.with_suffix(".reason")
 
-    @property
-    def unreduced(self) -> Unreduced:
-        """Its full-order model."""
-        return Unreduced(self.key, self.options, self.settings)
-
 
 def swept_structures(plan: Plan) -> list[SweptStructure]:
     """The structures of a plan, in the order of their first use."""
@@ -101,7 +93,6 @@ def swept_structures(plan: Plan) -> list[SweptStructure]:
             chart=chart_of(found, names),
             band_hz=plan.band_hz,
             tolerance=plan.method.tolerance,
-            options=plan.study.options,
             settings=plan.settings,
         )
         for key, found in designs.items()
@@ -176,7 +167,7 @@ def _brake_problem(
         chart=chart,
         tolerance=structure.tolerance,
         exact=solve,
-        full_order=lambda design: structure.unreduced.solve(prepared, design, band_hz),
+        full_order=lambda design: solve_unreduced(prepared, design, structure.settings, band_hz),
         reader=lambda V: BrakeReader(prepared, V),
         load_basis=lambda: load_basis(structure.path),
     )

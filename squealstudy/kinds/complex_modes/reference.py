@@ -32,7 +32,6 @@ class ReferenceTask:
 
     point: DesignPoint
     lam: np.ndarray
-    options: Mapping[str, str | int]
     settings: BasisSettings
     band_hz: tuple[float, float]
 
@@ -42,9 +41,8 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
-        key, design = task.point.structure, task.point
-        unreduced = Unreduced(key, task.options, task.settings)
-        full = unreduced.solve(load_any(key), design, task.band_hz, check=True)
+        prepared = load_any(task.point.structure)
+        full = solve_unreduced(prepared, task.point, task.settings, task.band_hz, check=True)
         pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
         result |= {
             "status": "ok",
@@ -87,49 +85,43 @@ def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarra
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
 
 
-@dataclass(frozen=True)
-class Unreduced:
-    """What the unreduced model of a structure is built from.
+def solve_unreduced(
+    prepared: Prepared,
+    design: DesignPoint,
+    settings: BasisSettings,
+    band_hz: tuple[float, float],
+    check: bool = False,
+) -> PointModes:
+    """Complex modes of a design point at full order; ConvergenceError.
 
-    Attributes
+    Parameters
     ----------
-    key : str
-        Of the structure.
-    options : mapping of name -> str or int
-        Of the model.
+    prepared : PreparedModel or PreparedFamily
+        Of the point's structure.
+    design : DesignPoint
     settings : BasisSettings
         Of the reduction: which real modes have modal damping of their own.
+    band_hz : (low, high)
+    check : bool
+        Modes that others are held against: a family's own modes are of full order, and are checked
+        by another factorisation.
     """
+    if isinstance(prepared, PreparedFamily):
+        return solve_family_point(prepared, design.plain_values(), band_hz, check)
+    assembly, modes = unreduced_assembly(design, settings)
+    state, cutoff = design.state(), settings.damped_to
+    return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff)
 
-    key: str
-    options: Mapping[str, str | int]
-    settings: BasisSettings
 
-    def solve(
-        self,
-        prepared: Prepared,
-        design: DesignPoint,
-        band_hz: tuple[float, float],
-        check: bool = False,
-    ) -> PointModes:
-        """Complex modes of a design point at full order; ConvergenceError.
-
-        With `check` those that others are held against: a family's own modes are of full order, and
-        are checked by another factorisation.
-        """
-        if isinstance(prepared, PreparedFamily):
-            return solve_family_point(prepared, design.plain_values(), band_hz, check)
-        assembly, modes = self.assembly(design)
-        cutoff = self.settings.damped_to
-        return full_order_modes(prepared, assembly, modes, design.state(), band_hz, cutoff)
-
-    def assembly(self, design: DesignPoint) -> tuple[Assembly, Mapping[str, ComponentModes]]:
-        """The unreduced model, and the component modes, by component, that its study may change."""
-        changed = bool(design.mode_parameters())
-        key = self.key, changed
-        if key not in _built:
-            _built.clear()  # one structure at a time: an assembly is large
-            assembly = design.model.build(self.options, design.plain_values())
-            cutoff = self.settings.component_cutoff
-            _built[key] = (assembly, component_modes(assembly, cutoff) if changed else {})
-        return _built[key]
+def unreduced_assembly(
+    design: DesignPoint, settings: BasisSettings
+) -> tuple[Assembly, Mapping[str, ComponentModes]]:
+    """The unreduced model, and the component modes, by component, that its study may change."""
+    changed = bool(design.mode_parameters())
+    key = design.structure, changed
+    if key not in _built:
+        _built.clear()  # one structure at a time: an assembly is large
+        assembly = design.assembly()
+        cutoff = settings.component_cutoff
+        _built[key] = (assembly, component_modes(assembly, cutoff) if changed else {})
+    return _built[key]

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import is_prepared, load_prepared
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind
-from squealstudy.engine.plan import Plan, Structure
+from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.store import POINTS, SENSITIVITIES
 from squealstudy.engine.workers import Solved, Workers, split_chunks
@@ -68,14 +68,13 @@ class Sensitivities(ModelKind):
         """Parameters must be held by every basis, modes of one name equal, geometry left out."""
         asked = request(plan).asked
         try:
-            for structure in plan.structures:
-                if is_prepared(structure.key):
-                    plan.check_assembly_modes(load_prepared(structure.key).model.n)
-                    _check_state(structure, asked)
+            for key, point in plan.structures.items():
+                if is_prepared(key):
+                    plan.check_assembly_modes(load_prepared(key).model.n)
+                    _check_state(point, asked)
             names = structural_names(asked)
             if names:
-                design = plan.structures[0].design
-                check_structural(design_structure(design, plan.study.options, plan.settings), names)
+                check_structural(design_structure(plan.tasks[0], plan.settings), names)
         except ParameterError as error:
             raise error_at_name(plan.study, error) from None
 
@@ -110,11 +109,11 @@ class Sensitivities(ModelKind):
                 return None
 
 
-def _check_state(structure: Structure, asked: Sequence[Asked]) -> None:
+def _check_state(point: DesignPoint, asked: Sequence[Asked]) -> None:
     """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
-    model = load_prepared(structure.key).model
+    model = load_prepared(point.structure).model
     for parameter in state_parameters(asked, component_frequencies(model)):
-        parameter.value(structure.design.state())
+        parameter.value(point.state())
         if not parameter.component and max(parameter.modes, default=1) > model.n:
             raise ParameterError(parameter.name, f"the assembly has modes 1 to {model.n} here")
 
@@ -127,7 +126,6 @@ def request(plan: Plan) -> Request:
         mode_choice(plan.study.section, definition.modes.stability_tolerance),
         plan.study.section.change,
         plan.band_hz,
-        plan.study.options,
         plan.settings,
     )
 

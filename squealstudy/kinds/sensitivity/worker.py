@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -35,8 +34,6 @@ class Request:
     change : float
         Relative finite change.
     band_hz : (low, high)
-    options : mapping
-        Of the model, to build assemblies.
     settings : BasisSettings
     """
 
@@ -44,7 +41,6 @@ class Request:
     choice: ModeChoice
     change: float
     band_hz: tuple[float, float]
-    options: Mapping[str, str | int]
     settings: BasisSettings
 
 
@@ -81,18 +77,16 @@ def design_sensitivities(
     solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
     parameters = state_parameters(request.asked, component_frequencies(prepared.model))
     modes = point_sensitivities(solved, parameters, request.change, request.band_hz[1])
-    structure = design_structure(point, request.options, request.settings)
+    structure = design_structure(point, request.settings)
     names = structural_names(request.asked)
     more = structural_sensitivities(solved, structure, names, request.change)
     return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
 
 
-def design_structure(
-    design: DesignPoint, options: Mapping[str, str | int], settings: BasisSettings
-) -> Structure:
+def design_structure(design: DesignPoint, settings: BasisSettings) -> Structure:
     """How the assembly of a design is built."""
     return Structure(
-        partial(design.model.build, options),
+        partial(design.model.build, design.options),
         design.plain_values(),
         settings.component_cutoff,
         settings.damped_to,
@@ -119,7 +113,7 @@ def point_seconds(point: DesignPoint, request: Request) -> float:
     names = structural_names(request.asked)
     if names:
         started = time.perf_counter()
-        structure = design_structure(point, request.options, request.settings)
+        structure = design_structure(point, request.settings)
         structural_sensitivities(solved, structure, names[:1], request.change)
         total += (time.perf_counter() - started) * len(names)
     return total

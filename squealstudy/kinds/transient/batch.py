@@ -103,8 +103,6 @@ class BatchTask:
     tolerance : float
         Damping ratio below minus which a mode is unstable.
     start : StartState or None
-    options : tuple of (name, value)
-        Of the model: what its assembly is built from, beside the parameters.
     cutoff_hz : float
         Assembly modes up to here are in the basis, exact.
     """
@@ -118,7 +116,6 @@ class BatchTask:
     band_hz: tuple[float, float]
     tolerance: float
     start: StartState | None
-    options: tuple[tuple[str, str | int], ...]
     cutoff_hz: float
 
     @property
@@ -163,7 +160,6 @@ def batch_task(
         band_hz=plan.band_hz,
         tolerance=plan.study.definition.modes.stability_tolerance,
         start=start_of(plan),
-        options=tuple(sorted(plan.study.options.items())),
         cutoff_hz=plan.settings.assembly_cutoff,
     )
 

@@ -75,7 +75,7 @@ def _dump(model: HybridModel, path: Path) -> None:
 def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
     first = task.points[0]
     prepared = prepared_model(first.structure)
-    assembly = first.model.build(dict(task.options), first.plain_values())
+    assembly = first.assembly()
     point = state_working_point(prepared, DesignState(task.operating))
     modes = component_modes(assembly, task.cutoff_hz) if task.component_modes else {}
     damped = {key: modes[key[0]] for key in task.component_modes}

@@ -101,16 +101,15 @@ class Transient(ModelKind):
         except ValueError as error:
             raise plan.study.error(("transient", "save_every"), str(error)) from None
         if (start := start_of(plan)) is not None:
-            keys = {s.key for s in plan.structures}
-            reason = check_model(start, keys, section)
+            reason = check_model(start, set(plan.structures), section)
             if reason:
                 raise plan.study.error(START, reason)
-        for structure in plan.structures:
-            if not is_prepared(structure.key):
+        for key in plan.structures:
+            if not is_prepared(key):
                 continue
             basis = truncated_choice(plan)
             try:
-                reference = shared_reference(structure.key, plan.nominal, mode_keys(plan), basis)
+                reference = shared_reference(key, plan.nominal, mode_keys(plan), basis)
             except ParameterError as error:
                 raise plan.study.error(("transient", error.key), error.message) from None
             omega2 = reference.system.omega2[: reference.n_exact]

@@ -63,7 +63,7 @@ def warnings(plan: Plan) -> list[str]:
 
     Empty where the first structure is not in the cache yet.
     """
-    if not is_prepared(plan.structures[0].key):
+    if not is_prepared(plan.tasks[0].structure):
         return []
     above: dict[str, float] = {}
     stiff: list[tuple[float, float, float]] = []
@@ -92,7 +92,7 @@ def _ends(plan: Plan) -> list[BatchTask]:
     chosen = [len(plan.tasks) - 1, 0]
     for column in plan.coordinates.T:
         chosen += [int(np.argmax(column)), int(np.argmin(column))]
-    key = plan.structures[0].key
+    key = plan.tasks[0].structure
     tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].structure == key]
     basis = truncated_choice(plan)
     return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
@@ -170,7 +170,7 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     """
     if not plan.study.section.pod_vectors:
         return
-    asked = [s.key for s in plan.structures if wanted is None or s.key in wanted]
+    asked = [key for key in plan.structures if wanted is None or key in wanted]
     missing = [key for key in asked if not training_path(plan, key).is_file()]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
@@ -188,7 +188,7 @@ def training_seconds(plan: Plan) -> float:
     """What training took on the structures that are trained on, for all of them; 0 without."""
     if not plan.study.section.pod_vectors:
         return 0.0
-    files = [training_path(plan, s.key).with_suffix(TIMED) for s in plan.structures]
+    files = [training_path(plan, key).with_suffix(TIMED) for key in plan.structures]
     made = [json.loads(f.read_text())["seconds"] for f in files if f.is_file()]
     return float(sum(made)) * len(files) / max(len(made), 1)
 

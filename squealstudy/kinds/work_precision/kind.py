@@ -67,7 +67,7 @@ class WorkPrecision(Kind):
         order = [(v, 0) for v in variants if v.reference]
         order += [(v, n) for n in range(section.repeats) for v in methods]
         runs = {content_hash([v.identity, n, section.starts]): (v, n) for v, n in order}
-        structures = {s.key for v in variants for s in v.plan.structures}
+        structures = {key for v in variants for key in v.plan.structures}
         missing = sum(not is_prepared(key) for key in structures)
         return MethodsPlan(
             kind=self,
@@ -181,7 +181,7 @@ def _over(study: PrecisionFile) -> int:
 
 
 def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
-    if not all(is_prepared(s.key) for s in variant.plan.structures):
+    if not all(is_prepared(key) for key in variant.plan.structures):
         raise ConvergenceError("structure", "no reduction of its model can be made")
     method = integrator(variant.integrator, variant.options) if variant.integrator else None
     asked = Asked(variant.lines, method, study.definition.work_precision.starts)

@@ -50,7 +50,7 @@ def measurement_tables(
         why = failed[0]["message"] if failed else rows[reference.identity][0]["message"]
         raise ResultsError(f"the reference '{reference.method}' failed: {why}")
     measured, errors = [], []
-    structures = {tuple(s.key for s in v.plan.structures) for v in variants}
+    structures = {tuple(v.plan.structures) for v in variants}
     reduced = len(structures) > 1  # else the reduction is the same for all
     for variant in variants:
         found = _findings(rows[variant.identity])
