@@ -25,7 +25,7 @@ from squealstudy.kinds.complex_modes.boundary import (
     refine,
 )
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.rows import read_unstable_counts
+from squealstudy.kinds.complex_modes.rows import read_roots, unstable_roots
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import rank_modes
 
@@ -48,7 +48,7 @@ def explored(grid: BoundaryGrid, solve) -> dict[tuple[int, ...], np.ndarray | No
     """All nodes that the refinement asks for, solved round by round."""
     known: dict[tuple[int, ...], np.ndarray | None] = {}
     while True:
-        wanted = refine(grid, known, TOLERANCE).nodes
+        wanted = refine(grid, known, TOLERANCE)
         fresh = [node for node in wanted if node not in known]
         if not fresh:
             return known
@@ -157,10 +157,10 @@ def test_decisions_follow_from_the_nodes_asked_for_alone():
         for node in itertools.product(*map(range, grid.shape))
     }
     known = explored(grid, disc)
-    assert refine(grid, full, TOLERANCE).nodes == list(known)
+    assert refine(grid, full, TOLERANCE) == list(known)
     few = refine(grid, dict(list(known.items())[:30]), TOLERANCE)
-    assert few.nodes == list(known)[: len(few.nodes)]
-    assert few.rounds == 1
+    assert few == list(known)[: len(few)]
+    assert len(grid.coarse_nodes()) < len(few) < len(known)
 
 
 # -- what is halved --------------------------------------------------------------------------------
@@ -362,8 +362,9 @@ def test_full_tables_have_every_node_once(directories):
 def test_counts_are_those_of_the_table(directories):
     results = squealstudy.open_results(directories[0])
     ids = results.points["point_id"]
-    counts = read_unstable_counts(directories[0], set(ids), TOLERANCE, 1e-4)
-    assert [counts[i] for i in ids] == results.points["n_unstable"].tolist()
+    roots = read_roots(directories[0], set(ids), tolerance=1e-4)
+    counts = [len(unstable_roots(roots[i], TOLERANCE)) for i in ids]
+    assert counts == results.points["n_unstable"].tolist()
 
 
 def test_same_study_again_does_nothing(directories):

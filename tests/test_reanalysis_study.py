@@ -330,10 +330,10 @@ def test_a_structure_that_was_not_built_needs_no_basis(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("squealstudy.kinds.complex_modes.kind.swept_structures", lambda _: [unbuilt])
         ComplexModes().prepare(plan, lambda *_: None)
-    assert not unbuilt.path.is_file()
+    assert not unbuilt.has_basis
     build_structures(plan, Workers())
     ComplexModes().prepare(plan, lambda *_: None)
-    assert task.path.is_file()
+    assert task.has_basis
 
 
 def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_changes(monkeypatch):
@@ -345,9 +345,7 @@ def test_an_assembly_is_built_once_and_never_without_the_modes_that_a_design_cha
             made.append(modes)
             return object()
 
-        return SimpleNamespace(
-            structure="key", mode_parameters=lambda: modes, assembly=assembly
-        )
+        return SimpleNamespace(structure="key", mode_parameters=lambda: modes, assembly=assembly)
 
     monkeypatch.setattr(reference, "_built", {})
     monkeypatch.setattr(reference, "component_modes", lambda assembly, cutoff: {"pad": cutoff})

@@ -22,8 +22,9 @@ from squealstudy.kinds.complex_modes.errors import ModeErrors
 from squealstudy.kinds.complex_modes.follow import Follower
 from squealstudy.kinds.complex_modes.rows import (
     SCHEMA,
-    read_unstable_counts,
+    read_roots,
     solved_row,
+    unstable_roots,
 )
 from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
 from squealstudy.tables.mode_ranking import rank_modes
@@ -160,8 +161,8 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     assert points["status"].tolist() == ["ok", "inaccurate"]
     assert points["n_unstable"].tolist() == [3, pd.NA]
     ids = {task.point_id for task in plan.tasks}
-    counts = read_unstable_counts(tmp_path, ids, 0.0, plan.method.tolerance)
-    assert set(counts.values()) == {3}
+    roots = read_roots(tmp_path, ids, tolerance=plan.method.tolerance)
+    assert {len(unstable_roots(lam, 0.0)) for lam in roots.values()} == {3}
 
 
 def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):

@@ -12,7 +12,7 @@ from squealstudy.motion.integrator import Integrator
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one method did at the measured points, in one round.
+    """What one method did at the measured points, in one round; by default nothing at all.
 
     Attributes
     ----------
@@ -37,13 +37,13 @@ class Measurement:
         Design points of a line.
     """
 
-    seconds: float
-    setup_seconds: float
-    reduction_seconds: float
-    memory_mb: float
-    iterations: float
-    n_coordinates: int
-    findings: Mapping[str, Mapping[str, Any]]
+    seconds: float = math.nan
+    setup_seconds: float = math.nan
+    reduction_seconds: float = math.nan
+    memory_mb: float = math.nan
+    iterations: float = math.nan
+    n_coordinates: int = 0
+    findings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     onset_seconds: float = math.nan
     line_points: float = math.nan
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import Study, given_keys
@@ -51,9 +52,7 @@ class Method(NamedTuple):
         return [rung.name, self.tolerance, *outside]
 
 
-def choose_method(
-    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], reduced: bool
-) -> Method:
+def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> Method:
     """The method of a study.
 
     Parameters
@@ -61,18 +60,14 @@ def choose_method(
     study : Study
     swept : sequence of mapping
         Swept values of each design point.
-    structural : sequence of str
-        Swept parameters whose every value is another structure.
-    reduced : bool
-        The model has component-mode coordinates; a family of matrices has none.
 
     Raises
     ------
     StudyFileError
         A method that cannot serve this study.
     """
-    section, exact = study.definition.modes, exact_rung(reduced).name
-    scope = _scope(study, swept, structural, reduced)
+    section, scope = study.definition.modes, _scope(study, swept)
+    exact = exact_rung(scope.reduced).name
     if section.method == AUTO:
         name, reason = _cheapest(study, scope, exact)
         return Method(name, section.tolerance, reason, exact)
@@ -94,13 +89,12 @@ def _who_says(study: Study) -> str:
     return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
-def _scope(
-    study: Study, swept: Sequence[Mapping[str, float]], structural: Sequence[str], reduced: bool
-) -> Scope:
-    free = [s.name for s in study.sweeps if s.name not in structural]
+def _scope(study: Study, swept: Sequence[Mapping[str, float]]) -> Scope:
+    structural = [s.name for s in study.sweeps if s.parameter.structural]
+    free = [s.name for s in study.sweeps if not s.parameter.structural]
     structures = {tuple(point[name] for name in structural) for point in swept}
     return Scope(
-        reduced=reduced,
+        reduced=not isinstance(study.model, FamilyDefinition),  # a family has no reduction
         varied=sum(len({point[name] for point in swept}) > 1 for name in free),
         points=len(swept) // max(len(structures), 1),
         damped=DAMPING_RATIO if any(_at(study, p, DAMPING_RATIO) for p in swept) else "",

@@ -196,9 +196,7 @@ class Plan:
     @cached_property
     def method(self) -> Method:
         """How design points are solved; StudyFileError for one that cannot serve this study."""
-        reduced = not isinstance(self.study.model, FamilyDefinition)
-        structural = [s.name for s in self.study.sweeps if s.parameter.structural]
-        return choose_method(self.study, self.swept, structural, reduced)
+        return choose_method(self.study, self.swept)
 
     @cached_property
     def tasks(self) -> tuple[DesignPoint, ...]:

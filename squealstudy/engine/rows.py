@@ -14,7 +14,8 @@ from squealstudy.engine.store import read_chunks
 from squealstudy.errors import ResultsError, SquealstudyError
 
 Fields = Sequence[tuple[str, pa.DataType]]
-TEXT, REAL, WHOLE, FLAG = pa.string(), pa.float64(), pa.int32(), pa.bool_()
+TEXT, REAL, FLAG = pa.string(), pa.float64(), pa.bool_()
+WHOLE, COUNT = pa.int32(), pa.int64()
 HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
 
 # what makes a design point a failed row: the named errors, and those of the numerical libraries
@@ -62,6 +63,6 @@ def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) 
         for row, values in zip(rows, plan.shown_values, strict=True)
     ]
     schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
-    nullable = {WHOLE: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
+    nullable = {WHOLE: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
     frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=nullable.get)
     return pa.Table.from_pandas(frame, schema=schema, preserve_index=False)  # names its dtypes

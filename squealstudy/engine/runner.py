@@ -49,11 +49,6 @@ class RunReport:
     n_reused: int
 
 
-def default_directory(plan: Planned) -> Path:
-    """results/<study name>, in the current directory."""
-    return Path("results") / plan.owner[0]
-
-
 def run_study(
     plan: Planned,
     directory: Path,

@@ -81,12 +81,16 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically."""
-    text = json.dumps(content, indent=2, default=str) + "\n"
-    write_atomic(path, lambda p: _write_text(p, text))
+    write_text(path, json.dumps(content, indent=2, default=str) + "\n")
 
 
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+def write_text(path: Path, text: str) -> None:
+    """Write a text atomically."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_text(text, encoding="utf-8")
+
+    write_atomic(path, write)
 
 
 def remove_leftovers(directory: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from squealstudy.engine.store import write_atomic
+from squealstudy.engine.store import write_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.matrices.family import NAME as MATRICES
@@ -53,12 +53,8 @@ def new_study(path: Path | str, kind: str, model: str) -> Path:
     text = study_text(path.stem, kind, model)
     if path.exists():
         raise SquealstudyError(f"{path}: there is such a file already, it is not overwritten")
-    write_atomic(path, lambda temporary: _write(temporary, text))
+    write_text(path, text)
     return path
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
 
 
 def study_text(name: str, kind: str, model: str) -> str:

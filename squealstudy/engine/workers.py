@@ -228,12 +228,6 @@ class Chunk:
     wall_s: float
     peak_mb: float
 
-    @property
-    def point_ids(self) -> list[str]:
-        """Of its rows."""
-        ids: list[str] = self.table["point_id"].to_pylist()
-        return ids
-
 
 @dataclass(frozen=True)
 class Work:

@@ -103,26 +103,10 @@ class BoundaryGrid:
         return [Cell(tuple(corner), self.stride) for corner in corners]
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """How far a boundary design has come.
-
-    Attributes
-    ----------
-    nodes : list of tuple of int
-        All nodes asked for so far: the coarse grid, then each round's, first index fastest.
-    rounds : int
-        Refinements among them.
-    """
-
-    nodes: list[Node]
-    rounds: int
-
-
 def refine(
     grid: BoundaryGrid, roots: Mapping[Node, np.ndarray | None], tolerance: float
-) -> Refinement:
-    """The nodes that follow from what is known.
+) -> list[Node]:
+    """The nodes that follow from what is known: the coarse grid, then each round's.
 
     Parameters
     ----------
@@ -132,7 +116,7 @@ def refine(
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
-    nodes, cells, rounds = grid.coarse_nodes(), grid.coarse_cells(), 0
+    nodes, cells = grid.coarse_nodes(), grid.coarse_cells()
     rule = CellRule(grid.shape, tolerance)
     fresh = nodes
     while all(node in roots for node in fresh):
@@ -145,8 +129,7 @@ def refine(
         new = {node for c in split for node in c.nodes(c.stride // 2)} - known
         fresh = _ordered(new)
         nodes = nodes + fresh
-        rounds += 1
-    return Refinement(nodes, rounds)
+    return nodes
 
 
 def _ordered(nodes: object) -> list[Node]:
@@ -288,7 +271,7 @@ def grown(plan: Plan, directory: Path) -> Plan:
             for point, task in zip(plan.swept, plan.tasks, strict=True)
         }
         tolerance = plan.study.definition.modes.stability_tolerance
-        nodes = refine(grid, roots, tolerance).nodes
+        nodes = refine(grid, roots, tolerance)
         if len(nodes) == len(plan.tasks):
             break
         plan = Plan(plan.study, [grid.values(node) for node in nodes], plan.enriched)

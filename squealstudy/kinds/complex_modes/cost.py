@@ -29,7 +29,7 @@ def mode_solves(plan: Plan) -> Solves:
         longest += BETWEEN
     bases = 0
     if rung.over_a_basis:
-        bases = sum(not structure.path.is_file() for structure in swept_structures(plan))
+        bases = sum(not structure.has_basis for structure in swept_structures(plan))
     meshed = has_mesh(plan.study) and not rung.unreduced
     checks = len(checked_points(plan)) * (FULL_ORDER if meshed else 1.0)
     samples = len(sample_points(plan)) if is_reduced(plan) else 0

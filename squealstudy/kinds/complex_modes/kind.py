@@ -181,7 +181,7 @@ class ComplexModes(ModelKind):
             facts["audit"] = audited(directory, ids, read_references(directory))
         reason = plan.method.reason
         for structure in swept_structures(plan) if plan.method.rung.over_a_basis else ():
-            if structure.refusal.is_file() and not structure.path.is_file():
+            if structure.refusal.is_file() and not structure.has_basis:
                 reason += f"; no basis, all points are exact: {structure.refusal.read_text()}"
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}

@@ -27,7 +27,7 @@ from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
-from squealstudy.kinds.complex_modes.problems import load_basis, problem_of
+from squealstudy.kinds.complex_modes.problems import problem_of
 from squealstudy.kinds.complex_modes.rows import SCHEMA, settled
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.modes.full_order.finer_model import finer_modes
@@ -141,8 +141,8 @@ def reduction_seconds(plan: Plan) -> float:
 
 def _bases_s(tasks: Sequence[SolveTask]) -> float:
     """Seconds that the sweep bases in use took when they were made."""
-    paths = {t.structure.path for t in tasks if rung_named(t.rung).over_a_basis}
-    return float(sum(load_basis(path).seconds for path in paths))
+    used = {t.structure.path: t.structure for t in tasks if rung_named(t.rung).over_a_basis}
+    return float(sum(structure.basis().seconds for structure in used.values()))
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:

@@ -1,7 +1,6 @@
 """The structures of a study as problems for rungs, and what a worker keeps ready of them.
 
-`Chart` has their design points as coordinates theta in [-1, 1]^d in which modes vary smoothly;
-`save_basis` and `load_basis` keep their sweep bases in files.
+`Chart` has their design points as coordinates theta in [-1, 1]^d in which modes vary smoothly.
 """
 
 from __future__ import annotations
@@ -10,14 +9,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from squealstudy.engine.cache import known_gap, prepared_any, prepared_path
+from squealstudy.engine.cache import (
+    is_whole,
+    known_gap,
+    load_value,
+    prepared_any,
+    prepared_path,
+    save_value,
+)
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import write_atomic
+from squealstudy.engine.store import write_text
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.reference import solve_unreduced
 from squealstudy.models.operating import DesignState
@@ -26,7 +31,6 @@ from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.problem import BrakeReader, FamilyReader, Problem
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem
-from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, Expansion
 from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import BasisSettings
@@ -34,7 +38,6 @@ from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.prepared_family import PreparedFamily
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import FREQUENCY_SCALE
-from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS
 
 MOST_KEPT = 2  # problems a process holds: of each its basis
 SHARE = 1 / 3  # of the tolerance that the basis may use up
@@ -73,7 +76,17 @@ class SweptStructure:
         chart, law = self.chart.identity(), self.chart.design.law_identity
         code = [source_hash(), source_hash(("kinds/complex_modes",))]
         content = [code, chart, law, self.band_hz, self.tolerance]
-        return prepared_path(self.key) / "sweep_bases" / f"{content_hash(content)}.npz"
+        return prepared_path(self.key) / "sweep_bases" / content_hash(content)
+
+    @property
+    def has_basis(self) -> bool:
+        """Whether the cache holds its sweep basis."""
+        return is_whole(self.path)
+
+    def basis(self) -> SweepBasis:
+        """The sweep basis that the cache holds."""
+        basis: SweepBasis = load_value(self.path)
+        return basis
 
     @property
     def refusal(self) -> Path:
@@ -141,7 +154,7 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
         exact=solve,
         full_order=solve,
         reader=lambda V: FamilyReader(prepared, V),
-        load_basis=lambda: load_basis(structure.path),
+        load_basis=structure.basis,
     )
 
 
@@ -169,7 +182,7 @@ def _brake_problem(
         exact=solve,
         full_order=lambda design: solve_unreduced(prepared, design, structure.settings, band_hz),
         reader=lambda V: BrakeReader(prepared, V),
-        load_basis=lambda: load_basis(structure.path),
+        load_basis=structure.basis,
     )
 
 
@@ -181,8 +194,8 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
     ConvergenceError
         Where none can be made, or where what it interpolates is wrong by too much.
     """
-    if structure.path.is_file():
-        return load_basis(structure.path)
+    if structure.has_basis:
+        return structure.basis()
     problem = problem_of(structure, rung).swept
     interpolated = problem.interpolation_error()
     if interpolated > INTERPOLATION_SHARE * structure.tolerance:
@@ -192,59 +205,13 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
         )
     basis = build_sweep_basis(problem, SHARE * min(structure.tolerance, LOOSEST), report=report)
     basis = replace(basis, interpolated=interpolated)
-    save_basis(structure.path, basis)
+    save_value(structure.path, basis)
     return basis
 
 
 def refuse_basis(structure: SweptStructure, why: str) -> None:
     """Keep why a structure has no basis, so that it is not tried again."""
-
-    def write(temporary: Path) -> None:
-        temporary.write_text(why)
-
-    write_atomic(structure.refusal, write)
-
-
-def save_basis(path: Path, basis: SweepBasis) -> None:
-    """Keep a basis in a file that appears whole or not at all."""
-    arrays: dict[str, Any] = {
-        "V": basis.V,
-        "flexibility": basis.flexibility,
-        "trained": basis.trained,
-        "facts": np.array(
-            [basis.error, basis.seconds, basis.interpolated, float(basis.small.unit_mass)]
-        ),
-        "orders": np.array([e.order for e in basis.small.expansions]),
-    }
-    arrays |= {f"shapes.{i}": e.shapes for i, e in enumerate(basis.small.expansions)}
-    arrays |= {f"stack.{order}": stack for order, stack in enumerate(basis.small.stacks)}
-
-    def write(temporary: Path) -> None:
-        with temporary.open("wb") as handle:
-            np.savez(handle, **arrays)
-
-    write_atomic(path, write)
-
-
-def load_basis(path: Path) -> SweepBasis:
-    """Read a basis that `save_basis` kept."""
-    with np.load(path) as data:
-        expansions = tuple(
-            Expansion(int(order), data[f"shapes.{i}"]) for i, order in enumerate(data["orders"])
-        )
-        stacks = tuple(data[f"stack.{order}"] for order in (STIFFNESS, DAMPING, MASS))
-        V, flexibility, trained = data["V"], data["flexibility"], data["trained"]
-        error, seconds, interpolated, unit_mass = (float(x) for x in data["facts"])
-        small = CollocatedSystem(V.shape[1], expansions, stacks, bool(unit_mass))
-        return SweepBasis(
-            V=V,
-            flexibility=flexibility,
-            small=small,
-            error=error,
-            trained=trained,
-            seconds=seconds,
-            interpolated=interpolated,
-        )
+    write_text(structure.refusal, why)
 
 
 Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]

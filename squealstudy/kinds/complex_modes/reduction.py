@@ -8,18 +8,22 @@ and unreduced models have no error of this kind: zero.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from squealstudy.engine.cache import prepared_model, prepared_path
+from squealstudy.engine.cache import (
+    is_whole,
+    load_value,
+    prepared_model,
+    prepared_path,
+    save_value,
+)
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.store import write_json
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.modes.full_order.finer_model import reduction_errors
@@ -64,17 +68,12 @@ class SampleTask:
         values = sorted((k, float(v).hex()) for k, v in self.point.own_values.items())
         laws = self.point.law_identity
         name = content_hash([source_hash(), laws, self.band_hz, values])
-        return prepared_path(self.point.structure) / "reduction_errors" / f"{name}.json"
+        return prepared_path(self.point.structure) / "reduction_errors" / name
 
     def read(self) -> Sample | None:
         """The errors that are kept; None where the point has none, or is not solved yet."""
-        if not self.path.is_file():
-            return None
-        found = json.loads(self.path.read_text(encoding="utf-8"))
-        if "roots" not in found:
-            return None
-        lam = np.array(found["roots"], dtype=float).reshape(-1, 2) @ np.array([1.0, 1.0j])
-        return Sample(lam, np.array(found["relative_errors"], dtype=float))
+        found = load_value(self.path) if is_whole(self.path) else None
+        return found if isinstance(found, Sample) else None
 
 
 def solve_sample(task: SampleTask) -> None:
@@ -83,11 +82,10 @@ def solve_sample(task: SampleTask) -> None:
     try:
         lam, error = reduction_errors(prepared, task.point.state(), task.band_hz)
     except FAILURES as failure:
-        write_json(task.path, {"failure": reason(failure)})
-        return
-    relative = np.maximum(SAFETY * error / np.abs(lam), ROUND_OFF)
-    roots = [[float(x.real), float(x.imag)] for x in lam]
-    write_json(task.path, {"roots": roots, "relative_errors": relative.tolist()})
+        save_value(task.path, reason(failure))
+    else:
+        relative = np.maximum(SAFETY * error / np.abs(lam), ROUND_OFF)
+        save_value(task.path, Sample(lam, relative))
 
 
 def is_reduced(plan: Plan) -> bool:
@@ -115,7 +113,7 @@ def make_samples(
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
     tasks = {i: SampleTask(plan.tasks[i], plan.band_hz) for i in chosen}
-    missing = [task for task in tasks.values() if not task.path.is_file()]
+    missing = [task for task in tasks.values() if not is_whole(task.path)]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
         pass
     found = ((i, task.read()) for i, task in tasks.items())

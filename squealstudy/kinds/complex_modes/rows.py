@@ -17,7 +17,6 @@ from squealstudy.engine.store import read_tables
 from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes
 
-DENSE = "dense"
 POINT_FIELDS = (
     *HEAD,
     ("method", pa.string()),
@@ -185,14 +184,3 @@ def damping_ratios(lam: np.ndarray) -> np.ndarray:
 def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
     """The roots whose damping ratio is below minus the tolerance."""
     return lam[damping_ratios(lam) < -tolerance]
-
-
-def read_unstable_counts(
-    directory: Path, wanted: Collection[str], stability_tolerance: float, tolerance: float
-) -> dict[str, int | None]:
-    """Number of unstable modes of the finished points; None where a point failed."""
-    roots = read_roots(directory, wanted, tolerance=tolerance)
-    return {
-        name: None if lam is None else len(unstable_roots(lam, stability_tolerance))
-        for name, lam in roots.items()
-    }

@@ -84,7 +84,7 @@ def solve_tasks(plan: Plan, points: Sequence[DesignPoint], jobs: int) -> list[So
 def rung_of(plan: Plan, structure: SweptStructure) -> str:
     """Name of the rung that solves a structure: exact where a basis is needed and not there."""
     needs, method = plan.method.rung.over_a_basis, plan.method
-    return method.exact if needs and not structure.path.is_file() else method.name
+    return method.exact if needs and not structure.has_basis else method.name
 
 
 def whole_box(structure: SweptStructure) -> Box:

@@ -11,9 +11,9 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import COUNT, HEAD, REAL, points_table
 from squealstudy.engine.store import MODES, ONSETS, POINTS, write_parquet
-from squealstudy.engine.validity import FIELDS as VALIDITY
-from squealstudy.engine.validity import with_validity
+from squealstudy.engine.validity import validity_arrow
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.columns import ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
@@ -21,11 +21,22 @@ from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
 from squealstudy.kinds.complex_modes.reduction import Sample
 from squealstudy.kinds.complex_modes.reference import read_references
-from squealstudy.kinds.complex_modes.rows import damping_ratios, settled, uncertain_roots
+from squealstudy.kinds.complex_modes.rows import (
+    POINT_FIELDS,
+    damping_ratios,
+    settled,
+    uncertain_roots,
+)
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.tables.stability import stability_names
 
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
+ERRORS = ("reference_frequency_error", "reference_damping_error")
+POINT_COLUMNS = (
+    *((name, COUNT) for name in COUNTS),
+    *(field for field in POINT_FIELDS if field not in HEAD),
+    *((name, REAL) for name in ERRORS),
+)
 UNTRACKED = -1  # in place of a track number
 
 
@@ -52,7 +63,9 @@ def build_tables(
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
-    points = _points_table(plan, columns, unstable, uncertain, references)
+    table = _points_table(plan, columns, unstable, uncertain, references)
+    write_parquet(directory / POINTS, table)
+    points: pd.DataFrame = table.to_pandas()
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
     try:
@@ -63,11 +76,10 @@ def build_tables(
         if columns.shapes is not None:
             columns.shapes.remove()
     write_parquet(directory / ONSETS, onsets_arrow(onsets))
-    write_parquet(directory / POINTS, points_arrow(points, plan.study.shown_parameters))
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     stability = stability_names(unstable, uncertain)
-    table = modes_table(columns, errors, tracks, unstable, stability, names)
-    write_parquet(directory / MODES, table)
+    modes = modes_table(columns, errors, tracks, unstable, stability, names)
+    write_parquet(directory / MODES, modes)
     return points, {**summary, "errors": facts}
 
 
@@ -127,41 +139,19 @@ def _points_table(
     unstable: np.ndarray,
     uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
-) -> pd.DataFrame:
-    found = columns.points.to_pandas()
-    points = found[["point_id", "status", "message", "wall_s"]].copy()
-    for parameter in plan.study.shown_parameters:
-        points[parameter] = [float(v[parameter]) for v in plan.shown_values]
-    marks = {"modes": np.ones(len(unstable), dtype=bool), "unstable": unstable}
-    marks |= {"unstable_low": unstable & ~uncertain, "unstable_high": unstable | uncertain}
-    for name, mark in (marks | {"overdamped": columns.overdamped}).items():
-        count = pd.Series(np.bincount(columns.point[mark], minlength=len(points)), dtype="Int64")
-        points[f"n_{name}"] = count.where(points["status"] == "ok")  # missing, not zero
-    for name in ("method", "working_point_residual", "open_share"):
-        points[name] = found[name]
-    for kind in ("frequency", "damping"):
-        values = [references.get(i, {}).get(f"{kind}_error", np.nan) for i in points["point_id"]]
-        points[f"reference_{kind}_error"] = np.array(values, dtype=float)
-    return with_validity(plan, points)
-
-
-def points_arrow(points: pd.DataFrame, parameters: Sequence[str]) -> pa.Table:
-    """The points table with its explicit schema."""
-    schema = pa.schema(
-        [(n, pa.string()) for n in ("point_id", "status", "message")]
-        + [("wall_s", pa.float64())]
-        + [(p, pa.float64()) for p in parameters]
-        + [(n, pa.int64()) for n in COUNTS]
-        + [("method", pa.string())]
-        + [
-            (n, pa.float64())
-            for n in (
-                "working_point_residual",
-                "open_share",
-                "reference_frequency_error",
-                "reference_damping_error",
-            )
-        ]
-        + list(VALIDITY)
+) -> pa.Table:
+    rows = columns.points.to_pylist()
+    marks = (
+        np.ones(len(unstable), dtype=bool),
+        unstable,
+        unstable & ~uncertain,
+        unstable | uncertain,
+        columns.overdamped,
     )
-    return pa.Table.from_pandas(points, schema=schema, preserve_index=False)
+    counts = [np.bincount(columns.point[mark], minlength=len(rows)) for mark in marks]
+    for row, *numbers in zip(rows, *counts, strict=True):
+        found = numbers if row["status"] == "ok" else [None] * len(COUNTS)  # missing, not zero
+        row |= dict(zip(COUNTS, found, strict=True))
+        checked = references.get(row["point_id"], {})
+        row |= {name: checked.get(name.removeprefix("reference_")) for name in ERRORS}
+    return validity_arrow(plan, points_table(plan, rows, POINT_COLUMNS))

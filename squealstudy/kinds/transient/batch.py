@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.engine.cache import prepared_model, prepared_path
+from squealstudy.engine.cache import load_value, prepared_model, prepared_path
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.kinds.transient.plan_facts import (
@@ -81,7 +81,7 @@ def training_path(plan: Plan, prepared_key: str) -> Path:
     values = [sorted(d.values.items()) for d in training_designs(plan)]
     code = [source_hash(), source_hash(TRANSIENT_SOURCES)]
     name = content_hash([code, settings, values, mode_keys(plan), list(plan.band_hz)])
-    return prepared_path(prepared_key) / "training" / f"{name}.npz"
+    return prepared_path(prepared_key) / "training" / name
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,8 @@ def shared_reference(
         whole = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
         if basis.training is None:
             return truncated(whole, basis.modes_below)
-        training = Training(**np.load(basis.training))
+        training: Training
+        training, _ = load_value(basis.training)  # and seconds
         return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
     prepared = prepared_model(prepared_key)
     state = DesignState(operating)

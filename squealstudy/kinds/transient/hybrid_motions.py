@@ -6,16 +6,19 @@ have; damping is the same on these.
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from squealstudy.engine.cache import prepared_model, prepared_path
+from squealstudy.engine.cache import (
+    is_whole,
+    load_value,
+    prepared_model,
+    prepared_path,
+    save_value,
+)
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.store import write_atomic
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.models.operating import DesignState
@@ -57,19 +60,12 @@ def _model(task: BatchTask) -> HybridModel:
     layers = task.section.layers
     content = [task.cutoff_hz, layers, task.component_modes, repr(task.operating)]
     name = content_hash([source_hash(), *content])
-    path = prepared_path(key) / "hybrid" / f"{name}.pickle"
-    if path.is_file():
-        with path.open("rb") as handle:
-            known: HybridModel = pickle.load(handle)
-            return known
-    made = _build(task, HybridSettings(task.cutoff_hz, task.cutoff_hz, layers))
-    write_atomic(path, lambda temporary: _dump(made, temporary))
-    return made
-
-
-def _dump(model: HybridModel, path: Path) -> None:
-    with path.open("wb") as handle:
-        pickle.dump(model, handle)
+    path = prepared_path(key) / "hybrid" / name
+    if not is_whole(path):
+        settings = HybridSettings(task.cutoff_hz, task.cutoff_hz, layers)
+        save_value(path, _build(task, settings))
+    model: HybridModel = load_value(path)
+    return model
 
 
 def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:

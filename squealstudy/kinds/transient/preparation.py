@@ -6,19 +6,15 @@ basis do, for POD vectors that repair it.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Collection
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.cache import NewGaps, is_prepared
+from squealstudy.engine.cache import NewGaps, is_prepared, is_whole, load_value, save_value
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import write_atomic, write_json
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.batch import (
@@ -48,7 +44,6 @@ from squealstudy.wording import in_digits
 
 TIMED_STEPS = 300
 MOST_ENDS = 6  # design points looked at for warnings
-TIMED = ".json"
 SNAPSHOTS = 1500  # of each design point
 START = 0.1  # of a training run, of the sliding speed: the limit cycle is soon reached
 
@@ -171,15 +166,13 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     if not plan.study.section.pod_vectors:
         return
     asked = [key for key in plan.structures if wanted is None or key in wanted]
-    missing = [key for key in asked if not training_path(plan, key).is_file()]
+    missing = [key for key in asked if not is_whole(training_path(plan, key))]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
         started = time.process_time()
         with threadpool_limits(1):
             made = training_run(plan, key)
-        path = training_path(plan, key)
-        write_json(path.with_suffix(TIMED), {"seconds": time.process_time() - started})
-        write_atomic(path, partial(_save, made))
+        save_value(training_path(plan, key), (made, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
 
@@ -188,14 +181,9 @@ def training_seconds(plan: Plan) -> float:
     """What training took on the structures that are trained on, for all of them; 0 without."""
     if not plan.study.section.pod_vectors:
         return 0.0
-    files = [training_path(plan, key).with_suffix(TIMED) for key in plan.structures]
-    made = [json.loads(f.read_text())["seconds"] for f in files if f.is_file()]
-    return float(sum(made)) * len(files) / max(len(made), 1)
-
-
-def _save(training: Training, path: Path) -> None:
-    with path.open("wb") as handle:
-        np.savez(handle, snapshots=training.snapshots, modes=training.modes)
+    folders = [training_path(plan, key) for key in plan.structures]
+    made = [load_value(folder)[1] for folder in folders if is_whole(folder)]
+    return float(sum(made)) * len(folders) / max(len(made), 1)
 
 
 def training_run(plan: Plan, prepared_key: str) -> Training:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.rows import HEAD, REAL, TEXT, WHOLE, head
 
-FIELDS = (
-    ("variant", TEXT),
-    ("round", WHOLE),
+MEASURED = (  # attributes of a Measurement
     ("seconds", REAL),
     ("setup_seconds", REAL),
     ("reduction_seconds", REAL),
@@ -23,8 +20,9 @@ FIELDS = (
     ("n_failed", WHOLE),
     ("onset_seconds", REAL),
     ("line_points", REAL),
-    ("findings", TEXT),  # JSON: measured point -> what was found there
 )
+# findings are JSON: measured point -> what was found there
+FIELDS = (("variant", TEXT), ("round", WHOLE), *MEASURED, ("findings", TEXT))
 SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
 
 
@@ -33,33 +31,14 @@ def row(name: str, variant: str, number: int, wall_s: float, made: Measurement) 
     failed = [f for f in made.findings.values() if f["status"] != "ok"]
     status = "ok" if not failed else str(failed[0]["status"])
     message = "" if not failed else str(failed[0].get("message", ""))
-    return head(name, wall_s, status, message) | {
-        "variant": variant,
-        "round": number,
-        "seconds": made.seconds,
-        "setup_seconds": made.setup_seconds,
-        "reduction_seconds": made.reduction_seconds,
-        "memory_mb": made.memory_mb,
-        "iterations": made.iterations,
-        "n_coordinates": made.n_coordinates,
-        "n_failed": made.n_failed,
-        "onset_seconds": made.onset_seconds,
-        "line_points": made.line_points,
-        "findings": json.dumps(made.findings),
-    }
+    measured = {name: getattr(made, name) for name, _ in MEASURED}
+    own = {"variant": variant, "round": number, "findings": json.dumps(made.findings)}
+    return head(name, wall_s, status, message) | measured | own
 
 
 def failed_row(
     name: str, variant: str, number: int, wall_s: float, status: str, message: str
 ) -> dict[str, Any]:
     """Chunk row of a method that could not run at all."""
-    empty = Measurement(
-        seconds=np.nan,
-        setup_seconds=np.nan,
-        reduction_seconds=np.nan,
-        memory_mb=np.nan,
-        iterations=np.nan,
-        n_coordinates=0,
-        findings={},
-    )
-    return row(name, variant, number, wall_s, empty) | {"status": status, "message": message}
+    nothing = row(name, variant, number, wall_s, Measurement())
+    return nothing | {"status": status, "message": message}
