@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 # classes of runs in time, as the points table of a transient study has them
 STABLE = "stable"  # decays to steady sliding
@@ -59,6 +60,37 @@ UNITS: tuple[tuple[str, str], ...] = (
         "",
     ),
 )
+
+
+EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study file
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text in quotes",
+    "tuple_type": "a list in square brackets",
+    "model_type": "a table of keys",
+    "dict_type": "a table of keys",
+    "greater_than": "more than {gt:.10g}",
+    "greater_than_equal": "at least {ge:.10g}",
+    "less_than_equal": "at most {le:.10g}",
+    "literal_error": "{expected}",
+    "string_too_long": "at most {max_length} characters",
+    "string_pattern_mismatch": "letters, digits, _ and - only",
+}
+
+
+def expectation(kind: str, context: Mapping[str, Any]) -> str:
+    """What a value was expected to be that pydantic refuses; empty where it needs other words.
+
+    Parameters
+    ----------
+    kind : str
+        pydantic's type of error.
+    context : mapping
+        Its numbers and words.
+    """
+    return EXPECTED.get(kind, "").format(**context)
 
 
 def plural(n: int, word: str, many: str = "") -> str:

@@ -8,8 +8,9 @@ import numpy as np
 from study_runs import plan_of
 
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import write_rows
-from squealstudy.kinds.complex_modes.rows import SCHEMA, failed_row, solved_row
+from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
 from squealstudy.modes.point import PointModes
 
 GRID = """
@@ -65,7 +66,9 @@ def write_chunks(
     """Chunk files of `size` points in reverse order; points of None failed."""
     ids = [task.point_id for task in plan.tasks]
     rows = [
-        failed_row(ids[i], 0.5, "lift_off", "opened") if m is None else solved_row(ids[i], 0.1, m)
+        failed_row(SCHEMA, ids[i], "lift_off", "opened", 0.5)
+        if m is None
+        else solved_row(ids[i], 0.1, m)
         for i, m in sorted(modes.items(), reverse=True)
     ]
     for start in range(0, len(rows), size):

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from study_runs import command, plan_of, solved
 
 import squealstudy
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import write_rows
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, failed_row
+from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
 from squealstudy.tables.sensitivity_ranking import (
     mode_sensitivities,
@@ -134,7 +135,7 @@ def test_other_tables_and_rankings_are_refused(results):
 
 def test_a_failed_point_has_no_count_of_modes(tmp_path):
     study = plan_of(HULTEN)
-    rows = [failed_row(task.point_id, 0.0, "working_point", "lost") for task in study.tasks]
+    rows = [failed_row(SCHEMA, task.point_id, "working_point", "lost") for task in study.tasks]
     write_rows(tmp_path, rows, SCHEMA)
     build_tables(study, tmp_path)
     counts = pd.read_parquet(tmp_path / "points.parquet")["n_modes"]

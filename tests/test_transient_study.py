@@ -53,8 +53,8 @@ def finished(tmp_path_factory):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("step = 2e-5", "step = 0.0"), "expected a positive time in s, got 0"),
-        (("step = 2e-5", "step = -1e-6"), "expected a positive time"),
+        (("step = 2e-5", "step = 0.0"), "expected more than 0, got 0"),
+        (("step = 2e-5", "step = -1e-6"), "expected more than 0"),
         (("step = 2e-5", "step = 1.0"), "shorter than one step"),
         (("duration = 0.5", "duration = nan"), "finite"),
         (("perturbation = 1e-5", "perturbation = -1.0"), "perturbation"),

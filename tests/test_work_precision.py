@@ -171,7 +171,7 @@ def test_measured_points_lie_in_the_swept_box_and_depend_on_the_seed(write):
     other = load_plan(write(BELT, IN_TIME.replace("points = 1", "points = 1\nseed = 4")))
 
     def drawn(plan):
-        _, (first, *_) = plan.content
+        first, *_ = plan.content
         return [first.plan.swept[i] for i in first.measured]
 
     assert drawn(first) == drawn(again) != drawn(other)
@@ -207,7 +207,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
         ('"Newton"', '"Newmark"', "method[2].name", "two methods are called 'Newmark'"),
         ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go together"),
         ("[2e-5, 2e-4]", "[2e-5, 2e-5]", "method[1]", "appears twice"),
-        ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected a positive time"),
+        ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected more than 0"),
         ("repeats = 2", "repeats = 0", "work_precision.repeats", "at least 1"),
         ("= 2e-4", '= "fast"', "method[2].set", "expected a number"),
         ('"transient.step"', '"sweep.num"', "method[1].knob", "no table of single keys"),
@@ -420,7 +420,7 @@ def test_measured_points_on_one_line_share_it(write):
     base = FLUTTER.replace("[modes]", second + "[modes]")
 
     def lines(text):
-        _, (variant, *_) = load_plan(write(base, text)).content
+        variant, *_ = load_plan(write(base, text)).content
         swept = variant.plan.swept
         return variant, {n: [swept[i] for i in rows] for n, rows in variant.lines.items()}
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pyarrow as pa
 from pydantic import BaseModel
 
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ResultsError
 from squealstudy.study.source import SourceText
@@ -155,7 +156,7 @@ class Kind:
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Row of a design point that could not be solved."""
-        raise NotImplementedError
+        return failed_row(self.schema, point_id, status, message)
 
     def verify(
         self, plan: Any, directory: Path, failures: Mapping[str, str], workers: Workers
@@ -220,7 +221,12 @@ class KindScreen:
         where: str | None = None,
     ) -> list[RenderableType]:
         """The ranking with its legend; ResultsError as `rank`."""
-        self.rank(results, by, top, where)
+        return self.listed(results, self.rank(results, by, top, where), where)
+
+    def listed(
+        self, results: Results, table: pd.DataFrame, where: str | None
+    ) -> list[RenderableType]:
+        """A table that `rank` made, with its legend."""
         return []
 
     def findings(self, results: Results) -> list[RenderableType]:

@@ -27,6 +27,22 @@ def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") ->
     return {"point_id": point_id, "status": status, "message": message, "wall_s": wall_s}
 
 
+def failed_row(
+    schema: pa.Schema, point_id: str, status: str, message: str, wall_s: float = 0.0
+) -> dict[str, Any]:
+    """Row of a point without findings: texts and lists are empty, numbers NaN, others missing."""
+    nothing = {field.name: _nothing(field.type) for field in schema}
+    return nothing | head(point_id, wall_s, status, message)
+
+
+def _nothing(kind: pa.DataType) -> Any:
+    if pa.types.is_list(kind):
+        return []
+    if pa.types.is_floating(kind):
+        return np.nan
+    return {TEXT: "", pa.binary(): b""}.get(kind)
+
+
 def reason(error: Exception) -> tuple[str, str]:
     """Status and message of a design point that ended with one of FAILURES."""
     if isinstance(error, SquealstudyError):

@@ -11,23 +11,17 @@ from pydantic import BaseModel, Field
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import Kind
 from squealstudy.errors import StudyFileError
-from squealstudy.study.section import Section
+from squealstudy.study.section import NamedSection
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
 
 Definition = TypeVar("Definition", bound=BaseModel)
 
 
-class MethodsStudySection(Section):
+class MethodsStudySection(NamedSection):
     """What a study of methods is."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9_-]+$",
-        max_length=100,
-        description="name of the study and of its results directory: letters, digits, _ and -",
-    )
     kind: str = Field(description="error against time of methods, or where a method fails")
-    description: str = Field(default="", description="free text, copied to the results")
 
 
 @dataclass(frozen=True)
@@ -57,10 +51,10 @@ class MethodsPlan:
 
     Attributes
     ----------
-    kind : Kind
-    name, model : str
-        Of the study, and of what its methods are tried on: with the kind, whose results it is.
-    source : SourceText
+    study : MethodsFile
+        Of the kind: what its `read` made of the file.
+    model : str
+        What its methods are tried on.
     tasks : sequence of Run
     facts : sequence of (str, str)
         Name and value of what `check` says.
@@ -68,20 +62,23 @@ class MethodsPlan:
         What the kind made of the file.
     """
 
-    kind: Kind
-    name: str
+    study: Any
     model: str
-    source: SourceText
     tasks: Sequence[Run]
     facts: Sequence[tuple[str, str]]
     content: Any
 
     @property
+    def kind(self) -> Kind:
+        """What is measured."""
+        return self.study.kind
+
+    @property
     def owner(self) -> tuple[str, str, str]:
         """Name, kind and model: whose results directory it is."""
-        return self.name, self.kind.name, self.model
+        return self.study.definition.study.name, self.kind.name, self.model
 
     @property
     def study_hash(self) -> str:
         """Hash of all that decides the tables."""
-        return content_hash([[task.point_id for task in self.tasks], self.source.text])
+        return content_hash([[task.point_id for task in self.tasks], self.study.source.text])

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from squealstudy.errors import ParameterError
+from squealstudy.wording import expectation
 
 if TYPE_CHECKING:
     import numpy as np  # commands that compute nothing start without it
@@ -197,6 +198,7 @@ def integrator(name: str, options: Mapping[str, Any] | None = None) -> Integrato
             takes = ", ".join(method.model_fields) or "nothing"
             message = f"{method.label} has no such option; it takes {takes}"
         else:
-            said = first["msg"].removeprefix("Input ")
+            words = expectation(first["type"], first.get("ctx", {}))
+            said = f"expected {words}" if words else first["msg"]
             message = f"{said}, got {first['input']!r}"
         raise ParameterError(key, message) from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Strict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
 
 from squealstudy.study.source import shown
 
@@ -53,3 +53,15 @@ class Section(BaseModel):
     """A table of the file: unknown keys are errors, and nothing is converted silently."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class NamedSection(Section):
+    """What a study of any kind is: its name, its kind, and words about it."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_-]+$",
+        max_length=100,
+        description="name of the study and of its results directory: letters, digits, _ and -",
+    )
+    kind: str
+    description: str = Field(default="", description="free text, copied to the results")

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 
 from squealstudy.modes.rungs import AUTO, rung_names
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.section import Band, FloatList, NumberTable, Section
+from squealstudy.study.section import Band, FloatList, NamedSection, NumberTable, Section
 from squealstudy.study.source import shown
 
 Scale = Literal["linear", "log"]
@@ -95,19 +95,13 @@ class TermSection(Section):
     )
 
 
-class StudySection(Section):
+class StudySection(NamedSection):
     """What the study is."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9_-]+$",
-        max_length=100,
-        description="name of the study and of its results directory: letters, digits, _ and -",
-    )
     kind: str = Field(
         description="what is computed at each design point: complex modes, motion in time, or "
         "sensitivities of complex modes"
     )
-    description: str = Field(default="", description="free text, copied to the results")
     extensions: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(),
         description="files of Python that are executed first, relative to the study file: laws "

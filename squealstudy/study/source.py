@@ -18,28 +18,12 @@ from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.toml_text import KeyLines, KeyPath
+from squealstudy.wording import expectation
 
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
 LONGEST_SHOWN = 40
-
-EXPECTED = {  # pydantic's error types, where they need no more than a word for the user
-    "bool_type": "true or false",
-    "int_type": "a whole number",
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "string_type": "text in quotes",
-    "tuple_type": "a list in square brackets",
-    "model_type": "a table of keys",
-    "dict_type": "a table of keys",
-    "greater_than": "more than {gt:.10g}",
-    "greater_than_equal": "at least {ge:.10g}",
-    "less_than_equal": "at most {le:.10g}",
-    "literal_error": "{expected}",
-    "string_too_long": "at most {max_length} characters",
-    "string_pattern_mismatch": "letters, digits, _ and - only",
-}
 
 
 @dataclass(frozen=True)
@@ -205,9 +189,9 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
         return f"expected [[{loc[-1]}]] with two brackets: there can be several"
     if problem["type"] == "model_type" and isinstance(found, list):
         return f"expected [{loc[-1]}] with one bracket: there is only one"
-    if problem["type"] not in EXPECTED:
+    expected = expectation(problem["type"], context)
+    if not expected:
         return f"{problem['msg']}, got {shown(found)}"
-    expected = EXPECTED[problem["type"]].format(**context)
     hint = ""
     if problem["type"] == "literal_error":
         hint = did_you_mean(str(found), re.findall(r"'([^']*)'", expected))

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 
@@ -52,10 +51,6 @@ class SteadySliding(ModelKind):
             "contact_force": float(forces.sum()),
             "largest_pressure": float(found.contact_pressure.max()),
         }
-
-    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
-        """A row without figures."""
-        return head(point_id, 0.0, status, message) | dict.fromkeys(dict(FIELDS), np.nan)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers

@@ -131,10 +131,6 @@ class ComplexModes(ModelKind):
         found = map_facts(plan)
         return super().manifest(plan) | ({} if found is None else {"boundary": found})
 
-    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
-        """Chunk row of a point that could not be solved."""
-        return rows.failed_row(point_id, 0.0, status, message)
-
     def verify(
         self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:

@@ -57,17 +57,6 @@ def solved_row(
     }
 
 
-def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
-    """Chunk row of a point that has no modes."""
-    return head(point_id, wall_s, status, message) | {
-        "method": "",
-        "working_point_residual": np.nan,
-        "open_share": np.nan,
-        **{name: [] for name, _ in MODE_FIELDS},
-        SHAPES: b"",
-    }
-
-
 COLUMNS = ("point_id", "status", "re", "im", "error_rung", "overdamped")
 
 

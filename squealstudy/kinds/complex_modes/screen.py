@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import LISTED, KindScreen
+from squealstudy.engine.kind import KindScreen
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
@@ -70,15 +70,10 @@ class ComplexModesScreen(KindScreen):
             table[name] = table["track"].map(solved[name]).where(known, table[name])
         return table
 
-    def ranking(
-        self,
-        results: Results,
-        by: str = "share",
-        top: int | None = LISTED,
-        where: str | None = None,
+    def listed(
+        self, results: Results, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
         """The ranking of unstable modes, what its columns mean, and what is uncertain."""
-        table = self.rank(results, by, top, where)
         if not len(table):
             return [_nothing(results, where), notes(_doubt(results, where), _left_out(results))]
         energies = bool(table["main_component"].any())  # a family of matrices has none

@@ -16,11 +16,11 @@ import numpy as np
 from squealstudy.engine.cache import NewGaps, known_gap
 from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.rows import FAILURES, failed_row, reason
 from squealstudy.engine.workers import Solved, split_chunks
 from squealstudy.errors import ConvergenceError, ExtensionError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
-from squealstudy.kinds.complex_modes.rows import failed_row, solved_row
+from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import answers, beyond_tolerance
@@ -157,7 +157,7 @@ def solve_points(task: SolveTask) -> Solved:
             if task.keep_gaps and point.point_id not in known:
                 new_gaps.add(key, point, found.working_point.gap)
         else:
-            rows.append(failed_row(point.point_id, now - last, *reason(found)))
+            rows.append(failed_row(SCHEMA, point.point_id, *reason(found), now - last))
         last = now
     new_gaps.save(chunk_id(p.point_id for p in task.points))
     return Solved(rows, known=len(known))

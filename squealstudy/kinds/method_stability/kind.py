@@ -80,10 +80,8 @@ class MethodStability(Kind):
             cells.append(Run(content_hash([case.name, exact, source_hash()]), values))
         sizes = " x ".join(str(len(axis)) for axis in axes)
         return MethodsPlan(
-            kind=self,
-            name=study.definition.study.name,
+            study=study,
             model=section.case,
-            source=study.source,
             tasks=tuple(cells),
             facts=(
                 ("case", case.title),
@@ -117,7 +115,7 @@ class MethodStability(Kind):
         case, knobs, fixed = plan.content
         known = [case.knobs[name] for name in knobs]
         return {
-            "study": plan.source.text,
+            "study": plan.study.source.text,
             "case": case.name,
             "title": case.title,
             "boundary": case.boundary,

@@ -26,7 +26,7 @@ from squealstudy.kinds.sensitivity.parameters import (
     structural_names,
 )
 from squealstudy.kinds.sensitivity.section import SensitivityDefinition
-from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, failed_row
+from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
 from squealstudy.kinds.sensitivity.worker import (
     Request,
     SensitivityTask,
@@ -88,10 +88,6 @@ class Sensitivities(ModelKind):
     def solve(self, task: SensitivityTask) -> Solved:
         """Solve one chunk in a worker."""
         return solve_sensitivities(task)
-
-    def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
-        """Chunk row of a point that could not be solved."""
-        return failed_row(point_id, 0.0, status, message)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers

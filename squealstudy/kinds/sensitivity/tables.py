@@ -207,13 +207,3 @@ def _sensitivity(s: Sensitivity, near_coalescence: bool) -> dict[str, Any]:
         "near_coalescence": near_coalescence,
         "reason": s.reason,
     }
-
-
-def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
-    """Chunk row of a point that has no modes."""
-    return {
-        **head(point_id, wall_s, status, message),
-        "working_point_residual": np.nan,
-        "open_share": np.nan,
-        "modes": [],
-    }

@@ -8,10 +8,10 @@ from functools import partial
 from typing import Any
 
 from squealstudy.engine.cache import known_gap, prepared_model
-from squealstudy.engine.rows import FAILURES, reason
+from squealstudy.engine.rows import FAILURES, failed_row, reason
 from squealstudy.engine.workers import Solved
 from squealstudy.kinds.sensitivity.parameters import Asked, state_parameters, structural_names
-from squealstudy.kinds.sensitivity.tables import failed_row, solved_row
+from squealstudy.kinds.sensitivity.tables import SCHEMA, solved_row
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import Structure, structural_sensitivities
@@ -63,7 +63,8 @@ def _row(point: DesignPoint, request: Request) -> dict[str, Any]:
     try:
         found, modes = design_sensitivities(point, request)
     except FAILURES as error:
-        return failed_row(point.point_id, time.perf_counter() - started, *reason(error))
+        wall_s = time.perf_counter() - started
+        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
     return solved_row(point.point_id, time.perf_counter() - started, found, modes)
 
 

@@ -39,7 +39,7 @@ from squealstudy.kinds.transient.plan_facts import (
 )
 from squealstudy.kinds.transient.preparation import make_training_runs
 from squealstudy.kinds.transient.section import TransientDefinition
-from squealstudy.kinds.transient.tables import SCHEMA, build_tables, failed_row, simulated_time
+from squealstudy.kinds.transient.tables import SCHEMA, build_tables, lost_row, simulated_time
 from squealstudy.kinds.transient.worker import solve_batch
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
@@ -159,7 +159,7 @@ class Transient(ModelKind):
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Chunk row of a point that could not be solved."""
-        return failed_row(point_id, 0.0, status, message)
+        return lost_row(point_id, status, message)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import LISTED, KindScreen
+from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
@@ -38,15 +38,10 @@ class TransientScreen(KindScreen):
             )
         return rank_energy(results.points, results.modes, top, where)
 
-    def ranking(
-        self,
-        results: Results,
-        by: str = "share",
-        top: int | None = LISTED,
-        where: str | None = None,
+    def listed(
+        self, results: Results, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
         """Which assembly modes carry the energy."""
-        table = self.rank(results, by, top, where)
         undecided = table.attrs["undecided"]
         left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
         if not len(table):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 
@@ -18,7 +17,7 @@ from squealstudy.engine.rows import (
     TEXT,
     WHOLE,
     Fields,
-    head,
+    failed_row,
     planned_rows,
     points_table,
 )
@@ -27,7 +26,6 @@ from squealstudy.engine.validity import validity_arrow
 from squealstudy.motion.outcome.settling import DECAYED, SETTLED
 from squealstudy.wording import FAILED
 
-EMPTY = {TEXT: "", REAL: np.nan, WHOLE: None, FLAG: None}
 SUMMARY_FIELDS = (
     ("class", TEXT),
     ("undecided_until", REAL),
@@ -174,7 +172,7 @@ def _structs(fields: Fields) -> pa.DataType:
 
 
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=EMPTY[t] is None) for n, t in (*HEAD, *SUMMARY_FIELDS)]
+    [pa.field(n, t, nullable=t in (WHOLE, FLAG)) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
         pa.field("modes", _structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
         pa.field("growth", _structs(GROWTH_FIELDS)),
@@ -182,25 +180,11 @@ SCHEMA = pa.schema(
 )
 
 
-def row(
-    point_id: str,
-    wall_s: float,
-    status: str,
-    message: str,
-    summary: Mapping[str, Any],
-    modes: Sequence[Mapping[str, Any]] = (),
-    growth: Sequence[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
-    """Chunk row of a design point; what the summary does not say is empty."""
-    known = {name: summary.get(name, EMPTY[kind]) for name, kind in SUMMARY_FIELDS}
-    return {
-        **head(point_id, wall_s, status, message),
-        **known,
-        "modes": [dict(m) for m in modes],
-        "growth": [dict(g) for g in growth],
-    }
+def row(point_id: str, wall_s: float, status: str, message: str, **found: Any) -> dict[str, Any]:
+    """Chunk row of a design point: columns as found, others empty."""
+    return failed_row(SCHEMA, point_id, status, message, wall_s) | found
 
 
-def failed_row(point_id: str, wall_s: float, status: str, message: str) -> dict[str, Any]:
+def lost_row(point_id: str, status: str, message: str) -> dict[str, Any]:
     """Chunk row of a point that has no motion."""
-    return row(point_id, wall_s, status, message, {"class": FAILED, "stop_reason": FAILED})
+    return failed_row(SCHEMA, point_id, status, message) | {"class": FAILED, "stop_reason": FAILED}

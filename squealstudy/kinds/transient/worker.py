@@ -22,7 +22,7 @@ from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.hybrid_motions import hybrid_motions
 from squealstudy.kinds.transient.plan_facts import state_file
-from squealstudy.kinds.transient.tables import failed_row, row
+from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.doubts import doubts
@@ -48,11 +48,11 @@ def solve_batch(task: BatchTask) -> Solved:
     try:
         _ = task.reference
     except SquealstudyError as error:  # no nominal working point on this structure
-        return Solved([failed_row(p.point_id, 0.0, *reason(error)) for p in task.points])
+        return Solved([lost_row(p.point_id, *reason(error)) for p in task.points])
     found = [(point, set_up(task, point, gaps)) for point in task.points]
     ready = [(point, made) for point, made in found if isinstance(made, MotionPoint)]
     rows = [
-        failed_row(point.point_id, 0.0, *made)
+        lost_row(point.point_id, *made)
         for point, made in found
         if not isinstance(made, MotionPoint)
     ]
@@ -61,7 +61,7 @@ def solve_batch(task: BatchTask) -> Solved:
     try:
         motions = integrate(task, chosen, points) if ready else []
     except FAILURES as error:
-        rows += [failed_row(point.point_id, 0.0, *reason(error)) for point in chosen]
+        rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
         wall = (time.perf_counter() - started) / max(len(ready), 1)
         for point, motion in zip(chosen, motions, strict=True):
@@ -97,9 +97,9 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> di
         wall,
         motion.outcome,
         message,
-        summary=columns,
         modes=modes,
         growth=summary.growth,
+        **columns,
     )
 
 

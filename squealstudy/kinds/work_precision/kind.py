@@ -70,10 +70,8 @@ class WorkPrecision(Kind):
         structures = {key for v in variants for key in v.plan.structures}
         missing = sum(not is_prepared(key) for key in structures)
         return MethodsPlan(
-            kind=self,
-            name=study.definition.study.name,
+            study=study,
             model=base.model.name,
-            source=study.source,
             tasks=tuple(Run(name, run) for name, run in runs.items()),
             facts=(
                 ("base", f"{base.source.path}: {base.name}, {base.kind.name}"),
@@ -86,24 +84,23 @@ class WorkPrecision(Kind):
                 ("reductions", f"{len(structures)} needed, {missing} not in the cache"),
                 ("judged by", ", ".join(quantities(study))),
             ),
-            content=(study, variants),
+            content=variants,
         )
 
     def ready(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
         """Make the reductions of all variants; what the models show of the file is checked."""
-        _, variants = plan.content
-        for variant in variants:
+        for variant in plan.content:
             try:
                 build_structures(variant.plan, replace(workers, patience=at_once))
             except StudyFileError:
                 raise
             except SquealstudyError:  # no structure of it can be made: its rows say so
                 continue
-        first = variants[0].plan
+        first = plan.content[0].plan
         first.kind.check(first)
-        warm(integrator(name) for name in sorted({v.integrator for v in variants} - {""}))
+        warm(integrator(name) for name in sorted({v.integrator for v in plan.content} - {""}))
         return plan, {}
 
     def patience(self, plan: MethodsPlan) -> float:
@@ -112,8 +109,7 @@ class WorkPrecision(Kind):
 
     def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[Any]:
         """One a measurement."""
-        study, _ = plan.content
-        return [(study, run) for run in points]
+        return [(plan.study, run) for run in points]
 
     def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:
         """Run one measurement; ResultsError where the reference fails."""
@@ -134,10 +130,10 @@ class WorkPrecision(Kind):
 
     def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
         """The files, and what is judged."""
-        study, variants = plan.content
+        study, variants = plan.study, plan.content
         section, first = study.definition.work_precision, variants[0]
         return {
-            "study": plan.source.text,
+            "study": study.source.text,
             "base": study.base.source.text,
             "base_kind": study.base.kind.name,
             "quantities": list(quantities(study)),
@@ -151,7 +147,7 @@ class WorkPrecision(Kind):
         self, plan: MethodsPlan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write measurements and errors."""
-        study, variants = plan.content
+        study, variants = plan.study, plan.content
         found = read_chunks(directory, {run.point_id for run in plan.tasks}, self.schema)
         by_variant: dict[str, list[Mapping[str, Any]]] = {v.identity: [] for v in variants}
         for run in plan.tasks:
