@@ -9,6 +9,7 @@ import contextlib
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from io import StringIO
 from typing import Any
 
 from rich.console import Console, RenderableType
@@ -45,6 +46,15 @@ def show(*parts: RenderableType) -> None:
     """Print to stdout."""
     for part in parts:
         console.print(part)
+
+
+def as_text(parts: Iterable[RenderableType]) -> str:
+    """What `show` would print, in lines of at most LEAST_WIDTH characters."""
+    written = Console(width=LEAST_WIDTH, markup=False, highlight=False, file=StringIO())
+    with written.capture() as captured:
+        for part in parts:
+            written.print(part)
+    return captured.get()
 
 
 def warning(text: str) -> None:

@@ -133,8 +133,7 @@ def robust(
     kept, sampled = top or LISTED, found.design == SOBOL_INDICES
     if not indices:
         screen.show(*modes_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
-    if not indices and sampled:
-        screen.show("")
+        screen.show(*([""] if sampled else []))
     if indices or sampled:
         screen.show(*modes_screen.indices(found.sobol_indices(kept)))
     screen.show(*outside(found))

@@ -18,7 +18,7 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
-from squealstudy.kinds.complex_modes.boundary import grown, grows, most_points
+from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
 from squealstudy.study.kinds import definition_of, kind_names
@@ -62,7 +62,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     check_component_modes(plan)
     solver = plan.kind
     solver.check(plan)
-    plan = grown(plan, directory) if directory.is_dir() else plan
+    plan = solver.grown(plan, directory) if directory.is_dir() else plan
     done = store.finished_points(directory, solver.schema) if directory.is_dir() else set()
     missing = sum(t.point_id not in done for t in plan.tasks)
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
@@ -93,7 +93,7 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
     if not missing:
         return [*rows, ("time", "nothing is left to solve")]
     workers = min(jobs, missing)
-    growing = grows(plan.study) and missing
+    growing = plan.study.grows and missing
     most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
     least, longest = run_seconds(plan, cost, missing, jobs, most)
     return [
@@ -121,7 +121,7 @@ def _validity(plan: Plan) -> Rows:
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
     """What the next finer mesh changes; it is solved for this."""
-    from squealstudy.engine.mesh_error import mesh_error
+    from squealstudy.engine.estimate import mesh_error
 
     found = mesh_error(plan, jobs)
     mesh, finer = found.meshes
@@ -143,7 +143,7 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Number of points; of a design that grows also what it may come to."""
     text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
-    if grows(plan.study) and missing:
+    if plan.study.grows and missing:
         text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
     return text
 

@@ -1,14 +1,26 @@
-"""What a study will cost, from a few timed design points."""
+"""What `check` finds out of a study before it runs: its cost, and the error of its mesh.
+
+The cost follows from a few timed design points; the error from the nominal point, solved on the
+mesh of the study and on the next finer one.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from squealstudy.engine.cache import is_prepared, load_any
+import numpy as np
+
+from squealstudy.engine.cache import is_prepared, load_any, load_prepared
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import peak_memory_mb
+from squealstudy.errors import SquealstudyError
+from squealstudy.modes.full_order.pairs import LIGHT
+from squealstudy.modes.point import PointModes, solve_point
+from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
@@ -37,11 +49,11 @@ class Estimate:
     """
 
     n_missing_structures: int
-    structure_s: float | None
-    point_s: float | None
-    memory_mb: float | None
-    n_coordinates: int | None
-    reason: str
+    structure_s: float | None = None
+    point_s: float | None = None
+    memory_mb: float | None = None
+    n_coordinates: int | None = None
+    reason: str = ""
 
 
 def run_seconds(
@@ -95,22 +107,104 @@ def estimate(plan: Plan) -> Estimate:
     if not ready:
         return Estimate(
             missing,
-            None,
-            None,
-            None,
-            None,
-            "no reduced model of this study is in the cache yet; --build makes the first one and "
-            "times it",
+            reason="no reduced model of this study is in the cache yet; --build makes the first "
+            "one and times it",
         )
     tasks = [t for t in plan.tasks if t.structure in set(ready)]
     step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
     seconds = _timed(kind, plan, tasks[::step][:TIMED_POINTS])
     prepared = load_any(ready[0])
     return Estimate(
-        missing,
-        float(sum(prepared.timings.values())),
-        sum(seconds) / len(seconds) if seconds else None,
-        peak_memory_mb(),
-        prepared.model.n,
-        "" if seconds else "none of the timed design points has a working point",
+        n_missing_structures=missing,
+        structure_s=float(sum(prepared.timings.values())),
+        point_s=sum(seconds) / len(seconds) if seconds else None,
+        memory_mb=peak_memory_mb(),
+        n_coordinates=prepared.model.n,
+        reason="" if seconds else "none of the timed design points has a working point",
     )
+
+
+MESH_OPTION = "mesh"
+FINER = {"coarse": "medium", "medium": "fine"}
+
+
+@dataclass(frozen=True)
+class MeshError:
+    """Differences between two meshes over the light modes of the finer one.
+
+    Attributes
+    ----------
+    meshes : tuple of str
+        The study's mesh and the next finer one.
+    frequency : ndarray (m,)
+        Of the modes with a partner: |change| of the frequency, relative.
+    damping : ndarray (m,)
+        |change| of their damping ratios, absolute.
+    unpaired : int
+        Light modes of the finer mesh without a partner.
+    unstable : tuple of int
+        Unstable modes on each mesh, those of static divergence among them.
+    seconds : tuple of float
+        Of each mesh: to build and reduce it, unless the cache holds it, and to solve the point.
+    """
+
+    meshes: tuple[str, str]
+    frequency: np.ndarray
+    damping: np.ndarray
+    unpaired: int
+    unstable: tuple[int, int]
+    seconds: tuple[float, float]
+
+
+def mesh_error(plan: Plan, threads: int) -> MeshError:
+    """Solve the nominal point of a study on its mesh and on the next finer one, densely.
+
+    Raises
+    ------
+    SquealstudyError
+        No finer mesh; a reduction or the nominal point fails.
+    """
+    mesh = str(plan.study.options.get(MESH_OPTION, ""))
+    if mesh not in FINER:
+        what = f"there is no finer mesh than '{mesh}'" if mesh else "this model has no mesh"
+        raise SquealstudyError(f"the error of the mesh cannot be told: {what}")
+    options = {**plan.study.options, MESH_OPTION: FINER[mesh]}
+    finer_plan = Plan(replace(plan.study, options=options), plan.swept)
+    own, own_shapes, own_s = _nominal_modes(plan, threads)
+    finer, finer_shapes, finer_s = _nominal_modes(finer_plan, threads)
+    partner = pair_modes(finer.lam, finer_shapes, own.lam, own_shapes).partner
+    light = (np.abs(finer.lam.real) < LIGHT * np.abs(finer.lam)) & ~finer.overdamped
+    paired = light & (partner >= 0)
+    a, b = own.lam[partner[paired]], finer.lam[paired]
+    tolerance = plan.study.definition.modes.stability_tolerance
+    return MeshError(
+        (mesh, FINER[mesh]),
+        np.abs(np.abs(a) / np.abs(b) - 1.0),
+        np.abs(_damping(a) - _damping(b)),
+        int((light & (partner < 0)).sum()),
+        (_unstable(own, tolerance), _unstable(finer, tolerance)),
+        (own_s, finer_s),
+    )
+
+
+def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, float]:
+    """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
+    started = time.perf_counter()
+    design = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
+    design = replace(design, structure=plan.structure_key(design))
+    key, reason = build_structure(build_task(plan, design, threads))
+    if reason:
+        raise SquealstudyError(f"mesh '{plan.study.options[MESH_OPTION]}': {reason}")
+    prepared = load_prepared(key)
+    modes = solve_point(prepared, design.state(), plan.band_hz)
+    shapes = modes.shapes @ np.asarray(prepared.sensor_shapes).T
+    return modes, shapes, time.perf_counter() - started
+
+
+def _damping(lam: np.ndarray) -> np.ndarray:
+    zeta: np.ndarray = -lam.real / np.abs(lam)
+    return zeta
+
+
+def _unstable(modes: PointModes, tolerance: float) -> int:
+    return int((_damping(modes.lam) < -tolerance).sum())

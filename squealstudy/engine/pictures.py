@@ -7,10 +7,12 @@ every study gets the pictures that its tables allow; nothing else names it.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,6 +151,15 @@ def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:
         if not plot.missing(results):
             for suffix, choices in plot.pictures(results):
                 yield name + suffix, plot, choices
+
+
+def images(results: Results) -> Iterator[str]:
+    """Every picture that the results allow, drawn for a page of HTML."""
+    for _, plot, choices in pictures(results):
+        image = BytesIO()
+        plot(results, **choices).savefig(image, format="png")
+        encoded = b64encode(image.getvalue()).decode()
+        yield f'<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
 
 
 def save_figure(figure: Figure, path: Path) -> None:

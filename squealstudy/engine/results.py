@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from squealstudy.engine.pictures import Plots, pictures, save_figure
+from squealstudy.engine.pictures import Plots, images, pictures, save_figure
 from squealstudy.engine.store import (
     PICTURES,
     onset_parameter,
@@ -22,11 +22,11 @@ from squealstudy.engine.store import (
     write_manifest,
 )
 from squealstudy.errors import ResultsError
+from squealstudy.screen import as_text
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
-from squealstudy.tables.mode_ranking import parameter_columns, point_codes, selection
-from squealstudy.tables.stability import uncertain_points
+from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import OF_THE_ONSET, plural, units_of
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 OWN_UNITS = {"cells": {"cost": ""}}  # iterations or evaluations, elsewhere seconds
-HTML_WIDTH = 110  # characters of a line of a ranking in a notebook
 
 
 @dataclass(frozen=True)
@@ -70,22 +69,10 @@ class Results:
 
     def _repr_html_(self) -> str:
         """What a run prints first, and the first picture, for a notebook."""
-        from base64 import b64encode
-        from io import BytesIO, StringIO
-
-        from rich.console import Console
-
-        written = StringIO()
-        console = Console(file=written, width=HTML_WIDTH, markup=False, highlight=False)
-        for part in self.screen.findings(self):
-            console.print(part)
-        html = f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(written.getvalue())}</pre>"
-        for _, plot, choices in pictures(self):
-            image = BytesIO()
-            plot(self, **choices).savefig(image, format="png")
-            encoded = b64encode(image.getvalue()).decode()
-            return f'{html}<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
-        return html
+        shown = (
+            f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(as_text(self.screen.findings(self)))}"
+        )
+        return f"{shown}</pre>{next(images(self), '')}"
 
     @classmethod
     def open(cls, path: str | Path) -> Results:
@@ -251,10 +238,7 @@ class Results:
             ``point_id`` of a design point, or its row of `points`, counted from 0 (from the end
             where negative).
 
-        Raises
-        ------
-        ResultsError
-            Where there is no such point, none was kept, or the study is not a transient one.
+        ResultsError where there is no such point, none was kept, or it is no transient study.
         """
         if "growth" not in self.tables:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
@@ -356,28 +340,12 @@ class Results:
     def compare(self, other: Results) -> pd.DataFrame:
         """Predicted instabilities beside what they do in time: one study of each, in any order.
 
-        See tables.comparison.compare.
-
-        Raises
-        ------
-        ResultsError
-            Where these are not a complex-mode study and a transient one of one model, with common
-            design points.
+        See tables.comparison.compare. ResultsError where these are not a complex-mode study and a
+        transient one of one model, with common design points.
         """
         from squealstudy.engine.comparison import compare_results
 
         return compare_results(self, other)
-
-    def counted_points(self, where: str | None = None) -> int:
-        """Number of design points, or nodes of a boundary map, that `rank` is over."""
-        points, modes = self.ranked
-        return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
-
-    def uncertain_points(self, where: str | None = None) -> int:
-        """Number of solved design points at which some mode may be stable or unstable."""
-        code = point_codes(self.points, self.modes)
-        held, wanted = selection(self.points, self.modes, code, where)
-        return uncertain_points(self.modes, code, held[code] & wanted)
 
     @cached_property
     def ranked(self) -> tuple[pd.DataFrame, pd.DataFrame]:

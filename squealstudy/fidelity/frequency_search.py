@@ -15,7 +15,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.fidelity.choice import Choice, Tried, choose, pays
 from squealstudy.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
 from squealstudy.fidelity.scene import MISSED, SPARE, Scene
-from squealstudy.kinds.complex_modes.cost import point_share
+from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
 from squealstudy.kinds.complex_modes.reduction import SAFETY
 from squealstudy.models.matrices.family import FamilyDefinition

@@ -17,7 +17,7 @@ from squealstudy.study.parameters import (
 )
 from squealstudy.study.sections import ModelSection, StudyDefinition
 from squealstudy.study.source import SourceText, changed, extensions_of, shown, validate
-from squealstudy.study.sweeps import Sweep, resolve_sweeps
+from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.toml_text import KeyPath
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
@@ -63,6 +63,11 @@ class Study:
     def error(self, keys: KeyPath, message: str) -> StudyFileError:
         """The error to raise about a key of the file."""
         return self.source.error(keys, message)
+
+    @property
+    def grows(self) -> bool:
+        """Whether its design points depend on its results."""
+        return self.definition.design.type == BOUNDARY
 
     @property
     def section(self) -> Any:

@@ -25,7 +25,6 @@ from squealstudy.kinds.complex_modes.rows import damping_ratios, read_roots, uns
 from squealstudy.root_pairs import partners
 from squealstudy.study.definition import Study
 from squealstudy.study.sampling import count_points
-from squealstudy.study.sweeps import BOUNDARY
 
 
 @dataclass(frozen=True)
@@ -248,18 +247,13 @@ def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return partners(df + dz, 1.0)
 
 
-def grows(study: Study) -> bool:
-    """Whether the design points of a study depend on its results."""
-    return study.definition.design.type == BOUNDARY
-
-
 def grown(plan: Plan, directory: Path) -> Plan:
     """The plan with all points that the finished ones of `directory` ask for.
 
-    The plan itself where the design does not grow, where some of its points are not finished, or
-    where no more are needed. What is added depends on the rows of the plan's points alone.
+    The plan itself where some of its points are not finished, or where no more are needed. What is
+    added depends on the rows of the plan's points alone.
     """
-    while grows(plan.study):
+    while True:
         grid = BoundaryGrid.of(plan.study)
         ids = [t.point_id for t in plan.tasks]
         tolerance, largest = plan.method.tolerance, plan.method.largest_error
@@ -280,15 +274,13 @@ def grown(plan: Plan, directory: Path) -> Plan:
 
 def most_points(study: Study) -> int:
     """Number of design points that a study may come to."""
-    if not grows(study):
+    if not study.grows:
         return count_points(study)
     return math.prod(BoundaryGrid.of(study).shape)
 
 
-def map_facts(plan: Plan) -> dict[str, Any] | None:
+def map_facts(plan: Plan) -> dict[str, Any]:
     """For the manifest: the virtual grid of a boundary design, and how much of it was solved."""
-    if not grows(plan.study):
-        return None
     grid = BoundaryGrid.of(plan.study)
     nodes = math.prod(grid.shape)
     return {

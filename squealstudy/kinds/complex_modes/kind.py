@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.model_kind import ModelKind, Solves
-from squealstudy.engine.plan import Plan, checked_points
+from squealstudy.engine.plan import Plan, checked_points, has_mesh
 from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.store import MODES, ONSETS, POINTS
 from squealstudy.engine.workers import Progress, Solved, Workers
@@ -26,6 +26,7 @@ from squealstudy.kinds.complex_modes.problems import (
     refuse_basis,
     swept_structures,
 )
+from squealstudy.kinds.complex_modes.reduction import is_reduced, sample_points
 from squealstudy.kinds.complex_modes.rows import read_roots
 from squealstudy.kinds.complex_modes.solve_tasks import (
     SolveTask,
@@ -33,6 +34,7 @@ from squealstudy.kinds.complex_modes.solve_tasks import (
     solve_tasks,
     whole_box,
 )
+from squealstudy.modes.rung import Rung
 from squealstudy.modes.rungs import AUTO, rung_named
 from squealstudy.study.design import DesignPoint
 
@@ -40,6 +42,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from squealstudy.engine.measurement import Measuring
+
+
+# of the least and the longest time: exact complex modes; reanalysis
+EXACT, REANALYSIS = (0.9, 1.1), (0.5, 1.5)
+BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
+SAMPLE = 3.0  # exact solves that a sample point of the reduction's error costs: of two models
+FULL_ORDER = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
 
 class ComplexModes(ModelKind):
@@ -120,16 +129,20 @@ class ComplexModes(ModelKind):
 
     def grown(self, plan: Plan, directory: Path) -> Plan:
         """With the nodes that a boundary design asks for."""
+        if not plan.study.grows:
+            return plan
         from squealstudy.kinds.complex_modes.boundary import grown
 
         return grown(plan, directory)
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """The grid of a boundary design, and how much of it is solved."""
+        facts = super().manifest(plan)
+        if not plan.study.grows:
+            return facts
         from squealstudy.kinds.complex_modes.boundary import map_facts
 
-        found = map_facts(plan)
-        return super().manifest(plan) | ({} if found is None else {"boundary": found})
+        return facts | {"boundary": map_facts(plan)}
 
     def verify(
         self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
@@ -199,8 +212,6 @@ class ComplexModes(ModelKind):
 
     def solves(self, plan: Plan) -> Solves:
         """By the method of the study."""
-        from squealstudy.kinds.complex_modes.cost import mode_solves
-
         return mode_solves(plan)
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
@@ -216,6 +227,41 @@ class ComplexModes(ModelKind):
             except FAILURES:
                 return None
         return time.perf_counter() - started
+
+
+def mode_solves(plan: Plan) -> Solves:
+    """Points of reanalysis take their share of an exact one, after a basis for each structure.
+
+    Tracking and onsets solve others between exact points; those checked at full order and the
+    sample points of the reduction's error come on top.
+    """
+    rung, share = plan.method.rung, point_share(plan, plan.method.rung)
+    least, longest = EXACT if share is None else REANALYSIS
+    modes = plan.study.definition.modes
+    refines = modes.track and (modes.refine_tracking or modes.refine_onsets)
+    if share is None and plan.study.sweeps and refines:
+        longest += BETWEEN
+    bases = 0
+    if rung.over_a_basis:
+        bases = sum(not structure.has_basis for structure in swept_structures(plan))
+    meshed = has_mesh(plan.study) and not rung.unreduced
+    checks = len(checked_points(plan)) * (FULL_ORDER if meshed else 1.0)
+    samples = len(sample_points(plan)) if is_reduced(plan) else 0
+    return Solves(
+        point=1.0 if share is None else share,
+        shared=bases * rung.setup_solves,
+        checks=checks + samples * SAMPLE,
+        least=least,
+        longest=longest,
+    )
+
+
+def point_share(plan: Plan, rung: Rung) -> float | None:
+    """Seconds of a point of a plan by a rung over those of an exact one; None where it is exact."""
+    if rung.exact:
+        return None
+    varied = sum(not sweep.parameter.structural for sweep in plan.study.sweeps)
+    return rung.relative_cost(len(plan.tasks) // len(plan.structures), varied)
 
 
 KIND = ComplexModes()

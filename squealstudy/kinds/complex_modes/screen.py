@@ -16,10 +16,18 @@ from squealstudy.tables.mode_ranking import (
     UNTRACKED,
     frequency_text,
     group_kind,
+    point_codes,
     rank_modes,
+    selection,
     settings_of,
 )
-from squealstudy.tables.stability import BELOW_RANGE, BRACKETED, CROSSING, FIRST_SEEN
+from squealstudy.tables.stability import (
+    BELOW_RANGE,
+    BRACKETED,
+    CROSSING,
+    FIRST_SEEN,
+    uncertain_points,
+)
 from squealstudy.wording import failure_counts, in_digits, percent, plural
 
 if TYPE_CHECKING:
@@ -101,21 +109,29 @@ class ComplexModesScreen(KindScreen):
 
 def _nothing(results: Results, where: str | None) -> str:
     """Why a ranking has no row."""
-    if not results.counted_points(where):
+    if not _counted_points(results, where):
         return f"No design point is {'solved and within the query' if where else 'solved'}."
     none = "Within the query no mode" if where else "No mode"
     return f"{none} is unstable at any of {_counted(results, where)}."
 
 
+def _counted_points(results: Results, where: str | None) -> int:
+    """Number of design points, or nodes of a boundary map, that a ranking is over."""
+    points, modes = results.ranked
+    return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+
+
 def _counted(results: Results, where: str | None) -> str:
     """What a ranking is over, in words."""
     what = "nodes of the map" if results.boundary is not None else "solved points"
-    return f"the {results.counted_points(where)} {what}"
+    return f"the {_counted_points(results, where)} {what}"
 
 
 def _doubt(results: Results, where: str | None) -> str:
     """Where stability is not certain, in words; empty where it is everywhere."""
-    uncertain = results.uncertain_points(where)
+    code = point_codes(results.points, results.modes)
+    held, wanted = selection(results.points, results.modes, code, where)
+    uncertain = uncertain_points(results.modes, code, held[code] & wanted)
     if not uncertain:
         return ""
     return (

@@ -48,10 +48,12 @@ MODE_FIELDS = (
     ("energies", pa.list_(REAL)),
     ("sensitivities", pa.list_(pa.struct(list(SENSITIVITY_FIELDS)))),
 )
+MODE_HEAD = (("point_id", TEXT), ("mode", WHOLE), ("main_component", TEXT))
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
     + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
 )
+RAW = pa.schema([*MODE_FIELDS[:5], *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row a sensitivity
 PERCENT = 0.01
 NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
@@ -97,18 +99,11 @@ def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFram
     flat: list[dict[str, Any]] = []
     for row in rows:
         for number, mode in enumerate(row["modes"], start=1):
-            head = {k: mode[k] for k in ("re", "im", "condition", "residual", "biorthogonality")}
-            head |= {"point_id": row["point_id"], "mode": number}
-            head["main_component"] = names[int(np.argmax(mode["energies"]))]
-            flat.extend({**head, **s} for s in mode["sensitivities"])
-    frame = pd.DataFrame(flat, columns=None if flat else _raw_columns())
+            own = {"point_id": row["point_id"], "mode": number}
+            own["main_component"] = names[int(np.argmax(mode["energies"]))]
+            flat.extend({**mode, **own, **s} for s in mode["sensitivities"])
+    frame = pa.Table.from_pylist(flat, schema=RAW).to_pandas()
     return _columns(frame, units, plan.study.definition.modes.stability_tolerance)
-
-
-def _raw_columns() -> list[str]:
-    mode = ["re", "im", "condition", "residual", "biorthogonality", "point_id", "mode"]
-    nested = SCHEMA.field("modes").type.value_type.field("sensitivities").type.value_type
-    return [*mode, "main_component", *(field.name for field in nested)]
 
 
 def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> pd.DataFrame:

@@ -21,9 +21,8 @@ from squealstudy.engine.store import ERRORS, MEASUREMENTS, read_chunks, write_pa
 from squealstudy.engine.workers import Solved, Workers, at_once
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
-from squealstudy.kinds.work_precision import rows
 from squealstudy.kinds.work_precision.section import WorkPrecisionDefinition
-from squealstudy.kinds.work_precision.tables import measurement_tables
+from squealstudy.kinds.work_precision.tables import SCHEMA, measurement_row, measurement_tables
 from squealstudy.kinds.work_precision.variants import (
     PrecisionFile,
     Variant,
@@ -46,7 +45,7 @@ class WorkPrecision(Kind):
     description = "error against time of methods"
     definition = WorkPrecisionDefinition
     tables: tuple[str, ...] = (MEASUREMENTS, ERRORS)
-    schema = rows.SCHEMA
+    schema = SCHEMA
     row_word = "run"
     of_methods = True
 
@@ -114,16 +113,13 @@ class WorkPrecision(Kind):
     def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:
         """Run one measurement; ResultsError where the reference fails."""
         study, run = task
-        variant, number = run.content
-        started = time.perf_counter()
+        variant, _ = run.content
+        started, failure = time.perf_counter(), ("ok", "")
         try:
             made = _measured(study, variant)
         except FAILURES as error:
-            wall = time.perf_counter() - started
-            row = rows.failed_row(run.point_id, variant.identity, number, wall, *reason(error))
-        else:
-            wall = time.perf_counter() - started
-            row = rows.row(run.point_id, variant.identity, number, wall, made)
+            made, failure = Measurement(), reason(error)
+        row = measurement_row(run, time.perf_counter() - started, made, failure)
         if variant.reference and row["status"] != "ok":
             raise ResultsError(f"the reference '{variant.method}' failed: {row['message']}")
         return Solved([row])

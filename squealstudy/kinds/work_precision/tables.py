@@ -1,4 +1,4 @@
-"""Tables of a work-precision study: one row a measurement, and its errors one by one."""
+"""Rows of a work-precision study, a method, knob value and round each; and its two tables."""
 
 from __future__ import annotations
 
@@ -8,13 +8,42 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
-from squealstudy.engine.measurement import Measuring
+from squealstudy.engine.measurement import Measurement, Measuring
+from squealstudy.engine.rows import HEAD, REAL, TEXT, WHOLE, head
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.methods import Run
 from squealstudy.kinds.work_precision.variants import Variant
 from squealstudy.tables.method_quality import Miscount
 
 Rows = Sequence[Mapping[str, Any]]
+MEASURED = (  # attributes of a Measurement
+    ("seconds", REAL),
+    ("setup_seconds", REAL),
+    ("reduction_seconds", REAL),
+    ("memory_mb", REAL),
+    ("iterations", REAL),
+    ("n_coordinates", WHOLE),
+    ("n_failed", WHOLE),
+    ("onset_seconds", REAL),
+    ("line_points", REAL),
+)
+# findings are JSON: measured point -> what was found there
+FIELDS = (("variant", TEXT), ("round", WHOLE), *MEASURED, ("findings", TEXT))
+SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
+
+
+def measurement_row(
+    run: Run, wall_s: float, made: Measurement, failure: tuple[str, str] = ("ok", "")
+) -> dict[str, Any]:
+    """Chunk row of a measurement; `failure` is status and message of one that found nothing."""
+    variant, number = run.content
+    found = [(f["status"], f.get("message", "")) for f in made.findings.values()]
+    status, message = next((one for one in found if one[0] != "ok"), failure)
+    measured = {name: getattr(made, name) for name, _ in MEASURED}
+    own = {"variant": variant.identity, "round": number, "findings": json.dumps(made.findings)}
+    return head(run.point_id, wall_s, str(status), str(message)) | measured | own
 
 
 def measurement_tables(
