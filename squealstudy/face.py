@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from squealstudy.engine.results import Results
-    from squealstudy.engine.runner import RunReport
-    from squealstudy.engine.workers import Progress
     from squealstudy.models.parameter import ModelDefinition
 
 SENSITIVITY = "sensitivity"
@@ -176,32 +174,22 @@ def run(
     """
     if not isinstance(study, Study):
         study = read_study(study)
-    directory, jobs = Path(output or study.directory), jobs or os.cpu_count() or 1
-    with screen.progress_bars() as progress:
-        report = _run(study, directory, jobs, yes, progress, warn)
-    return replace(open_results(directory), solved=report.n_solved)
-
-
-def _run(
-    study: Study,
-    directory: Path,
-    jobs: int,
-    yes: bool,
-    progress: Progress,
-    warn: Callable[[str], None],
-) -> RunReport:
-    """Run a study as it is, or with the settings that its [fidelity] section has chosen."""
     from squealstudy.engine.manifest import check_owner
     from squealstudy.engine.runner import run_study
 
+    directory, jobs = Path(output or study.directory), jobs or os.cpu_count() or 1
     plan, resolved = study.plan(), study.resolved
-    if not isinstance(resolved, ResolvedStudy) or resolved.definition.fidelity is None:
-        return run_study(plan, directory, jobs, yes, progress, warn)
-    from squealstudy.fidelity.run import resolve, run_resolved
+    with screen.progress_bars() as progress:
+        if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
+            from squealstudy.fidelity.run import resolve, run_resolved
 
-    resolved.kind.check_limit(plan, yes)
-    check_owner(directory, plan.owner)
-    return run_resolved(resolve(resolved, jobs, progress), directory, yes, progress, warn)
+            resolved.kind.check_limit(plan, yes)
+            check_owner(directory, plan.owner)
+            chosen = resolve(resolved, jobs, progress)
+            report = run_resolved(chosen, directory, yes, progress, warn)
+        else:
+            report = run_study(plan, directory, jobs, yes, progress, warn)
+    return replace(open_results(directory), solved=report.n_solved)
 
 
 @dataclass(frozen=True)

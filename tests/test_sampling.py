@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy.stats import qmc
 
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import Study, parse_study
-from squealstudy.study.sampling import check_limit, count_points, design_points, grid_shape
+from squealstudy.study.sampling import count_points, design_points, grid_shape
 from squealstudy.study.sweeps import levels
 
 HEAD = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "disc_brake"\n'
@@ -146,6 +147,11 @@ def test_latin_hypercube_has_one_point_in_every_slice():
 BIG = ("start = 0\nstop = 1\nnum = 1000", "start = 1\nstop = 2\nnum = 1000")
 
 
+def check_limit(study, yes=False):
+    plan = SimpleNamespace(study=study, swept=range(count_points(study)))
+    study.kind.check_limit(plan, yes)
+
+
 def test_count_of_a_vast_grid_is_not_built():
     vast = study("limit = 10", *["start = 1\nstop = 2\nnum = 100000"] * 4)
     assert count_points(vast) == 10**20
@@ -154,21 +160,21 @@ def test_count_of_a_vast_grid_is_not_built():
 def test_more_points_than_the_limit_need_yes():
     big = study('type = "grid"\nlimit = 999_999', *BIG)
     with pytest.raises(StudyFileError, match="--yes") as caught:
-        check_limit(big, yes=False)
+        check_limit(big)
     error = caught.value
     assert (error.key, error.path) == ("design.limit", Path("s.toml"))
-    assert big.text.splitlines()[error.line - 1] == "limit = 999_999"
+    assert big.source.text.splitlines()[error.line - 1] == "limit = 999_999"
     assert "1,000,000 design points, more than the limit of 999,999" in error.message
     check_limit(big, yes=True)
 
 
 def test_as_many_points_as_the_limit_are_accepted():
-    check_limit(study('type = "grid"\nlimit = 1_000_000', *BIG), yes=False)
+    check_limit(study('type = "grid"\nlimit = 1_000_000', *BIG))
 
 
 def test_default_limit_names_the_design_table():
     big = study('type = "grid"', *BIG)
     with pytest.raises(StudyFileError, match="20,000") as caught:
-        check_limit(big, yes=False)
+        check_limit(big)
     assert caught.value.key == "design.limit"
-    assert big.text.splitlines()[caught.value.line - 1] == "[design]"
+    assert big.source.text.splitlines()[caught.value.line - 1] == "[design]"

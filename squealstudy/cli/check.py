@@ -22,7 +22,6 @@ from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
 from squealstudy.study.kinds import definition_of, kind_names
-from squealstudy.study.sampling import check_limit
 from squealstudy.study.schema import methods_schema, study_schema
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
@@ -49,7 +48,6 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
         with progress_bars() as progress:
             chosen = resolve(study.resolved, jobs, progress)
         plan, facts = chosen.plan, chosen.facts
-    check_limit(plan.study, yes=True)
     found = check_owner(directory, plan.owner)
     if found and found.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)

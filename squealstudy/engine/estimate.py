@@ -190,7 +190,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
 def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, float]:
     """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
     started = time.perf_counter()
-    design = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
+    design = plan.design(plan.nominal_values)
     design = replace(design, structure=plan.structure_key(design))
     key, reason = build_structure(build_task(plan, design, threads))
     if reason:

@@ -17,7 +17,6 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import Study, resolve_study
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.sampling import check_limit
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 
@@ -84,7 +83,13 @@ class ModelKind(Kind):
 
     def check_limit(self, plan: Plan, yes: bool) -> None:
         """Raise StudyFileError (key ``design.limit``) for more points than the limit."""
-        check_limit(plan.study, yes, len(plan.tasks))
+        count, limit = len(plan.swept), plan.study.definition.design.limit
+        if count > limit and not yes:
+            raise plan.study.error(
+                ("design", "limit"),
+                f"the study has {count:,} design points, more than the limit of {limit:,}: "
+                "give --yes to run it all the same, raise the limit or sweep fewer values",
+            )
 
     def resolver(self, study: Study) -> Callable[[Values], Values]:
         """What fills in values of a design point that follow from the whole study."""

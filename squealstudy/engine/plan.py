@@ -62,9 +62,17 @@ class Plan:
         self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
         self.designs = tuple(
-            DesignPoint(study.model, study.options, self._resolved({**study.values, **point}))
-            for point in self.swept
+            self.design(self._resolved({**study.values, **point})) for point in self.swept
         )
+
+    def design(self, values: Mapping[str, float]) -> DesignPoint:
+        """The design point of some values of all parameters, with neither id nor structure."""
+        return DesignPoint(self.study.model, self.study.options, values)
+
+    @property
+    def whole(self) -> Plan:
+        """The plan whose method, boxes and bases serve the points, where these are a part of it."""
+        return self
 
     @property
     def kind(self) -> ModelKind:
@@ -104,9 +112,7 @@ class Plan:
     @cached_property
     def nominal(self) -> OperatingPoint:
         """The [parameters] as they stand: where the basis is made."""
-        return DesignPoint(
-            self.study.model, self.study.options, self.study.values
-        ).operating_point()
+        return self.design(self.study.values).operating_point()
 
     @cached_property
     def training(self) -> tuple[OperatingPoint, ...]:
@@ -126,8 +132,7 @@ class Plan:
             if name in trained:
                 swept = [point[name] for point in self.swept]
                 for value in sorted({min(swept), max(swept)}):
-                    values = {**self.study.values, name: value}
-                    design = DesignPoint(self.study.model, self.study.options, values)
+                    design = self.design({**self.study.values, name: value})
                     points.append(design.operating_point())
         return tuple(points)
 

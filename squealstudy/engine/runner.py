@@ -20,7 +20,7 @@ from squealstudy.engine.manifest import (
     outdated,
 )
 from squealstudy.engine.store import INACCURATE, PICTURES, remove_leftovers, write_manifest
-from squealstudy.engine.workers import Progress, Work, Workers, peak_memory_mb, silent
+from squealstudy.engine.workers import Progress, Workers, peak_memory_mb, silent, solve_chunk
 from squealstudy.errors import ResultsError
 from squealstudy.wording import failure_counts
 
@@ -154,11 +154,11 @@ def _solve_points(
     if rows:
         store.write_rows(directory, rows, kind.schema)
     solvable = [t for t in pending if not why[t.point_id]]
-    work = [Work(kind, task) for task in kind.tasks(plan, solvable, workers)] if solvable else []
+    tasks = kind.tasks(plan, solvable, workers) if solvable else []
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     workers.report(kind.rows_word, done, total)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
-    for chunk in workers.each(Work.done, work):
+    for chunk in workers.each(partial(solve_chunk, kind), tasks):
         store.write_chunk(directory, chunk)
         done += len(chunk.table)
         known += chunk.known

@@ -229,17 +229,10 @@ class Chunk:
     peak_mb: float
 
 
-@dataclass(frozen=True)
-class Work:
-    """A task of a kind of study, as a worker gets it."""
-
-    kind: Kind
-    task: Any
-
-    def done(self) -> Chunk:
-        """Solve the task; nothing is written here."""
-        started = time.perf_counter()
-        found = self.kind.solve(self.task)
-        table = pa.Table.from_pylist(list(found.rows), schema=self.kind.schema)
-        wall_s = time.perf_counter() - started
-        return Chunk(table, found.files, found.known, wall_s, peak_memory_mb())
+def solve_chunk(kind: Kind, task: Any) -> Chunk:
+    """What a worker does with a task of a kind of study; nothing is written here."""
+    started = time.perf_counter()
+    found = kind.solve(task)
+    table = pa.Table.from_pylist(list(found.rows), schema=kind.schema)
+    wall_s = time.perf_counter() - started
+    return Chunk(table, found.files, found.known, wall_s, peak_memory_mb())

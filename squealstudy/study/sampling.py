@@ -24,21 +24,6 @@ def count_points(study: Study) -> int:
     return math.prod(lengths) if design.type in GRIDS else max(lengths, default=1)
 
 
-def check_limit(study: Study, yes: bool, n_points: int | None = None) -> None:
-    """Raise StudyFileError (key ``design.limit``) for more points than the limit, unless `yes`.
-
-    `n_points` is their number where it is not that of `count_points`.
-    """
-    count = count_points(study) if n_points is None else n_points
-    limit = study.definition.design.limit
-    if count > limit and not yes:
-        raise study.error(
-            ("design", "limit"),
-            f"the study has {count:,} design points, more than the limit of {limit:,}: "
-            "give --yes to run it all the same, raise the limit or sweep fewer values",
-        )
-
-
 def grid_shape(study: Study) -> tuple[int, ...] | None:
     """Number of values of each sweep, the first varying fastest; None where there is no grid."""
     if study.definition.design.type != "grid":

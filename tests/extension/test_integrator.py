@@ -98,7 +98,7 @@ def test_its_source_is_part_of_what_a_result_is(monkeypatch):
 
 def test_its_options_are_its_fields():
     assert integrator("newmark_family", {"beta": 0.25}) == NewmarkFamily(beta=0.25)
-    with pytest.raises(ParameterError, match="greater than 0"):
+    with pytest.raises(ParameterError, match="expected more than 0"):
         integrator("newmark_family", {"beta": 0.0})
     with pytest.raises(ParameterError, match="no such option"):
         integrator("newmark_family", {"prewarp": True})

@@ -127,13 +127,10 @@ class Neighbourhoods:
     Parameters
     ----------
     plan : Plan
-    whole : Plan or None
-        The plan whose boxes and bases serve the points, where these are only some of its points.
     """
 
-    def __init__(self, plan: Plan, whole: Plan | None = None) -> None:
-        self._plan = plan
-        whole = plan if whole is None else whole
+    def __init__(self, plan: Plan) -> None:
+        self._plan, whole = plan, plan.whole
         self._structures = {s.key: s for s in swept_structures(whole)}
         self._rungs = {key: rung_of(whole, s) for key, s in self._structures.items()}
         self._boxes = _boxes_of_points(whole)

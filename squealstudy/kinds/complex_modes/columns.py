@@ -176,20 +176,13 @@ class _ShapeWriter:
 
     def __init__(self, directory: Path) -> None:
         handle, path = tempfile.mkstemp(prefix=".shapes.", suffix=".tmp", dir=directory)
-        self._path, self._file, self._end = Path(path), os.fdopen(handle, "wb"), 0
-        self._offsets = [np.zeros(0, dtype=np.int64)]
-        self._sizes = [np.zeros(0, dtype=np.int64)]
+        self._path, self._file = Path(path), os.fdopen(handle, "wb")
+        self._sizes: list[int] = []
 
     def write(self, column: pa.ChunkedArray) -> None:
         """Append the bytes of a binary column as they stand."""
-        for part in column.chunks:
-            _, places, data = part.buffers()
-            place = np.frombuffer(places, np.int32)[part.offset : part.offset + len(part) + 1]
-            self._offsets.append(self._end + place[:-1].astype(np.int64) - int(place[0]))
-            self._sizes.append(np.diff(place).astype(np.int64))
-            if place[-1] > place[0]:
-                self._file.write(memoryview(data)[int(place[0]) : int(place[-1])])
-            self._end += int(place[-1] - place[0])
+        for value in column:
+            self._sizes.append(self._file.write(value.as_buffer()))
 
     def discard(self) -> None:
         """Close and delete."""
@@ -199,8 +192,9 @@ class _ShapeWriter:
     def close(self, order: np.ndarray, counts: np.ndarray) -> ShapeFile:
         """The file, its points in `order`, each with its number of modes."""
         self._file.close()
-        offset, size = np.concatenate(self._offsets)[order], np.concatenate(self._sizes)[order]
-        return ShapeFile(self._path, offset, size, counts)
+        size = np.array(self._sizes, dtype=np.int64)
+        offset = np.cumsum(size) - size
+        return ShapeFile(path=self._path, offset=offset[order], size=size[order], count=counts)
 
 
 def _flat(table: pa.Table, name: str) -> np.ndarray:

@@ -17,7 +17,8 @@ from squealstudy.engine.store import MODES
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.kinds.complex_modes.reduction import Sample, carried_errors, is_reduced
 from squealstudy.kinds.complex_modes.reference import reference_roots
-from squealstudy.modes.full_order.pairs import LIGHT, paired_with_full_order
+from squealstudy.kinds.complex_modes.rows import light_or_growing
+from squealstudy.modes.full_order.pairs import paired_with_full_order
 
 COVERED = 0.95  # share of the checked modes whose error an estimate is to reach
 
@@ -59,8 +60,7 @@ def mode_errors(
     if is_reduced(plan):
         widened = widening(plan, columns, reduction, references)
     errors = ModeErrors(columns.error_rung, widened * reduction)
-    judged = np.abs(columns.lam.real) < LIGHT * np.abs(columns.lam)
-    judged |= columns.lam.real > 0
+    judged = light_or_growing(columns.lam)
     facts = {
         "reduced": is_reduced(plan),
         "reduction_sample_points": len(samples),

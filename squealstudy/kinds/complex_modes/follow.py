@@ -46,13 +46,9 @@ class Follower:
     columns : ModeColumns
         With shapes.
     workers : Workers
-    near : Neighbourhoods or None
-        What lies between the points, where the plan alone does not tell.
     """
 
-    def __init__(
-        self, plan: Plan, columns: ModeColumns, workers: Workers, near: Neighbourhoods | None = None
-    ) -> None:
+    def __init__(self, plan: Plan, columns: ModeColumns, workers: Workers) -> None:
         if columns.shapes is None:
             raise ValueError("columns were read without shapes")
         self._plan, self._workers, self._file = plan, workers, columns.shapes
@@ -62,7 +58,7 @@ class Follower:
         self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
         self._tree = TrackTree(parents.tolist(), self.lams, plan.coordinates)
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
-        self.near = Neighbourhoods(plan) if near is None else near
+        self.near = Neighbourhoods(plan)
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""

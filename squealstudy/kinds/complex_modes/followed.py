@@ -10,7 +10,6 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import onset_parameter
 from squealstudy.engine.workers import Workers
-from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.kinds.complex_modes.follow import Follower
 from squealstudy.kinds.complex_modes.onsets import OnsetSearch
@@ -32,7 +31,6 @@ def follow_modes(
     judged: np.ndarray,
     error: np.ndarray,
     workers: Workers,
-    near: Neighbourhoods | None = None,
 ) -> Followed:
     """Track the modes of all points and find the onsets, as the study's [modes] section says.
 
@@ -48,11 +46,9 @@ def follow_modes(
     error : ndarray (N,)
         Their estimated errors, rad/s, which move the onsets.
     workers : Workers
-    near : Neighbourhoods or None
-        What lies between the points, where the plan alone does not tell.
     """
     section = plan.study.definition.modes
-    follower = Follower(plan, columns, workers, near)
+    follower = Follower(plan, columns, workers)
     summary: dict[str, Any] = {}
     tracks, summary["tracking"] = follower.follow(section.refine_tracking)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])

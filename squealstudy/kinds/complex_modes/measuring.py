@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +15,13 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, prepared_model
-from squealstudy.engine.measurement import Measurement, Measuring
+from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.method import Method
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import onset_parameter, read_chunks, write_rows
 from squealstudy.engine.workers import Workers, memory_above
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.kind import ComplexModes
@@ -39,9 +38,7 @@ from squealstudy.tables.stability import FIRST_SEEN, INTO
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 
 
-def measure_modes(
-    plan: Plan, measured: Sequence[int], lines: Mapping[int, Sequence[int]] | None = None
-) -> Measurement:
+def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurement:
     """Solve chosen points of a complex-mode study by its method, in a scratch directory.
 
     Parameters
@@ -50,13 +47,12 @@ def measure_modes(
         The structures of those points are in the cache; where points share work, all are.
     measured : sequence of int
         Positions of the points among the plan's.
-    lines : mapping of int -> sequence of int, or None
-        By number of a measured point, positions of the points of the line on which its onset is
-        sought.
+    asked : Asked
+        Lines on which onsets are sought.
     """
     kind = ComplexModes()
     chosen = [plan.tasks[i] for i in measured]
-    lines = {} if lines is None else lines
+    lines = asked.lines
     on_lines = [i for line in lines.values() for i in line]
     wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
     solved = plan.tasks if plan.method.rung.shares_work else wanted
@@ -190,7 +186,7 @@ MEASURING = Measuring(
         "onset",
     ),
     judged=("frequency", "damping_ratio"),
-    measure=lambda plan, measured, asked: measure_modes(plan, measured, asked.lines),
+    measure=measure_modes,
     comparisons=(root_errors, onset_errors),
     finding=modes_finding,
 )
@@ -213,7 +209,12 @@ class LinePlan(Plan):
 
     def __init__(self, whole: Plan, rows: Sequence[int]) -> None:
         super().__init__(whole.study, [whole.swept[i] for i in rows], whole.enriched)
-        self.whole, self._rows = whole, tuple(rows)
+        self._whole, self._rows = whole, tuple(rows)
+
+    @property
+    def whole(self) -> Plan:
+        """The plan that these points are of."""
+        return self._whole
 
     @property
     def along(self) -> str:
@@ -257,9 +258,7 @@ def find_onset(plan: LinePlan, directory: Path) -> tuple[Interval, float]:
         for name in plan.study.shown_parameters:
             points[name] = [float(v[name]) for v in plan.shown_values]
         judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
-        near = Neighbourhoods(plan, plan.whole)
-        error = columns.error_rung
-        found = follow_modes(plan, columns, points, judged, error, Workers(), near)
+        found = follow_modes(plan, columns, points, judged, columns.error_rung, Workers())
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()

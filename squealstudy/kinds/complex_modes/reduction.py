@@ -26,8 +26,8 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.columns import ModeColumns
+from squealstudy.kinds.complex_modes.rows import light_or_growing
 from squealstudy.modes.full_order.finer_model import reduction_errors
-from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import farthest_points
 
@@ -51,8 +51,7 @@ class Sample:
     @property
     def worst(self) -> float:
         """Largest relative error of lightly damped and growing modes."""
-        judged = (np.abs(self.lam.real) < LIGHT * np.abs(self.lam)) | (self.lam.real > 0)
-        return float(self.relative[judged].max(initial=0.0))
+        return float(self.relative[light_or_growing(self.lam)].max(initial=0.0))
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,12 @@ def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.nd
     return uncertain
 
 
+def light_or_growing(lam: np.ndarray) -> np.ndarray:
+    """Which roots (m,) errors are judged by: |damping ratio| < LIGHT, or growing."""
+    judged: np.ndarray = (np.abs(lam.real) < LIGHT * np.abs(lam)) | (lam.real > 0)
+    return judged
+
+
 def worst_errors(
     lam: np.ndarray, error: np.ndarray, point: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -154,7 +160,7 @@ def worst_errors(
         Which of the m roots, -1 where none.
     """
     size = np.abs(lam)
-    judged = np.flatnonzero((np.abs(lam.real) < LIGHT * size) | (lam.real > 0))
+    judged = np.flatnonzero(light_or_growing(lam))
     relative = error[judged] / np.maximum(size[judged], np.finfo(float).tiny)
     relative = np.where(np.isnan(relative), 0.0, relative)
     order = np.argsort(relative, kind="stable")

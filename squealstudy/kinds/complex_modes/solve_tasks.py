@@ -60,8 +60,7 @@ def solve_tasks(plan: Plan, points: Sequence[DesignPoint], jobs: int) -> list[So
     Structures without a sweep basis that the study's rung needs are left to the exact one.
     """
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
-    exact = {key for key, (_, name) in served.items() if name != plan.method.name}
-    exact |= set() if not plan.method.rung.exact else set(served)
+    exact = {key for key, (_, name) in served.items() if rung_named(name).exact}
     boxed = [point for point in points if point.structure not in exact]
     alone = [point for point in points if point.structure in exact]
     keep = len(plan.tasks) <= KEEP_GAPS_LIMIT

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import NewGaps
-from squealstudy.engine.measurement import Measurement, Measuring
+from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import memory_above, silent
@@ -40,9 +40,7 @@ START_RATIO = 0.7  # size of the perturbation of each start over that of the one
 PLAIN = {"dominant_frequency": "dominant_frequency_hz"}
 
 
-def measure_runs(
-    plan: Plan, measured: Sequence[int], integrator: Integrator | None = None, starts: int = 1
-) -> Measurement:
+def measure_runs(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurement:
     """Run chosen points of a transient study; only the integration is timed as theirs.
 
     Working points, forecasts and summaries are the same for all methods of a basis.
@@ -53,18 +51,15 @@ def measure_runs(
         The structures of those points are in the cache.
     measured : sequence of int
         Positions of the points among the plan's.
-    integrator : Integrator or None
-        In place of the study's own (modal representation only).
-    starts : int
-        Runs of each point from perturbations of other sizes, so that bounds of levels hold what
-        an irregular cycle owes to its start; seconds are those of one.
+    asked : Asked
+        An integrator in place of the study's own (modal representation only). Starts: runs of each
+        point from perturbations of other sizes, so that bounds of levels hold what an irregular
+        cycle owes to its start; seconds are those of one.
     """
-    return measure_tasks(plan, [plan.tasks[i] for i in measured], integrator, starts)
+    return measure_points(plan, [plan.tasks[i] for i in measured], asked)
 
 
-def measure_tasks(
-    plan: Plan, chosen: Sequence[DesignPoint], integrator: Integrator | None = None, starts: int = 1
-) -> Measurement:
+def measure_points(plan: Plan, chosen: Sequence[DesignPoint], asked: Asked) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
     preparation.warm(section)
@@ -74,10 +69,12 @@ def measure_tasks(
         spent, passes, memory_mb, size = 0.0, [], 0.0, 0
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
-            runs = [_batch(plan, part, integrator, START_RATIO**n) for n in range(starts)]
+            runs = [
+                _batch(plan, part, asked.integrator, START_RATIO**n) for n in range(asked.starts)
+            ]
             merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
             findings |= {str(first + n): one for n, one in enumerate(merged)}
-            spent += sum(r[1] if r[3] else np.nan for r in runs) / starts
+            spent += sum(r[1] if r[3] else np.nan for r in runs) / asked.starts
             memory_mb = max(memory_mb, *(r[2] for r in runs))
             finished = [motion for r in runs for motion in r[3]]
             passes += [motion.mean_iterations for motion in finished]
@@ -205,9 +202,7 @@ def _numbers(point: Any, *names: str) -> list[float | None]:
 MEASURING = Measuring(
     quantities=("growth_rate", "torque_mean", "torque_rms", "dominant_frequency", "energy_share"),
     judged=("growth_rate", "torque_rms", "torque_mean", "dominant_frequency"),
-    measure=lambda plan, measured, asked: measure_runs(
-        plan, measured, asked.integrator, asked.starts
-    ),
+    measure=measure_runs,
     comparisons=(run_errors,),
     finding=run_finding,
 )

@@ -65,7 +65,7 @@ def motion_identity(plan: Plan) -> list[Any]:
 def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
     chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
-    nominal = DesignPoint(plan.study.model, plan.study.options, plan.nominal_values)
+    nominal = plan.design(plan.nominal_values)
     ends = (plan.designs[i] for i in sorted(chosen))
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 

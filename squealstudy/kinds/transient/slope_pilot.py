@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from squealstudy.engine.measurement import Asked
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import read_chunks
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
-from squealstudy.kinds.transient.measuring import measure_tasks, run_finding
+from squealstudy.kinds.transient.measuring import measure_points, run_finding
 from squealstudy.kinds.transient.plan_facts import regularised
 from squealstudy.kinds.transient.section import PILOT_POINTS
 from squealstudy.kinds.transient.tables import SCHEMA
@@ -73,7 +74,7 @@ def slope_pilot(
     values[REGULARISATION_SPEED.name] *= 0.5
     double = replace(task.with_values(values), point_id="double")
     try:
-        found = measure_tasks(plan, [double]).findings["0"]
+        found = measure_points(plan, [double], Asked()).findings["0"]
     except (*FAILURES, SquealstudyError) as error:
         found = dict(zip(("status", "message"), reason(error), strict=True))
     report("slope of friction", 1, 1)
