@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from squealstudy.engine.template import study_schema
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.sampling import count_points, design_points
-from squealstudy.study.schema import study_schema
 from squealstudy.study.toml_text import KeyLines
 
 GOOD = """\

@@ -19,6 +19,7 @@ from squealstudy.cli import app as cli
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.template import study_schema
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
 from squealstudy.models.matrices.expression import parse_expression
@@ -31,7 +32,6 @@ from squealstudy.modes.full_order.modes import (
 from squealstudy.reduction.prepared_family import prepare_family, shape_basis
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
-from squealstudy.study.schema import study_schema
 
 HULTEN = """
 [study]

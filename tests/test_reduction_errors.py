@@ -15,11 +15,10 @@ from study_runs import plan_of
 from squealstudy.engine.cache import load_prepared, save_prepared
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction
-from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.reduction import CARRIED, Sample, carried
-from squealstudy.kinds.complex_modes.rows import uncertain_roots
+from squealstudy.kinds.complex_modes.rows import read_columns, uncertain_roots
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface

@@ -17,11 +17,11 @@ from squealstudy.engine.store import CHUNKS, finished_points, read_chunks, write
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes import follow
-from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.errors import ModeErrors
 from squealstudy.kinds.complex_modes.follow import Follower
 from squealstudy.kinds.complex_modes.rows import (
     SCHEMA,
+    read_columns,
     read_roots,
     solved_row,
     unstable_roots,

@@ -15,6 +15,7 @@ from squealstudy.engine.estimate import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import build_first, check_component_modes, check_shapes
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
@@ -22,7 +23,6 @@ from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.screen import Rows, progress_bars, warning
 from squealstudy.study.kinds import definition_of, kind_names
-from squealstudy.study.schema import methods_schema, study_schema
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
 from squealstudy.wording import plural

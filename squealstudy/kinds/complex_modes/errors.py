@@ -14,10 +14,9 @@ import pyarrow.parquet as pq
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import MODES
-from squealstudy.kinds.complex_modes.columns import ModeColumns
 from squealstudy.kinds.complex_modes.reduction import Sample, carried_errors, is_reduced
 from squealstudy.kinds.complex_modes.reference import reference_roots
-from squealstudy.kinds.complex_modes.rows import light_or_growing
+from squealstudy.kinds.complex_modes.rows import ModeColumns, light_or_growing
 from squealstudy.modes.full_order.pairs import paired_with_full_order
 
 COVERED = 0.95  # share of the checked modes whose error an estimate is to reach

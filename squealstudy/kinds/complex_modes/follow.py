@@ -18,7 +18,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.between import Between, Neighbourhoods
-from squealstudy.kinds.complex_modes.columns import ModeColumns, ShapeFile
+from squealstudy.kinds.complex_modes.rows import ModeColumns, ShapeFile
 from squealstudy.modes.tracking.labels import (
     Tracks,
     TrackTree,

@@ -22,12 +22,11 @@ from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import onset_parameter, read_chunks, write_rows
 from squealstudy.engine.workers import Workers, memory_above
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.columns import read_columns
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
 from squealstudy.kinds.complex_modes.problems import problem_of
-from squealstudy.kinds.complex_modes.rows import SCHEMA, settled
+from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns, settled
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named

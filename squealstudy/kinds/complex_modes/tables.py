@@ -15,7 +15,6 @@ from squealstudy.engine.rows import COUNT, HEAD, REAL, points_table
 from squealstudy.engine.store import MODES, ONSETS, POINTS, write_parquet
 from squealstudy.engine.validity import validity_arrow
 from squealstudy.engine.workers import Workers
-from squealstudy.kinds.complex_modes.columns import ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
@@ -23,7 +22,9 @@ from squealstudy.kinds.complex_modes.reduction import Sample
 from squealstudy.kinds.complex_modes.reference import read_references
 from squealstudy.kinds.complex_modes.rows import (
     POINT_FIELDS,
+    ModeColumns,
     damping_ratios,
+    read_columns,
     settled,
     uncertain_roots,
 )
