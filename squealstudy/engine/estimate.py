@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
-from squealstudy.engine.model_kind import ModelKind
+from squealstudy.engine.model_kind import ModelKind, build_structure, build_task
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import peak_memory_mb
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.full_order.pairs import LIGHT

@@ -25,8 +25,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # processor time is that of one thread
 
 
+from squealstudy.engine.model_kind import build_structure, build_task  # noqa: E402
 from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.structures import build_structure, build_task  # noqa: E402
 from squealstudy.kinds.complex_modes.kind import ComplexModes  # noqa: E402
 from squealstudy.kinds.complex_modes.problems import (  # noqa: E402
     make_basis,
