@@ -13,7 +13,12 @@ from squealstudy.cli.run import fidelity
 from squealstudy.engine import store
 from squealstudy.engine.estimate import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
-from squealstudy.engine.model_kind import build_first, check_component_modes, check_shapes
+from squealstudy.engine.model_kind import (
+    build_structure,
+    build_task,
+    check_component_modes,
+    check_shapes,
+)
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons
@@ -54,7 +59,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     if text := check_shapes(plan):
         warning(text)
     if build or not has_mesh(plan.study):
-        reason = build_first(plan, jobs)
+        _, reason = build_structure(build_task(plan, plan.tasks[0], jobs))
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
     check_component_modes(plan)
@@ -85,7 +90,8 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
         *_validity(plan),
     ]
     if cost.n_coordinates is not None:
-        rows.append((_model_word(plan), f"{cost.n_coordinates} degrees of freedom"))
+        model = "model" if isinstance(study.model, FamilyDefinition) else "reduced model"
+        rows.append((model, f"{cost.n_coordinates} degrees of freedom"))
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
     if not missing:
@@ -155,10 +161,6 @@ def _range(plan: Plan, index: int) -> str:
     if sweep.low == sweep.high:
         return f"{sweep.low:g}{unit}, {count}"
     return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
-
-
-def _model_word(plan: Plan) -> str:
-    return "model" if isinstance(plan.study.model, FamilyDefinition) else "reduced model"
 
 
 def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:

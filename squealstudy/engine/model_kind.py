@@ -212,11 +212,6 @@ def build_structures(
     return failures
 
 
-def build_first(plan: Plan, jobs: int) -> str:
-    """Make the first structure of a plan; the reason of its failure, or an empty string."""
-    return build_structure(build_task(plan, plan.tasks[0], jobs))[1]
-
-
 def check_component_modes(plan: Plan) -> None:
     """Raise StudyFileError where the study names a component mode that the basis does not hold.
 

@@ -91,7 +91,7 @@ class Workers:
         done = 0
         while done < len(tasks) and (alone or time.perf_counter() - started < patience):
             done += 1
-            yield _on_one_thread(0, function, tasks[done - 1])
+            yield _on_one_thread(function, tasks[done - 1])
         if done < len(tasks):
             yield from self._on_processes(function, tasks[done:])
 
@@ -119,10 +119,7 @@ class Workers:
             ) from error
 
 
-def _on_one_thread(parent: int, function: Callable[[Item], Found], task: Item) -> Found:
-    """A task, in a worker that ends with the process `parent`, or in that itself (0)."""
-    if parent:
-        watch_parent(parent)
+def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
     with threadpool_limits(1):
         return function(task)
 
@@ -130,8 +127,12 @@ def _on_one_thread(parent: int, function: Callable[[Item], Found], task: Item) -
 def _in_worker(
     _files: Extensions, parent: int, function: Callable[[Item], Found], task: Item
 ) -> Found:
-    """A task in a worker, which has executed the files of the study when it gets here."""
-    return _on_one_thread(parent, function, task)
+    """A task in a worker, which has executed the files of the study when it gets here.
+
+    The worker ends with the process `parent`.
+    """
+    watch_parent(parent)
+    return _on_one_thread(function, task)
 
 
 def _renew_workers(files: tuple[Path, ...]) -> None:

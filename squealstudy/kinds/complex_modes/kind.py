@@ -15,7 +15,7 @@ from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.store import MODES, ONSETS, POINTS
+from squealstudy.engine.store import MODES, ONSETS, POINTS, write_json, write_text
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
@@ -23,7 +23,6 @@ from squealstudy.kinds.complex_modes.problems import (
     SweptStructure,
     make_basis,
     problem_of,
-    refuse_basis,
     swept_structures,
 )
 from squealstudy.kinds.complex_modes.reduction import is_reduced, sample_points
@@ -110,7 +109,7 @@ class ComplexModes(ModelKind):
             make_basis(structure, rung, lambda done, most: report("sweep basis", done, most))
         except (ConvergenceError, np.linalg.LinAlgError) as error:
             if not chosen:  # all its points are then exact
-                refuse_basis(structure, str(error))
+                write_text(structure.refusal, str(error))
                 return
             raise plan.study.error(
                 ("modes", "method"),
@@ -153,7 +152,6 @@ class ComplexModes(ModelKind):
             ReferenceTask,
             check_reference,
             read_references,
-            write_reference,
         )
 
         chosen = [plan.tasks[i] for i in checked_points(plan)]
@@ -166,7 +164,7 @@ class ComplexModes(ModelKind):
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
         for result in workers.each(check_reference, tasks, "full-order check"):
-            write_reference(directory, result)
+            write_json(directory / REFERENCES / f"{result['point_id']}.json", result)
         ids = {t.point_id for t in chosen}
         return [r for i, r in read_references(directory).items() if i in ids]
 

@@ -71,15 +71,13 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurem
             following_s.append(spent)
     line_points = len(on_lines) / len(lines) if lines else np.nan
     onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
-    setup, reduction = ready_s + _bases_s(tasks), reduction_seconds(plan)
-    coordinates = int(load_any(chosen[0].structure).model.n)
+    used = {t.structure.path: t.structure for t in tasks if rung_named(t.rung).over_a_basis}
     return Measurement(
         seconds=seconds,
-        setup_seconds=setup,
-        reduction_seconds=reduction,
+        setup_seconds=ready_s + float(sum(s.basis().seconds for s in used.values())),
+        reduction_seconds=reduction_seconds(plan),
         memory_mb=memory.megabytes,
-        iterations=np.nan,
-        n_coordinates=coordinates,
+        n_coordinates=int(load_any(chosen[0].structure).model.n),
         findings=findings,
         onset_seconds=onset_s,
         line_points=line_points,
@@ -132,12 +130,6 @@ def reduction_seconds(plan: Plan) -> float:
     made = [key for key in plan.structures if is_prepared(key)]
     spent = sum(sum(load_any(key).timings.values()) for key in made)
     return float(spent) * len(plan.structures) / max(len(made), 1)
-
-
-def _bases_s(tasks: Sequence[SolveTask]) -> float:
-    """Seconds that the sweep bases in use took when they were made."""
-    used = {t.structure.path: t.structure for t in tasks if rung_named(t.rung).over_a_basis}
-    return float(sum(structure.basis().seconds for structure in used.values()))
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:

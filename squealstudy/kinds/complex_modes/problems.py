@@ -22,7 +22,6 @@ from squealstudy.engine.cache import (
 )
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import write_text
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.reference import solve_unreduced
 from squealstudy.models.operating import DesignState
@@ -118,18 +117,15 @@ def problem_of(structure: SweptStructure, rung: Rung) -> Problem:
     if key not in _kept:
         while len(_kept) >= MOST_KEPT:
             _kept.pop(next(iter(_kept)))
-        _kept[key] = _problem(structure, not rung.over_a_basis)
+        prepared = prepared_any(structure.key)
+        if isinstance(prepared, PreparedFamily):
+            _kept[key] = _family_problem(structure, prepared)
+        else:
+            _kept[key] = _brake_problem(structure, prepared, not rung.over_a_basis)
     return _kept[key]
 
 
 _kept: dict[str, Problem] = {}
-
-
-def _problem(structure: SweptStructure, exact_damping: bool) -> Problem:
-    prepared = prepared_any(structure.key)
-    if isinstance(prepared, PreparedFamily):
-        return _family_problem(structure, prepared)
-    return _brake_problem(structure, prepared, exact_damping)
 
 
 def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Problem:
@@ -207,11 +203,6 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
     basis = replace(basis, interpolated=interpolated)
     save_value(structure.path, basis)
     return basis
-
-
-def refuse_basis(structure: SweptStructure, why: str) -> None:
-    """Keep why a structure has no basis, so that it is not tried again."""
-    write_text(structure.refusal, why)
 
 
 Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
-from squealstudy.engine.store import write_json
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
@@ -61,11 +60,6 @@ def check_reference(task: ReferenceTask) -> dict[str, Any]:
 
 def _errors(pairs: FullOrderPairs) -> dict[str, float]:
     return {"frequency_error": pairs.frequency_error, "damping_error": pairs.damping_error}
-
-
-def write_reference(directory: Path, found: dict[str, Any]) -> None:
-    """Keep a full-order check in the results."""
-    write_json(directory / REFERENCES / f"{found['point_id']}.json", found)
 
 
 def read_references(directory: Path) -> dict[str, dict[str, Any]]:

@@ -95,7 +95,8 @@ class Sensitivities(ModelKind):
 
     def solve(self, task: SensitivityTask) -> Solved:
         """Solve one chunk in a worker."""
-        return solve_sensitivities(task)
+        known = sum(known_gap(p.structure, p) is not None for p in task.points)
+        return Solved([_row(point, task.request) for point in task.points], known=known)
 
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers
@@ -161,12 +162,6 @@ class SensitivityTask:
 
     request: Request
     points: tuple[DesignPoint, ...]
-
-
-def solve_sensitivities(task: SensitivityTask) -> Solved:
-    """Solve the points of a chunk."""
-    known = sum(known_gap(p.structure, p) is not None for p in task.points)
-    return Solved([_row(point, task.request) for point in task.points], known=known)
 
 
 def _row(point: DesignPoint, request: Request) -> dict[str, Any]:

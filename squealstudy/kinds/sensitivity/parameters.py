@@ -126,14 +126,10 @@ def state_parameters(
     found: dict[tuple[object, ...], StateParameter] = {}
     for item in asked:
         for parameter in _expanded(item, omega):
-            plain = not parameter.modes
-            key = (parameter.name if plain else "", *_mode_identity(parameter))
+            name = "" if parameter.modes else parameter.name
+            key = (name, parameter.component, parameter.modes, parameter.quantity)
             found.setdefault(key, parameter)
     return list(found.values())
-
-
-def _mode_identity(parameter: StateParameter) -> tuple[object, ...]:
-    return parameter.component, parameter.modes, parameter.quantity
 
 
 def _expanded(item: Asked, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:

@@ -252,7 +252,8 @@ def common_modes(reference: ReferenceModes, model: HybridModel) -> np.ndarray:
         Where they are not the same modes.
     """
     m = min(len(model.omega), reference.n_exact)
-    rows = zip((model.N, model.T, model.T_perp), _observation(reference), strict=True)
+    system = reference.system
+    rows = zip((model.N, model.T, model.T_perp), (system.N, system.T1, system.T2), strict=True)
     seen = [(B @ model.phi[:, :m], other[:, :m]) for B, other in rows]
     own, other = (np.vstack(part) for part in zip(*seen, strict=True))
     sizes = np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0)
@@ -262,11 +263,6 @@ def common_modes(reference: ReferenceModes, model: HybridModel) -> np.ndarray:
     if m == 0:
         raise ModelError("the hybrid model does not have the modes of the modal representation")
     return np.sign(correlation[:m])
-
-
-def _observation(reference: ReferenceModes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    system = reference.system
-    return system.N, system.T1, system.T2
 
 
 def _hybrid_point(
