@@ -75,6 +75,7 @@ EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study 
     "greater_than_equal": "at least {ge:.10g}",
     "less_than_equal": "at most {le:.10g}",
     "literal_error": "{expected}",
+    "string_too_short": "text that is not empty",
     "string_too_long": "at most {max_length} characters",
     "string_pattern_mismatch": "letters, digits, _ and - only",
 }

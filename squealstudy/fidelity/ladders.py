@@ -14,7 +14,6 @@ from squealstudy.models.operating import (
     REGULARISATION_SPEED,
 )
 from squealstudy.study.definition import Study, given_keys
-from squealstudy.study.sampling import design_points
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
@@ -128,7 +127,7 @@ def _bases(study: Study) -> Ladder:
 
 def _saturations(study: Study) -> Ladder:
     """Sliding speeds below which points stick, of all design points, softest friction first."""
-    own = REGULARISATION_SHARE * slowest_speed(study, design_points(study))
+    own = REGULARISATION_SHARE * slowest_speed(study)
     speeds = [factor * own for factor in SATURATIONS]
     key = f"parameters.{REGULARISATION_SPEED.name}"
     return Ladder(SLOPE, tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds))

@@ -154,11 +154,23 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
     try:
         return kind.model_validate(data)
     except ValidationError as e:
-        problems = e.errors(include_url=False)
+        problems = {_place(data, p["loc"]): p for p in e.errors(include_url=False)}
     past_the_end = len(source.text) + 2  # for keys that are nowhere in the file
-    first = min(problems, key=lambda p: source.lines.find(p["loc"]) or past_the_end)
+    place = min(problems, key=lambda keys: source.lines.find(keys) or past_the_end)
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    raise source.error(first["loc"], _wording(kind, first) + more)
+    raise source.error(place, _wording(kind, problems[place]) + more)
+
+
+def _place(data: Any, loc: KeyPath) -> KeyPath:
+    """Where in the data an error is: pydantic adds which type of several did not fit."""
+    for depth, key in enumerate(loc):
+        if isinstance(data, Mapping) and isinstance(key, str):
+            data = data.get(key)
+        elif isinstance(data, list | tuple) and isinstance(key, int) and key < len(data):
+            data = data[key]
+        else:
+            return loc[:depth]
+    return loc
 
 
 def shown(value: object) -> str:

@@ -45,7 +45,6 @@ from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
 from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.sampling import design_points
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +69,7 @@ class Transient(ModelKind):
 
     def resolver(self, study: Study) -> Callable[[dict[str, float]], dict[str, float]]:
         """Fills in the speed at which friction saturates, of the slowest design point."""
-        return partial(with_speed, slowest=slowest_speed(study, design_points(study)))
+        return partial(with_speed, slowest=slowest_speed(study))
 
     def identity(self, plan: Plan) -> list[Any]:
         """The settings of the runs."""

@@ -6,7 +6,7 @@ speed at which friction saturates in time is one for all design points of a stud
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -41,12 +41,6 @@ KEY = ("transient", "start")
 POINT_KEY = ("transient", "start_point")
 
 
-@lru_cache(maxsize=KEPT)
-def start_of(plan: Plan) -> StartState | None:
-    """The earlier state that a study continues; StudyFileError where it is not there."""
-    return find_start(plan.study.section, plan.study.source)
-
-
 def motion_identity(plan: Plan) -> list[Any]:
     """What a design point's motion depends on beside its parameters."""
     section, start = plan.study.section, start_of(plan)
@@ -70,19 +64,10 @@ def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
 
-@lru_cache(maxsize=KEPT)
-def regularisation_of(plan: Plan) -> dict[str, Any] | None:
-    """What the slopes of friction follow from; None where they are given."""
-    study = plan.study
-    automatic = sum(is_automatic({**study.values, **point}) for point in plan.swept)
-    slowest = slowest_speed(study, design_points(study))
-    return regularisation_facts(plan.designs, slowest, automatic)
-
-
-def slowest_speed(study: Study, swept: Sequence[Mapping[str, float]]) -> float:
+def slowest_speed(study: Study) -> float:
     """Slowest sliding speed of the design points of a study, m/s."""
     nominal = study.values[SLIDING_SPEED.name]
-    return min(abs(point.get(SLIDING_SPEED.name, nominal)) for point in swept)
+    return min(abs(point.get(SLIDING_SPEED.name, nominal)) for point in design_points(study))
 
 
 def is_automatic(values: Mapping[str, float]) -> bool:
@@ -106,10 +91,9 @@ def regularised(design: DesignPoint) -> bool:
     return design.values[SLOPE.name] == 0
 
 
-def regularisation_facts(
-    designs: Sequence[DesignPoint], slowest: float, automatic: int
-) -> dict[str, Any] | None:
-    """For manifest and screens; None where every design point has a slope of its own.
+@lru_cache(maxsize=KEPT)
+def regularisation_of(plan: Plan) -> dict[str, Any] | None:
+    """What the slopes of friction follow from, for manifest and screens; None where all are given.
 
     Returns
     -------
@@ -119,16 +103,17 @@ def regularisation_facts(
         design points whose slope follows from such a speed, ``automatic``: those among them whose
         speed follows from the slowest one.
     """
-    speeds = [d.values[REGULARISATION_SPEED.name] for d in designs if regularised(d)]
+    study = plan.study
+    speeds = [d.values[REGULARISATION_SPEED.name] for d in plan.designs if regularised(d)]
     if not speeds:
         return None
     return {
         "speed": min(speeds),
         "speed_highest": max(speeds),
-        "slowest_sliding_speed": slowest,
+        "slowest_sliding_speed": slowest_speed(study),
         "share": REGULARISATION_SHARE,
         "points": len(speeds),
-        "automatic": automatic,
+        "automatic": sum(is_automatic({**study.values, **point}) for point in plan.swept),
     }
 
 
@@ -155,14 +140,16 @@ def state_file(
     return {f"{STATES}/{point_id}.npz": content}
 
 
-def find_start(section: TransientSection, source: SourceText) -> StartState | None:
-    """The state a study continues; None where it starts from steady sliding.
+@lru_cache(maxsize=KEPT)
+def start_of(plan: Plan) -> StartState | None:
+    """The state that a study continues; None where it starts from steady sliding.
 
     Raises
     ------
     StudyFileError
         Results that are missing, of another kind, or without that point's final state.
     """
+    section, source = plan.study.section, plan.study.source
     if not section.continued:
         return None
     directory = Path(section.start)
