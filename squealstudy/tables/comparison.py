@@ -135,20 +135,12 @@ def _join(
     nominal: Mapping[str, float],
 ) -> list[tuple[int, int]]:
     """Rows of both points tables that are one design, in the order of the time study."""
-    shared = [n for n in freq_parameters if n in time_parameters]
+    at_nominal = {n: nominal[n] for n in time_parameters if n not in freq_parameters}
     pairs = []
-    here = np.logical_and.reduce(
-        [np.ones(len(freq_points), dtype=bool)]
-        + [_equal(freq_points[n], nominal[n]) for n in freq_parameters if n not in shared]
-    )
-    there = np.logical_and.reduce(
-        [np.ones(len(time_points), dtype=bool)]
-        + [_equal(time_points[n], nominal[n]) for n in time_parameters if n not in shared]
-    )
-    for t in np.flatnonzero(there):
-        same = [_equal(freq_points[n], float(time_points[n].iloc[t])) for n in shared]
-        match = np.flatnonzero(np.logical_and.reduce([here, *same]))
-        pairs += [(int(match[0]), int(t))] if len(match) else []
+    for t in _rows_at(time_points, at_nominal):
+        run = time_points.iloc[t]
+        values = {n: run[n] if n in time_parameters else nominal[n] for n in freq_parameters}
+        pairs += [(int(f), int(t)) for f in _rows_at(freq_points, values)[:1]]
     if not pairs:
         raise ResultsError(
             "the two studies have no design point in common; frequency study: "
@@ -159,9 +151,11 @@ def _join(
     return pairs
 
 
-def _equal(values: pd.Series, value: float) -> np.ndarray:
-    same: np.ndarray = np.isclose(values.to_numpy(dtype=float), value, rtol=SAME, atol=0.0)
-    return same
+def _rows_at(points: pd.DataFrame, values: Mapping[str, float]) -> np.ndarray:
+    """Rows of a points table (n,) at which parameters have these values; all without any."""
+    table = points[list(values)].to_numpy(dtype=float)
+    same = np.isclose(table, np.array(list(values.values()), dtype=float), rtol=SAME, atol=0.0)
+    return np.flatnonzero(same.all(axis=1))
 
 
 def _values(points: pd.DataFrame, names: Sequence[str]) -> str:
@@ -214,5 +208,5 @@ def _partners(wanted: np.ndarray, available: np.ndarray) -> np.ndarray:
 
     None is used twice; none for NaN, as of a mode that does not oscillate.
     """
-    distance = np.abs(available[None, :] / wanted[:, None] - 1.0)
+    distance = np.abs(available / wanted[:, None] - 1.0)
     return partners(np.nan_to_num(distance, nan=np.inf), FREQUENCY_TOLERANCE)

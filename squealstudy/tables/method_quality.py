@@ -46,6 +46,20 @@ class FoundError(NamedTuple):
     chance: float = 0.0
 
 
+def _plain(quantity: str, mode: int, value: float, truth: float, error: float) -> FoundError:
+    """An error whose bounds are itself."""
+    error = float(error)
+    return FoundError(
+        quantity=quantity,
+        mode=mode,
+        value=float(value),
+        truth=float(truth),
+        error=error,
+        low=error,
+        high=error,
+    )
+
+
 class Miscount(NamedTuple):
     """Unstable modes of the reference that were missed, and stable ones taken for unstable."""
 
@@ -62,7 +76,7 @@ def root_errors(
     """
     lam, ref = _roots(found), _roots(truth)
     light = ref[ref.real > -LIGHT * np.abs(ref)]  # the unstable ones too, however fast they grow
-    partner = _paired(light, lam)
+    partner = partners(np.abs(light[:, None] - lam) / np.abs(light)[:, None], PAIRED)
     errors: list[FoundError] = []
     missed = 0
     for k, root in enumerate(light):
@@ -80,21 +94,17 @@ def root_errors(
 
 
 def _roots(finding: Mapping[str, Any]) -> np.ndarray:
+    """Roots (m,) complex, rad/s."""
     pairs = np.array(finding["roots"], dtype=float).reshape(-1, 2)
     lam: np.ndarray = pairs[:, 0] + 1j * pairs[:, 1]
     return lam
-
-
-def _paired(light: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """For each light root the position of its partner, -1 without one."""
-    return partners(np.abs(light[:, None] - lam[None, :]) / np.abs(light)[:, None], PAIRED)
 
 
 def _lost(mode: int, root: complex) -> Iterator[FoundError]:
     """A mode that has no partner is wrong by what pairs may differ, at least."""
     values = {"frequency": abs(root) / (2 * np.pi), "damping_ratio": -root.real / abs(root)}
     for name, truth in values.items():
-        yield FoundError(name, mode, np.nan, float(truth), *[PAIRED] * 3)
+        yield _plain(name, mode, np.nan, truth, PAIRED)
 
 
 def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]:
@@ -109,7 +119,7 @@ def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]
         scale = max(abs(root.real), SLOW)
         pairs += [("growth_rate", lam.real, root.real, abs(lam.real - root.real) / scale)]
     for name, value, truth, error in pairs:
-        yield FoundError(name, mode, float(value), float(truth), *[float(error)] * 3)
+        yield _plain(name, mode, value, truth, error)
 
 
 def onset_errors(
@@ -165,9 +175,7 @@ def _interval_error(
     if truth[0] is None:
         return None
     if found[0] is None:
-        return FoundError(
-            quantity=name, mode=0, value=np.nan, truth=truth[0], error=1.0, low=1.0, high=1.0
-        )
+        return _plain(name, 0, np.nan, truth[0], 1.0)
     value, ref = found[0], truth[0]
     low, high = (value if x is None else x for x in found[1:])
     ref_low, ref_high = (ref if x is None else x for x in truth[1:])
@@ -190,22 +198,8 @@ def _interval_error(
 
 def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:
     """Differences of energy shares of all modes that either hears."""
-    errors = []
-    for mode in sorted({*found, *truth}, key=int):
-        value, ref = found.get(mode, 0.0), truth.get(mode, 0.0)
-        error = abs(value - ref)
-        errors.append(
-            FoundError(
-                quantity="energy_share",
-                mode=int(mode),
-                value=value,
-                truth=ref,
-                error=error,
-                low=error,
-                high=error,
-            )
-        )
-    return errors
+    pairs = [(k, found.get(k, 0.0), truth.get(k, 0.0)) for k in sorted({*found, *truth}, key=int)]
+    return [_plain("energy_share", int(k), own, ref, abs(own - ref)) for k, own, ref in pairs]
 
 
 FRONT_COLUMNS = {
@@ -288,17 +282,10 @@ def _at(
 ) -> dict[str, object]:
     """The cheapest of the measurements `within` a tolerance, and of the default ones."""
     default = within & good["default"].to_numpy(bool)
-    label, least, its = _cheapest(good, within, error, cost)
-    own_label, own_cost, own = _cheapest(good, default, error, cost)
-    return {
-        "cheapest": label,
-        "cost": least,
-        "error": its,
-        "default": own_label,
-        "default_cost": own_cost,
-        "default_error": own,
-        "ratio": own_cost / least,
-    }
+    best = _cheapest(good, within, error, cost)
+    own = _cheapest(good, default, error, cost)
+    names = "cheapest", "cost", "error", "default", "default_cost", "default_error"
+    return dict(zip(names, best + own, strict=True)) | {"ratio": own[1] / best[1]}
 
 
 def _cheapest(
