@@ -17,35 +17,35 @@ wrong and, last, the shares of all; writes class_truth.csv and .parquet to the c
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread a worker
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+# isort: split
 
-from squealstudy.engine.cache import NewGaps  # noqa: E402
-from squealstudy.engine.model_kind import build_structures  # noqa: E402
-from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.workers import Workers, silent  # noqa: E402
-from squealstudy.kinds.transient.batch import batch_task  # noqa: E402
-from squealstudy.kinds.transient.worker import integrate, set_up  # noqa: E402
-from squealstudy.models.operating import (  # noqa: E402
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers, silent
+from squealstudy.kinds.transient.batch import batch_task
+from squealstudy.kinds.transient.worker import integrate, set_up
+from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
 )
-from squealstudy.motion.motion import Motion  # noqa: E402
-from squealstudy.motion.outcome.energies import moving_energy  # noqa: E402
-from squealstudy.motion.outcome.verdict import run_verdict  # noqa: E402
-from squealstudy.motion.system import MotionPoint  # noqa: E402
-from squealstudy.study.definition import parse_study  # noqa: E402
-from squealstudy.study.design import DesignPoint  # noqa: E402
-from squealstudy.wording import (  # noqa: E402
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.energies import moving_energy
+from squealstudy.motion.outcome.verdict import run_verdict
+from squealstudy.motion.system import MotionPoint
+from squealstudy.study.definition import parse_study
+from squealstudy.study.design import DesignPoint
+from squealstudy.wording import (
     FAILED,
     GROWING,
     LASTING,

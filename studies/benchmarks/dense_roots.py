@@ -13,19 +13,18 @@ coalescence), all roots, and CPU seconds of both.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread, as in workers
+import one_thread  # noqa: F401
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
-import numpy as np  # noqa: E402
-from random_quadratics import KINDS, difference, random_problem  # noqa: E402
+import numpy as np
+from random_quadratics import KINDS, difference, random_problem
 
-from squealstudy.linalg.dense_qep import (  # noqa: E402
+from squealstudy.linalg.dense_qep import (
     companion_roots,
     dense_roots,
     roots_inside,

@@ -11,22 +11,22 @@ as work-precision studies with as many starts have them.
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import tempfile
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread a worker
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+# isort: split
 
-import squealstudy  # noqa: E402
-from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.runner import run_study  # noqa: E402
-from squealstudy.motion.outcome.levels import pooled_interval  # noqa: E402
-from squealstudy.study.definition import parse_study  # noqa: E402
+import numpy as np
+import pandas as pd
+
+import squealstudy
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.motion.outcome.levels import pooled_interval
+from squealstudy.study.definition import parse_study
 
 FILE = Path(__file__).parents[1] / "irregular_cycle.toml"
 DRAWS = 4000

@@ -14,30 +14,30 @@ other methods follow. Points are those of a Sobol design.
 from __future__ import annotations
 
 import argparse
-import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # processor time is that of one thread
+import one_thread  # noqa: F401
+
+# isort: split
 
 
-from squealstudy.engine.model_kind import build_structure, build_task  # noqa: E402
-from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.kinds.complex_modes.kind import ComplexModes  # noqa: E402
-from squealstudy.kinds.complex_modes.problems import (  # noqa: E402
+from squealstudy.engine.model_kind import build_structure, build_task
+from squealstudy.engine.plan import Plan
+from squealstudy.kinds.complex_modes.kind import ComplexModes
+from squealstudy.kinds.complex_modes.problems import (
     make_basis,
     problem_of,
     swept_structures,
 )
-from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks  # noqa: E402
-from squealstudy.modes.rungs import all_rungs  # noqa: E402
-from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG  # noqa: E402
-from squealstudy.study.definition import load_any  # noqa: E402
-from squealstudy.study.design import DesignPoint  # noqa: E402
+from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks
+from squealstudy.modes.rungs import all_rungs
+from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG
+from squealstudy.study.definition import load_any
+from squealstudy.study.design import DesignPoint
 
 STUDY = """
 [study]

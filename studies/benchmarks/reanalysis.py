@@ -21,17 +21,17 @@ and <=5x are the shares of light modes whose true error is within so many estima
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # before numpy: two threads under load cost several times one
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-from reanalysis_rungs import m0, measure, picture, rungs  # noqa: E402
-from reanalysis_rungs.brake import BOXES, brake_problem  # noqa: E402
+# isort: split
 
-from squealstudy.modes.reanalysis.problem import Linearisation  # noqa: E402
+import numpy as np
+from reanalysis_rungs import m0, measure, picture, rungs
+from reanalysis_rungs.brake import BOXES, brake_problem
+
+from squealstudy.modes.reanalysis.problem import Linearisation
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 MOST = {1: 8, 2: 16, 3: 16}  # design points that a sweep basis may use

@@ -17,28 +17,28 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread a worker
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-from scipy.stats import spearmanr  # noqa: E402
+# isort: split
 
-from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.runner import run_study  # noqa: E402
-from squealstudy.engine.store import MODES  # noqa: E402
-from squealstudy.kinds.complex_modes.reference import (  # noqa: E402
+import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
+
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.engine.store import MODES
+from squealstudy.kinds.complex_modes.reference import (
     read_references,
     reference_roots,
 )
-from squealstudy.modes.full_order.pairs import paired_with_full_order  # noqa: E402
-from squealstudy.study.definition import load_study  # noqa: E402
+from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.study.definition import load_study
 
 NEUTRAL = 1e-7  # stability_tolerance of the studies
 CASES = {

@@ -11,21 +11,21 @@ are counted apart. `--no-refinement` leaves the steps as they are.
 from __future__ import annotations
 
 import argparse
-import os
 import tempfile
 import time
 from pathlib import Path
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread a worker
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+# isort: split
 
-import squealstudy  # noqa: E402
-from squealstudy.engine.plan import Plan  # noqa: E402
-from squealstudy.engine.runner import run_study  # noqa: E402
-from squealstudy.study.definition import parse_study  # noqa: E402
+import numpy as np
+import pandas as pd
+
+import squealstudy
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.runner import run_study
+from squealstudy.study.definition import parse_study
 
 TOP, FINE = 0.7, 0.002
 STUDY = """

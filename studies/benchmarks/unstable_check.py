@@ -12,27 +12,27 @@ and the shares of light modes whose true error is within 2 and 5 estimates.
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from collections import Counter
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")  # one thread a worker
+import one_thread  # noqa: F401
 
-import numpy as np  # noqa: E402
-from joblib import Parallel, delayed  # noqa: E402
-from reanalysis_rungs.brake import brake_problem  # noqa: E402
+# isort: split
 
-from squealstudy.linalg.companion import all_roots  # noqa: E402
-from squealstudy.modes.reanalysis.estimate import EstimatedRoots  # noqa: E402
-from squealstudy.modes.reanalysis.patch import Box  # noqa: E402
-from squealstudy.modes.reanalysis.problem import (  # noqa: E402
+import numpy as np
+from joblib import Parallel, delayed
+from reanalysis_rungs.brake import brake_problem
+
+from squealstudy.linalg.companion import all_roots
+from squealstudy.modes.reanalysis.estimate import EstimatedRoots
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.problem import (
     Linearisation,
     in_band,
     light,
 )
-from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis  # noqa: E402
-from squealstudy.modes.rungs.windows import Windows  # noqa: E402
+from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
+from squealstudy.modes.rungs.windows import Windows
 
 MATCHED = 1e-2  # relative distance of roots that are the same mode
 EDGE = 1.01  # beyond the band a root has its partner too
