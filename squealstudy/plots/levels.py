@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,23 +97,46 @@ def levels(
     width = 9.0 if along is not None else float(np.clip(2.0 + 0.6 * len(line), 9.0, 24.0))
     figure = new_figure(width, 9.2)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.7])
-    shown = None if along is None else quantity(along, points[along], units)
-    x = np.arange(1.0, len(line) + 1) if shown is None else shown.scaled(line[shown.name])
-    log = shown is not None and shown.log
-    if shown is not None:
-        set_scales(axes[0], shown)
-    _levels(axes[0], x, line, shown is not None, units)
-    _means(axes[1], x, line, shown is not None, units)
-    _frequencies(axes[2], x, line)
-    share_bars(axes[3], x, line, modes, log)
+    over = None if along is None else quantity(along, points[along], units)
+    x = np.arange(1.0, len(line) + 1) if over is None else over.scaled(line[over.name])
+    row = _Row(line=line, x=x, over=over, units=units)
+    if over is not None:
+        set_scales(axes[0], over)
+    _levels(axes[0], row)
+    _means(axes[1], row)
+    _frequencies(axes[2], row)
+    _share_bars(axes[3], row, modes)
     for panel in axes[:3]:
         cross_out(panel, x[failed])
-    _abscissa(axes[3], x, line, shown, units)
+    _abscissa(axes[3], row)
     legend_below(figure, labelled(axes[3]))
     others = [n for n in transient_parameters(points, varied=True) if n != along]
     where = "" if along is None else describe(line.iloc[0], points, others, units)
     figure.suptitle(_title(where, line), fontsize=9.5)
     return figure
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Design points (n rows of the points table) beside each other at `x` (n,).
+
+    `over` is the parameter that they are drawn over, None where they are but numbered.
+    """
+
+    line: pd.DataFrame
+    x: np.ndarray
+    over: Quantity | None
+    units: Mapping[str, str]
+
+    def is_class(self, name: str) -> np.ndarray:
+        """Points (n,) of a class."""
+        return (self.line["class"] == name).to_numpy(bool)
+
+    def where_ok(self, name: str) -> np.ndarray:
+        """A column (n,), NaN where a point failed: what it had until then is no level."""
+        line = self.line
+        values: np.ndarray = line[name].where(line["status"] == "ok").to_numpy(dtype=float)
+        return values
 
 
 def sweep_line(
@@ -138,23 +162,18 @@ def design_names(points: pd.DataFrame, units: Mapping[str, str]) -> list[str]:
     return ["first", *texts[1:]]
 
 
-def _abscissa(
-    axes: Axes,
-    x: np.ndarray,
-    line: pd.DataFrame,
-    shown: Quantity | None,
-    units: Mapping[str, str],
-) -> None:
+def _abscissa(axes: Axes, row: _Row) -> None:
     """Ticks and label of what the picture is drawn over."""
-    if shown is None:
+    x, over = row.x, row.over
+    if over is None:
         style: dict[str, Any] = {"rotation": 90, "fontsize": 7.5}
         every = -(-len(x) // NAMED)
-        axes.set_xticks(x[::every], design_names(line, units)[::every], **style)
+        axes.set_xticks(x[::every], design_names(row.line, row.units)[::every], **style)
     else:
-        set_ticks(axes.xaxis, shown, line[shown.name])
-    if len(x) == 1 and not (shown is not None and shown.log):
+        set_ticks(axes.xaxis, over, row.line[over.name])
+    if len(x) == 1 and not (over is not None and over.log):
         axes.set_xlim(x[0] - 1.5, x[0] + 1.5)
-    finish(axes, "" if shown is None else shown.label, "Energy share [%]")
+    finish(axes, "" if over is None else over.label, "Energy share [%]")
     axes.grid(False, axis="x")
 
 
@@ -166,49 +185,47 @@ def _title(where: str, line: pd.DataFrame) -> str:
     )
 
 
-def _levels(
-    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str]
-) -> None:
+def _levels(axes: Axes, row: _Row) -> None:
     """RMS of torque or friction force with bounds, marked by class.
 
     Joined by a line where `x` is a scale.
     """
-    rms = _where_ok(line, "torque_rms")
-    if joined:
-        axes.plot(x, rms, color=GREY, linewidth=0.9, zorder=1)
+    rms = row.where_ok("torque_rms")
+    if row.over is not None:
+        axes.plot(row.x, rms, color=GREY, linewidth=0.9, zorder=1)
     for name, style in CLASSES.items():
-        own = (line["class"] == name).to_numpy()
+        own = row.is_class(name)
         if own.any():
-            low, high = (line.loc[own, f"torque_rms_{end}"].to_numpy(float) for end in ENDS)
+            low, high = (row.line.loc[own, f"torque_rms_{end}"].to_numpy(float) for end in ENDS)
             label = name.replace("_", " ") + REMARKS.get(name, "")
             bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
-            axes.errorbar(x[own], rms[own], reach(rms[own], low, high), **bar, **style)
+            axes.errorbar(row.x[own], rms[own], reach(rms[own], low, high), **bar, **style)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    what, unit = friction_label(units)
+    what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
 
 
-def _means(
-    axes: Axes, x: np.ndarray, line: pd.DataFrame, joined: bool, units: Mapping[str, str]
-) -> None:
+def _means(axes: Axes, row: _Row) -> None:
     """Mean torque or friction force beside that of steady sliding."""
-    static, mean = (_where_ok(line, f"torque_{n}") for n in ("static", "mean"))
+    static, mean = (row.where_ok(f"torque_{n}") for n in ("static", "mean"))
+    joined = row.over is not None
     joint = {"linestyle": "-.", "linewidth": 1.0} if joined else {"linestyle": "", "marker": "_"}
     own: dict[str, Any] = {"marker": "o", "markersize": 4, "color": COLOURS[1], "label": "mean"}
-    axes.plot(x, static, color=DARK, markersize=15, label="static", **joint)
-    axes.plot(x, mean, linewidth=1.2, linestyle="-" if joined else "", **own)
-    what, unit = friction_label(units)
+    axes.plot(row.x, static, color=DARK, markersize=15, label="static", **joint)
+    axes.plot(row.x, mean, linewidth=1.2, linestyle="-" if joined else "", **own)
+    what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} [{unit}]")
     axes.legend(fontsize=8.5, frameon=False, loc="best")
 
 
-def _frequencies(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
+def _frequencies(axes: Axes, row: _Row) -> None:
     """Dominant frequency where there is a vibration, and of the predicted instability."""
+    line = row.line
     predicted = line["predicted_frequency_hz"].where(line["n_unstable"] > 0)
     axes.plot(
-        x,
+        row.x,
         predicted.to_numpy(dtype=float),
         linestyle="",
         marker="_",
@@ -217,46 +234,28 @@ def _frequencies(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
         label="fastest predicted",
     )
     for name in LASTING:
-        own = (line["class"] == name).to_numpy()
+        own = row.is_class(name)
         found = line.loc[own, "dominant_frequency_hz"].to_numpy(dtype=float)
         if own.any():
             label = "" if any(c.get_label() == "dominant" for c in axes.get_lines()) else "dominant"
-            axes.plot(x[own], found, linestyle="", markersize=5, label=label, **CLASSES[name])
+            axes.plot(row.x[own], found, linestyle="", markersize=5, label=label, **CLASSES[name])
     axes.margins(y=0.2)
     finish(axes, "", "Frequency [Hz]")
     axes.legend(fontsize=8.5, frameon=False, loc="best")
 
 
-def _where_ok(line: pd.DataFrame, name: str) -> np.ndarray:
-    """A column (n,), NaN where a point failed: what it had until then is no level."""
-    values: np.ndarray = line[name].where(line["status"] == "ok").to_numpy(dtype=float)
-    return values
-
-
-def share_bars(
-    axes: Axes, x: np.ndarray, line: pd.DataFrame, modes: pd.DataFrame, log: bool
-) -> None:
-    """Energy shares of the main modes, a bar at each point that keeps vibrating.
-
-    Parameters
-    ----------
-    x : ndarray (n,)
-        Where the points are drawn, on a logarithmic axis if `log`.
-    line : DataFrame (n rows)
-        Their rows of the points table.
-    modes : DataFrame
-        The modes table.
-    """
-    lasting = line["class"].isin(LASTING).to_numpy(bool)
-    table = stacked_shares(line[lasting], modes)
+def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
+    """Energy shares of the main modes, a bar at each point that keeps vibrating."""
+    lasting = row.line["class"].isin(LASTING).to_numpy(bool)
+    table = stacked_shares(row.line[lasting], modes)
     axes.set_ylim(0.0, 100.0)
     if not len(table):
         style: dict[str, Any] = {"ha": "center", "color": "0.4"}
-        open_ = (line["class"] == UNDECIDED).any()
-        text = "undecided whether a vibration lasts" if open_ else "no vibration lasts"
+        undecided = row.is_class(UNDECIDED).any()
+        text = "undecided whether a vibration lasts" if undecided else "no vibration lasts"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, **style)
         return
-    start, width = bar_places(x, log)
+    start, width = bar_places(row.x, row.over is not None and row.over.log)
     base = np.zeros(len(table))
     for k, name in enumerate(table.columns):
         height = 100 * table[name].to_numpy()

@@ -27,6 +27,7 @@ MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` d
 BINS = 1500  # of a long signal: about the pixels of an axis
 MS = 1e3
 MOST_NAMED = 2  # varied parameters that are all named in a title
+FONT, GAP = 8.5, 6.0  # size of labels at line ends, and their distance from the axes, points
 LINE = 100  # characters of a line of a title
 
 
@@ -117,12 +118,10 @@ def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
     return ("torque" if unit == "N m" else "friction force"), unit
 
 
-def end_labels(
-    figure: Figure, axes: Axes, labels: Sequence[EndLabel], fontsize: float = 8.5, gap: float = 6.0
-) -> None:
+def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
     """Write labels right of the axes, as near to their heights as they go without overlap.
 
-    `gap` is the distance from the axes in typographic points. A thin line leads to each height.
+    A thin line leads to each height.
     All else must have been drawn before, limits and scales be final.
     """
     if not labels:
@@ -132,14 +131,14 @@ def end_labels(
     frame = axes.get_window_extent()
     heights = axes.transData.transform([(axes.get_xlim()[1], label.y) for label in labels])[:, 1]
     wanted = np.clip(heights, frame.y0, frame.y1)
-    placed = spread(wanted, 1.35 * fontsize * scale, frame.y0, frame.y1)
+    placed = spread(wanted, 1.35 * FONT * scale, frame.y0, frame.y1)
     for label, height, place in zip(labels, wanted, placed, strict=True):
         end = (1.0, float((height - frame.y0) / frame.height))
         text = (1.0, float((place - frame.y0) / frame.height))
         axes.annotate(
             "",
             end,
-            (gap, (place - height) / scale),
+            (GAP, (place - height) / scale),
             xycoords="axes fraction",
             textcoords="offset points",
             arrowprops={"arrowstyle": "-", "color": label.colour, "linewidth": 0.7}
@@ -149,11 +148,11 @@ def end_labels(
         axes.annotate(
             label.text,
             text,
-            (gap + 2.0, 0.0),
+            (GAP + 2.0, 0.0),
             xycoords="axes fraction",
             textcoords="offset points",
             va="center",
-            fontsize=fontsize,
+            fontsize=FONT,
             color=label.colour,
             annotation_clip=False,
         )

@@ -195,6 +195,7 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
 DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
 RINGS = (7.0, 16.0, 28.0, 42.0, 58.0, 76.0)  # distances from the point, in typographic points
 FLAT = 0.7  # of the distance, upwards and downwards
+FONT = 8.5  # of labels
 MARKER = 4.0  # half size of what a label should not cover, in typographic points
 ALIGN = {1: "left", 0: "center", -1: "right"}
 VALIGN = {1: "bottom", 0: "center", -1: "top"}
@@ -210,13 +211,7 @@ class Label:
     colour: str = "black"
 
 
-def place_labels(
-    figure: Figure,
-    axes: Axes,
-    labels: Sequence[Label],
-    avoid: np.ndarray,
-    fontsize: float = 8.5,
-) -> None:
+def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], avoid: np.ndarray) -> None:
     """Write labels near their points, inside the axes, none on another if that can be.
 
     In the order given, each takes the place that costs least: in distance, in covered labels and
@@ -232,7 +227,7 @@ def place_labels(
     taken = [_box(point, 0.0, (0, 0), marker) for point in points]
     dots = axes.transData.transform(avoid) if len(avoid) else np.zeros((0, 2))
     for label, point in zip(labels, points, strict=True):
-        text = axes.text(label.x, label.y, label.text, fontsize=fontsize)
+        text = axes.text(label.x, label.y, label.text, fontsize=FONT)
         extent = text.get_window_extent(canvas.get_renderer())
         text.remove()
         places = [
@@ -243,12 +238,10 @@ def place_labels(
         costs = [ring + _cost(box, taken, dots, frame) for ring, _, box in places]
         ring, direction, box = places[int(np.argmin(costs))]
         taken.append(box)
-        _write(axes, label, ring, direction, fontsize)
+        _write(axes, label, ring, direction)
 
 
-def _write(
-    axes: Axes, label: Label, ring: float, direction: tuple[int, int], fontsize: float
-) -> None:
+def _write(axes: Axes, label: Label, ring: float, direction: tuple[int, int]) -> None:
     """The text, with a thin line to its point where it is far."""
     note = axes.annotate(
         label.text,
@@ -257,7 +250,7 @@ def _write(
         textcoords="offset points",
         ha=ALIGN[direction[0]],
         va=VALIGN[direction[1]],
-        fontsize=fontsize,
+        fontsize=FONT,
         color=label.colour,
         annotation_clip=False,
         zorder=5,

@@ -108,6 +108,8 @@ def _worst(points: pd.DataFrame, modes: pd.DataFrame, names: list[str]) -> pd.Da
     loudest = loud.sort_values("loudness", kind="stable").drop_duplicates("mode", keep="last")
     worst = loudest.set_index("mode")
     shown = [n for n in names if len(points[n].unique()) > 1]
-    designs = points[shown].iloc[worst["point"]].to_numpy(dtype=float)
-    at = [", ".join(f"{n}={v:g}" for n, v in zip(shown, d, strict=True)) for d in designs]
-    return worst.assign(worst=pd.Series(at, index=worst.index, dtype="str"))
+    designs = points[shown].iloc[worst["point"]].to_dict("records")
+    at = pd.Series(
+        [mode_ranking.settings_text(row) for row in designs], index=worst.index, dtype="str"
+    )
+    return worst.assign(worst=at)

@@ -199,8 +199,13 @@ def frequency_text(row: Mapping[Hashable, Any]) -> str:
     return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
 
 
+def settings_text(values: Mapping[Hashable, Any]) -> str:
+    """Names and values of a design point as rankings have them, ``friction=0.5, ...``."""
+    return ", ".join(f"{name}={value:g}" for name, value in values.items())
+
+
 def settings_of(at: object) -> list[tuple[str, str]]:
-    """Names and values of a design point from its text in a ranking, ``friction=0.5, ...``."""
+    """Names and values back from `settings_text`."""
     parts = [part.rpartition("=") for part in str(at).split(", ") if "=" in part]
     return [(name, value) for name, _, value in parts]
 
@@ -252,8 +257,9 @@ def _summary(
     table.loc[table.index == DIVERGENCE, "frequency_hz"] = np.nan  # it does not oscillate
     names = parameter_columns(points, varied=True) or parameter_columns(points)
     designs = points[names].iloc[worst["point"]].to_dict("records")
-    at = [", ".join(f"{name}={value:g}" for name, value in row.items()) for row in designs]
-    table["at"] = pd.Series(at, index=worst["track"].to_numpy(), dtype="str")
+    table["at"] = pd.Series(
+        [settings_text(row) for row in designs], index=worst["track"].to_numpy(), dtype="str"
+    )
     return table.join(main_components(table[energies]))
 
 

@@ -8,7 +8,12 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.mode_ranking import DIVERGENCE, parameter_columns, point_codes
+from squealstudy.tables.mode_ranking import (
+    DIVERGENCE,
+    parameter_columns,
+    point_codes,
+    settings_text,
+)
 from squealstudy.tables.stability import is_uncertain
 
 LARGEST = 0  # in place of a track number
@@ -180,8 +185,9 @@ def robust_table(
         if column.track == LARGEST or (column.unstable & solved).any():
             row = _row(column, solved, confidence)
             worst = _worst(column, solved)
-            at = points[names].iloc[worst].to_dict() if worst is not None else {}
-            row["at"] = ", ".join(f"{name}={value:g}" for name, value in at.items())
+            row["at"] = (
+                settings_text(points[names].iloc[worst].to_dict()) if worst is not None else ""
+            )
             row["failed_points"] = int(drawn.sum() - solved.sum())
             rows.append(row)
     table = pd.DataFrame(rows)

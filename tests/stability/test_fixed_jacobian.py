@@ -10,16 +10,26 @@ import numpy as np
 import pytest
 
 from squealstudy.errors import ParameterError
+from squealstudy.kernels.newmark_layout import POINT_NORMAL
 from squealstudy.laboratory.method_stability import fixed_jacobian
 from squealstudy.laboratory.method_stability.cases import CASES
 from squealstudy.laboratory.method_stability.contact_models import (
+    ContactState,
     rough_state,
     sliding_state,
-    stuck_state,
 )
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, SLOW, checked
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN as ROUGH
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN_POINT as POINT
+
+
+def stuck_state(values):
+    """One point that moves with the belt, about a state without friction."""
+    state = sliding_state(values)
+    v0 = np.array([0.0, -values["sliding_speed"] / state.system.T1[0, 1]])
+    pressed = state.design.points(state.system)[POINT_NORMAL]
+    force = np.column_stack([pressed, 0 * pressed, 0 * pressed])
+    return ContactState(state.system, replace(state.design, force=force, v0=v0))
 
 
 def crossing(above, low, high):

@@ -14,7 +14,6 @@ from functools import cache
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.kernels.newmark_layout import POINT_NORMAL
 from squealstudy.laboratory.method_stability.contract import Knob
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.system import ModalSystem, MotionPoint
@@ -120,15 +119,6 @@ def sliding_state(values: Mapping[str, float]) -> ContactState:
     closer = -DISTURBED / (values["lambda"] * system.N[0, 0])
     design = _design(system, p_ref, values)
     return ContactState(system, replace(design, q0=np.array([closer, 0.0])))
-
-
-def stuck_state(values: Mapping[str, float]) -> ContactState:
-    """One point that moves with the belt, about a state without friction."""
-    state = sliding_state(values)
-    v0 = np.array([0.0, -values["sliding_speed"] / state.system.T1[0, 1]])
-    pressed = state.design.points(state.system)[POINT_NORMAL]
-    force = np.column_stack([pressed, 0 * pressed, 0 * pressed])
-    return ContactState(state.system, replace(state.design, force=force, v0=v0))
 
 
 def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> MotionPoint:
