@@ -394,7 +394,9 @@ def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeyp
 
 
 def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch):
-    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    band = "[modes]\nband = [500.0, 2000.0]"
+    text = BRAKE.format(kind="complex_modes", model="contact_points = 2", more=band)
+    scene = Scene(study(text, tmp_path), 1, quiet)
     rung = free_ladders(scene.study)["reduction"].rungs[0]
     asked = []
     measure = Scene.measure

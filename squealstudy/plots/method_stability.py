@@ -27,6 +27,7 @@ from squealstudy.plots.style import (
     finish,
     head,
     joined,
+    legend_below,
     new_figure,
     quantity,
 )
@@ -83,7 +84,7 @@ def method_stability(results: Results) -> Figure:
     finish(axes, *labels)
     axes.grid(False)
     head(axes, facts["title"], tally(cells))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
+    legend_below(figure, handles, 3)
     return figure
 
 

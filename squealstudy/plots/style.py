@@ -117,7 +117,7 @@ def set_ticks(axis: Axis, shown: Quantity, values: pd.Series) -> None:
     if shown.log:
         if ticks is None and values.min() > 0 and values.max() < TWO_DECADES * values.min():
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
         axis.set_minor_formatter(NullFormatter())
 
 
