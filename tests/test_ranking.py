@@ -334,7 +334,8 @@ def test_an_empty_ranking_says_over_what_it_is(capsys):
     assert text == "No design point is solved and within the query."
     failed = points.assign(status="failed")
     text = screen_of(capsys, failed, modes.iloc[:0])
-    assert text == "No design point is solved. 24 design points failed and count neither way"
+    counted = "24 design points are not ok and count neither way (24 failed)"
+    assert text == f"No design point is solved. {counted}"
 
 
 def test_onsets_that_are_not_refined_are_marked(capsys):
