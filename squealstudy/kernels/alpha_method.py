@@ -161,7 +161,7 @@ def show(B: np.ndarray, modal: Modal, work: Work) -> None:
 def alpha_method(
     B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work: Work, saved: Saved
 ) -> None:
-    """Integrate design 0 to its end or failure; arguments as of `newmark.newmark`.
+    """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 
     A sub-step that fails is halved as far as the settings allow. Evaluations for output count.
     """

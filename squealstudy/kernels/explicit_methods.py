@@ -105,7 +105,7 @@ def exponential_steps(
     work: Work,
     saved: Saved,
 ) -> None:
-    """Integrate design 0 to its end or failure; arguments as of `newmark.newmark`.
+    """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def kick(x: np.ndarray, modes: np.ndarray, h: float) -> None:
 def central_difference(
     B: np.ndarray, modal: Modal, settings: Settings, lagged: bool, work: Work, saved: Saved
 ) -> None:
-    """Integrate design 0 to its end or failure; arguments as of `newmark.newmark`.
+    """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 
     `lagged`: friction sees the velocity of half a step before, which is of order 1; else an
     extrapolated one, of order 2 with half the stability in stick.

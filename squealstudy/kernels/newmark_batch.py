@@ -156,7 +156,7 @@ def newmark_trace(
     Parameters
     ----------
     B, modal, settings, work, saved
-        As of `newmark_batch.newmark_batch`, of one step without halvings.
+        As of `newmark_batch`, of one step without halvings.
     first : ndarray (n,) or (0,)
         Trial pull to start from; empty for that of the predictor.
 

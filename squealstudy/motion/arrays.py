@@ -38,18 +38,14 @@ def observation(system: ModalSystem, single_storage: bool = False) -> np.ndarray
     """B (nt, padded n, ROWS), tile by tile of contact points, mode by mode; made once a system."""
     dtype = np.float32 if single_storage else np.float64
     if dtype not in system.tiles:
-        system.tiles[dtype] = _tiles(system, dtype)
+        nc, P = len(system.area), POINTS
+        tiles = aligned_zeros(-(-nc // P), padded(system.n), ROWS, dtype=dtype)
+        for k, part in enumerate((system.N, system.T1, system.T2)):
+            for t in range(len(tiles)):
+                block = part[t * P : (t + 1) * P]
+                tiles[t, : system.n, k * P : k * P + len(block)] = block.T
+        system.tiles[dtype] = tiles
     return system.tiles[dtype]
-
-
-def _tiles(system: ModalSystem, dtype: type[np.floating]) -> np.ndarray:
-    nc, P = len(system.area), POINTS
-    tiles = aligned_zeros(-(-nc // P), padded(system.n), ROWS, dtype=dtype)
-    for k, part in enumerate((system.N, system.T1, system.T2)):
-        for t in range(len(tiles)):
-            block = part[t * P : (t + 1) * P]
-            tiles[t, : system.n, k * P : k * P + len(block)] = block.T
-    return tiles
 
 
 def modal_arrays(
@@ -111,26 +107,22 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
     return full
 
 
-def sensor_rows(system: ModalSystem, design: MotionPoint) -> np.ndarray:
-    """Rows (ns + 8 m, n) whose products with q and q' are kept: sensed modes, then growing ones.
+def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:
+    """Rows (nb, ns + 8 m, n) whose products with q and q' are kept: sensed and growing modes.
 
     Raises
     ------
     ModelError
         Sensors of growing modes of another size, or not finite.
     """
-    own = design.growing.sensors
-    if len(own) and (own.shape[1] != system.n or not np.isfinite(own).all()):
+    growing = [design.growing.sensors for design in designs]
+    if any(len(x) and (x.shape[1] != system.n or not np.isfinite(x).all()) for x in growing):
         raise ModelError(f"design point: 'sensors' needs rows of {system.n} finite values")
-    return np.vstack([np.eye(system.n)[system.sensed - 1], own.reshape(-1, system.n)])
-
-
-def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:
-    """`sensor_rows` of each design (nb, ns, n)."""
-    rows = [sensor_rows(system, design) for design in designs]
-    full = aligned_zeros(len(rows), max(len(r) for r in rows), n)
-    for k, own in enumerate(rows):
-        full[k, : len(own), : system.n] = own
+    ns = len(system.sensed)
+    full = aligned_zeros(len(designs), ns + max(len(x) for x in growing), n)
+    full[:, range(ns), system.sensed - 1] = 1.0
+    for rows, own in zip(full, growing, strict=True):
+        rows[ns : ns + len(own), : system.n] = own.reshape(-1, system.n)
     return full
 
 

@@ -64,10 +64,10 @@ class Adaptive(OneByOne):
             warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
             try:
                 made = self.solver(equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra)
-                course.march(made, self.max_evaluations)
+                outcome, reason = course.march(made, self.max_evaluations)
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-                course.fail("solver_failed", str(error) or "the solver raised an error")
-        return course.motion()
+                outcome, reason = "solver_failed", str(error) or "the solver raised an error"
+        return course.motion(outcome, reason)
 
 
 class Dop853(Adaptive):
@@ -111,15 +111,11 @@ class Equations:
     """f(t, y) and its Jacobian for one design, y = (q, v)."""
 
     def __init__(self, case: KernelRun) -> None:
-        system = case.system
+        system, U = case.system, case.system.shapes
         self.case, self.n = case, system.n
-        self.contact = np.concatenate([system.N, system.T1, system.T2])
-        modes = case.modal.modes[0, :, : self.n]
-        d, s = case.modal.tuned[0]
-        U = system.shapes
+        modes, (d, s) = case.modal.modes[0, :, : self.n], case.modal.tuned[0]
         self.K = np.diag(modes[layout.W2]) + U.T @ (s[:, None] * U)
         self.C = np.diag(modes[layout.C]) + U.T @ (d[:, None] * U)
-        self.parts = (system.N, system.T1, system.T2)
         self.D = np.zeros((6, len(system.area)))
 
     def rate(self, _t: float, y: np.ndarray) -> np.ndarray:
@@ -132,15 +128,16 @@ class Equations:
         """df/dy (2 n, 2 n)."""
         n, D = self.n, self.D
         point_tangents(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, D)
-        N, T1, T2 = self.parts
-        J = np.zeros((2 * n, 2 * n))
-        J[:n, n:] = np.eye(n)
-        pushed = np.concatenate([D[0][:, None] * N, D[1][:, None] * N, D[2][:, None] * N])
-        J[n:, :n] = self.contact.T @ pushed - self.K
+        N, T1, T2 = self.case.system.N, self.case.system.T1, self.case.system.T2
         along = D[3][:, None] * T1 + D[4][:, None] * T2
         across = D[4][:, None] * T1 + D[5][:, None] * T2
-        J[n:, n:] = T1.T @ along + T2.T @ across - self.C
-        return J
+        pushed = [part.T @ (D[i][:, None] * N) for i, part in enumerate((N, T1, T2))]
+        return np.block(
+            [
+                [np.zeros((n, n)), np.eye(n)],
+                [sum(pushed) - self.K, T1.T @ along + T2.T @ across - self.C],
+            ]
+        )
 
 
 def scales(case: KernelRun) -> np.ndarray:
@@ -177,14 +174,12 @@ class Course:
     def __init__(self, case: KernelRun, y0: np.ndarray) -> None:
         self.case, self.y, self.t = case, y0, 0.0
         self.steps = self.evaluations = self.most = self.jacobians = 0
-        self.outcome, self.reason = "ok", ""
 
-    def fail(self, outcome: str, reason: str) -> None:
-        """End with an outcome."""
-        self.outcome, self.reason = outcome, reason
+    def march(self, solver: Any, limit: int) -> tuple[str, str]:
+        """Step to the end, or to a failure; the outcome and its reason.
 
-    def march(self, solver: Any, limit: int) -> None:
-        """Step to the end, or to a failure; `limit` evaluations at most, 0 for any number."""
+        `limit` evaluations are made at most, 0 for any number.
+        """
         settings = self.case.settings
         every = settings.save_every or settings.n_steps
         due = every
@@ -192,11 +187,9 @@ class Course:
             before = solver.nfev
             message = solver.step()
             if solver.status == "failed":
-                self.fail("solver_failed", message or "the solver gave up")
-                return
+                return "solver_failed", message or "the solver gave up"
             if not np.isfinite(solver.y).all():
-                self.fail("not_finite", "the state is not finite")
-                return
+                return "not_finite", "the state is not finite"
             self.y, self.t = np.array(solver.y), float(solver.t)
             self.steps += 1
             self.most = max(self.most, solver.nfev - before)
@@ -204,8 +197,8 @@ class Course:
             if due * settings.step <= self.t or solver.status == "finished":
                 due = self.save(solver, due, every)
             if solver.status == "running" and 0 < limit <= solver.nfev:
-                self.fail("solver_failed", f"more than {limit} evaluations")
-                return
+                return "solver_failed", f"more than {limit} evaluations"
+        return "ok", ""
 
     def save(self, solver: Any, due: int, every: int) -> int:
         """Keep the rows from step `due` on that the solver has passed; the next one."""
@@ -219,20 +212,19 @@ class Course:
             due += every
         return due
 
-    def motion(self) -> Motion:
+    def motion(self, outcome: str, reason: str) -> Motion:
         """After the end."""
         case, settings = self.case, self.case.settings
         counts, real = case.work.counts[0], case.work.real[0]
         stored = float(show_state(self.y, *case.arguments, False))
         counts[layout.STATUS] = layout.DONE
-        if self.outcome == "ok":
+        if outcome == "ok":
             real[layout.STORED_END] = stored
-        message = f"t = {self.t:.9g} s: {self.reason}" if self.reason else ""
         return replace(
             case.motion(0),
-            outcome=self.outcome,
-            message=message,
-            time=self.t if self.outcome != "ok" else settings.n_steps * settings.step,
+            outcome=outcome,
+            message=f"t = {self.t:.9g} s: {reason}" if reason else "",
+            time=self.t if outcome != "ok" else settings.n_steps * settings.step,
             mean_iterations=self.evaluations / max(self.steps, 1),
             max_iterations=self.most,
             newton_steps=self.jacobians,
