@@ -57,3 +57,14 @@ def made_up(history, q, v, omega, modes, watched) -> Motion:
 def changed(motion, **changes) -> Motion:
     """The run with other attributes of its design point."""
     return replace(motion, point=SimpleNamespace(**{**vars(motion.point), **changes}))
+
+
+def bursts(memory, rows, runs):
+    """Squares (rows, runs), of mean 1, of unit noise that is correlated over `memory` rows."""
+    rng, keep = np.random.default_rng(1), np.exp(-1 / memory) if memory else 0.0
+    x, kicks = rng.normal(size=runs), np.sqrt(1 - keep**2) * rng.normal(size=(rows, runs))
+    values = np.empty_like(kicks)
+    for row, kick in enumerate(kicks):
+        x = keep * x + kick
+        values[row] = x**2
+    return values

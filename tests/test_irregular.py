@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import bursts
 from study_runs import load_plan, plan_of
 
 import squealstudy
@@ -26,17 +27,6 @@ OTHER_BRAKE = """
 name = "more damping"
 set.parameters.damping_ratio = 0.05
 """
-
-
-def bursts(memory, rows, runs):
-    """Mean-square 1 of unit noise (rows, runs), correlated over `memory` rows."""
-    rng, keep = np.random.default_rng(1), np.exp(-1 / memory)
-    x, kicks = rng.normal(size=runs), np.sqrt(1 - keep**2) * rng.normal(size=(rows, runs))
-    values = np.empty_like(kicks)
-    for row, kick in enumerate(kicks):
-        x = keep * x + kick
-        values[row] = x**2
-    return values
 
 
 @pytest.mark.parametrize("memory", [5, 50, 500])  # of 2000 rows: the last is too slow for windows

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motions import bursts
 
 from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum, torque_levels
 
@@ -102,13 +103,7 @@ def test_the_last_window_has_twenty_periods_where_there_are_so_many():
 @pytest.mark.parametrize(("memory", "least"), [(0, 0.93), (20, 0.92), (60, 0.89)])
 def test_bounds_of_a_mean_square_cover_it(memory, least):
     """Gaussian noise of unit variance, correlated over `memory` of 6000 rows."""
-    rng, keep = np.random.default_rng(1), np.exp(-1 / memory) if memory else 0.0
-    x, steps = rng.normal(size=400), np.sqrt(1 - keep**2) * rng.normal(size=(6000, 400))
-    values = np.empty_like(steps)
-    for row, kick in enumerate(steps):
-        x = keep * x + kick
-        values[row] = x**2
-    _, low, high = mean_interval(values)
+    _, low, high = mean_interval(bursts(memory, 6000, 400))
     assert least <= np.mean((low <= 1) & (high >= 1)) <= 0.99
 
 

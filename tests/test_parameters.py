@@ -147,23 +147,22 @@ def _parsed(*names: str):
     return [parse_parameter(name, BRAKE) for name in names]
 
 
-def test_two_names_for_the_same_mode_are_an_error():
-    first, second = "caliper.modes[12-14].damping_ratio", "caliper.modes[14].damping_ratio"
+@pytest.mark.parametrize(
+    ("first", "second", "what"),
+    [
+        (
+            "caliper.modes[12-14].damping_ratio",
+            "caliper.modes[14].damping_ratio",
+            "caliper mode 14",
+        ),
+        ("modes[2-4].damping_ratio", "modes[4].damping_ratio", "assembly mode 4"),
+    ],
+)
+def test_two_names_for_the_same_mode_are_an_error(first, second, what):
     with pytest.raises(ParameterError) as caught:
         check_disjoint(_parsed("friction", first, second))
     assert caught.value.key == second
-    assert caught.value.message == (
-        f"'{second}' and '{first}' both set damping_ratio of caliper mode 14"
-    )
-
-
-def test_two_names_for_the_same_assembly_mode_are_an_error():
-    first, second = "modes[2-4].damping_ratio", "modes[4].damping_ratio"
-    with pytest.raises(ParameterError) as caught:
-        check_disjoint(_parsed(first, second))
-    assert caught.value.message == (
-        f"'{second}' and '{first}' both set damping_ratio of assembly mode 4"
-    )
+    assert caught.value.message == f"'{second}' and '{first}' both set damping_ratio of {what}"
 
 
 def test_other_quantities_components_modes_and_the_same_name_are_no_error():
