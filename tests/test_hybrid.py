@@ -30,6 +30,7 @@ from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import (
     HybridSettings,
     _cleaned,
+    _mode_rows,
     assembly_stiffness,
     explicit_dofs,
     hybrid_model,
@@ -108,6 +109,21 @@ def test_rounding_beside_a_diagonal_is_dropped():
     A[0, 2] = A[2, 0] = 0.0
     np.testing.assert_array_equal(kept, A)
     assert _cleaned(sp.csr_matrix(A * 1e-30)).nnz == 5
+
+
+def test_rows_of_component_modes_see_their_own_mode_alone(case):
+    """Those of one component, for motions of it: 1 for the mode itself."""
+    modes = component_modes(case.assembly, 4e3)
+    damped = {("lower", 8): modes["lower"], ("upper", 7): modes["upper"]}
+    rows = _mode_rows(case.assembly, damped)
+    for row, (name, number) in zip(rows, damped, strict=True):
+        motion = np.zeros((case.assembly.n_dof, modes[name].phi.shape[1]))
+        motion[case.assembly.slices[name]] = modes[name].phi
+        expected = np.arange(1, motion.shape[1] + 1) == number
+        np.testing.assert_allclose((row @ motion).ravel(), expected, atol=1e-9)
+    for key in (("lower", 0), ("lower", 10_000), ("middle", 7)):
+        with pytest.raises(ModelError, match="no mode"):
+            _mode_rows(case.assembly, {key: modes["lower"]})
 
 
 def test_explicit_layers(case):

@@ -21,7 +21,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.template import study_schema
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
-from squealstudy.linalg.band_roots import pair_residuals, roots_in_band
+from squealstudy.linalg.band_roots import FIRST_ROOTS, pair_residuals, roots_in_band
 from squealstudy.models.matrices.expression import parse_expression
 from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
 from squealstudy.models.matrices.files import read_matrix
@@ -263,6 +263,21 @@ def test_shapes_span_the_basis_they_are_compared_in():
     np.testing.assert_allclose(basis @ (basis.T @ psi), psi, rtol=1e-9)
     assert shape_basis(psi[:, :1].real + 0j).shape == (9, 1)
     np.testing.assert_array_equal(shape_basis(psi[:, :0]), np.eye(9)[:, :1])
+
+
+def test_a_family_asks_for_about_the_roots_of_its_band():
+    """Those of both signs below its top, and a few more: too few are solved for twice."""
+    n = 120
+    w = 2 * np.pi * np.linspace(10.0, 1200.0, n)
+    made = MatrixFamily(
+        tuple(
+            FamilyTerm(order, sp.csr_matrix(A), parse_expression("1"))
+            for order, A in ((2, np.eye(n)), (1, np.diag(1e-3 * w)), (0, np.diag(w**2)))
+        )
+    )
+    for count in (5, 60):
+        prepared = prepare_family(made, {}, (60.0, 1.001 * w[count - 1]))
+        assert max(2 * count, FIRST_ROOTS) <= prepared.n_roots <= max(2.5 * count, FIRST_ROOTS)
 
 
 @pytest.mark.parametrize("n", [20, 160])

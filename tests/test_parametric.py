@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import NOMINAL, build_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,10 +18,16 @@ from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.reanalysis.polynomials import collocate
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import BasisSettings, component_modes
+from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.linearise import linearise, reduced_structure, symmetric_stiffness
+from squealstudy.system.linearise import (
+    linearise,
+    reduced_structure,
+    symmetric_stiffness,
+    unreduced_structure,
+)
 from squealstudy.system.parametric import (
     DAMPING,
     MANY,
@@ -340,6 +348,46 @@ def plain_linearisation(model, point, state):
     C += P.T @ (mu @ normal / o.sliding_speed) @ P
     C -= T.T @ (np.diag(model.frictional) * fall / decay @ normal) @ T
     return C, K_sym - T.T @ (mu @ k_n) @ N, K_sym
+
+
+def test_terms_of_an_unreduced_assembly():
+    """Changed and damped component modes are rows; stiffness damping is of all of the stiffness."""
+    assembly, beta = blocks(), 1e-5
+    modes = component_modes(assembly, 6e3)
+    point = working_point(
+        contact_space(assembly, 1e11, np.zeros((assembly.n_dof, 0))), BLOCKS_OPERATING
+    )
+    upper, lower = ("upper", 8), ("lower", 7)
+    state = DesignState(
+        BLOCKS_OPERATING, {upper: 1.2}, {upper: 0.03, lower: 0.02}, stiffness_damping=beta
+    )
+    structure = unreduced_structure(assembly, modes, state)
+    U, d, dk = [], [], []
+    for (name, j), scale, zeta in ((upper, 1.2, 0.03), (lower, 1.0, 0.02)):
+        mode = next(c for c in assembly.components if c.name == name)
+        row, w = np.zeros(assembly.n_dof), modes[name].omega[j - 1]
+        row[assembly.slices[name]] = mode.M @ modes[name].phi[:, j - 1]
+        U.append(row)
+        dk.append((scale**2 - 1) * w**2)
+        d.append(2 * zeta * scale * w)
+    c, U = assembly.contact, np.array(U)
+    normal, mu = (c.N.T @ np.diag(c.area * point.tangent)), 0.5 * np.diag(c.frictional)
+    K = (assembly.K_el + assembly.K_springs()).toarray() + U.T @ np.diag(dk) @ U + normal @ c.N
+    drag = np.diag(c.area * point.contact_pressure) / BLOCKS_OPERATING.sliding_speed
+    C = beta * K + U.T @ np.diag(d) @ U + c.T_perp.T @ (mu @ drag @ c.T_perp.toarray())
+    K = K - c.T.T @ (mu @ (normal.T))
+    X = np.random.default_rng(6).standard_normal((assembly.n_dof, 2))
+    found = structure.system.sparse_matrices(structure.weights(point, state))
+    for A, expected in zip(found, (assembly.M.toarray(), C, K), strict=True):
+        np.testing.assert_allclose(
+            A @ X, expected @ X, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
+        )
+
+
+def test_seconds_of_the_stages_of_a_preparation(hulten):
+    names = {"components_s", "working_point_s", "reduction_s"}
+    assert set(hulten.timings) == names
+    assert all(0 <= seconds < 60 for seconds in hulten.timings.values())
 
 
 def test_hulten_in_closed_form(hulten):

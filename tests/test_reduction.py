@@ -9,6 +9,8 @@ import pytest
 import reference
 import scipy.linalg as la
 import scipy.sparse as sp
+from blocks import OPERATING as BLOCKS_OPERATING
+from blocks import blocks
 from conftest import NOMINAL, TOP, prepare_brake, reduce_brake
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,10 +18,18 @@ from hypothesis import strategies as st
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.models.operating import DesignState
+from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.orthonormal import complete_basis
-from squealstudy.reduction.prepared import contact_stiffness, reference_stiffness, shape_column
+from squealstudy.reduction.prepared import (
+    contact_stiffness,
+    mode_shapes,
+    reference_stiffness,
+    shape_column,
+)
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.linearise import component_frequencies, linearise
+from squealstudy.system.energy import reduced_energy_shares
+from squealstudy.system.linearise import StructureWeights, component_frequencies, linearise
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
 FULL_SIZE_TOP = 8e3  # Hz
@@ -79,6 +89,45 @@ def test_contact_stiffness_is_that_of_the_linearisation(brake, reduced):
     pressure = 14e5 * np.abs(brake.assembly.load).sum() / brake.assembly.contact.area.sum()
     stiffness = NOMINAL.law.value("contact.lambda") * pressure
     assert reference_stiffness(both, NOMINAL) == pytest.approx(stiffness, rel=1e-12)
+
+
+def test_energy_shares_do_not_depend_on_the_phase(reduced):
+    """Those of a complex shape sum to one, whatever it is multiplied by."""
+    model = reduced[0]
+    weights = StructureWeights(mass=1.0, elastic=model.k_el, springs=1.0, normal=1e5 * model.area)
+    psi = np.random.default_rng(1).standard_normal((model.n, 3, 2)).view(complex)[..., 0]
+    shares = reduced_energy_shares(model, weights, psi)
+    assert (shares > 0).all()
+    np.testing.assert_allclose(shares.sum(axis=0), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(reduced_energy_shares(model, weights, 2j * psi), shares, rtol=1e-9)
+    assert not any(StructureWeights())  # what is not named has no weight
+
+
+def test_the_basis_holds_the_response_to_friction():
+    """Of the modes below the cutoff of loads, to friction that follows their contact forces."""
+    assembly = blocks()
+    modes = component_modes(assembly, 2e3)
+    space = contact_space(assembly, 1e11, mode_shapes(assembly, modes))
+    point = working_point(space, BLOCKS_OPERATING)
+    settings = BasisSettings(2e3, 2e3, 2e3, tolerance=1e-6)
+    (model, basis), (small, _) = (
+        reduce_cmt(assembly, modes, point, s)
+        for s in (settings, replace(settings, load_cutoff=0.0))
+    )
+    assert model.n > small.n
+    c = assembly.contact
+    follows, drag = (c.frictional * c.area * x for x in (point.tangent, point.contact_pressure))
+    assert np.ptp(follows) > 0.1 * follows.max()
+    loads = (
+        c.T.T @ (follows[:, None] * (c.N @ basis.phi)),
+        c.T_perp.T @ (drag[:, None] * (c.T_perp @ basis.phi)),
+    )
+    for load in loads:
+        response = basis.factor.solve(load)
+        for component, T in zip(assembly.components, basis.blocks, strict=True):
+            own = response[assembly.slices[component.name]]
+            left = own - T @ (T.T @ (component.M @ own))
+            assert np.linalg.norm(left) < 1e-4 * np.linalg.norm(own)
 
 
 def test_nominal_real_modes(brake, reduced):

@@ -15,6 +15,7 @@ from squealstudy.linalg.companion import all_pairs
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
+from squealstudy.modes.rungs import all_rungs
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 from squealstudy.modes.rungs.two_step import (
     is_symmetric,
@@ -40,6 +41,19 @@ def test_two_step_converges_with_the_factor():
     found = two_step_roots(problem, theta, 1.5)
     true = np.abs(found.lam[:, None] - exact[None, :]).min(axis=1)
     assert (true <= 5 * found.error).mean() > 0.9
+
+
+def test_what_rungs_promise():
+    """Those for comparison keep no tolerance; all but the full order cost less than exact ones."""
+    rungs = {rung.name: rung for rung in all_rungs()}
+    assert {n for n, r in rungs.items() if not r.keeps_tolerance} == {"perturbation", "two_step"}
+    assert {n for n, r in rungs.items() if r.exact} == {"dense", "full"}
+    assert {n for n, r in rungs.items() if r.over_a_basis} == {"sweep_basis", "windows"}
+    for name, rung in rungs.items():
+        cost = rung.relative_cost(1000, 2)
+        assert cost > 10 if name == "full" else 0 < cost <= 1
+        solves = rung.setup_solves
+        assert 23 <= solves <= 75 if rung.over_a_basis else solves == 0
 
 
 def test_symmetric_modes_leave_friction_out(reduced):

@@ -8,7 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import NOMINAL
-from synthetic import SyntheticProblem, constant, in_order, random_brake, random_points, whole_box
+from synthetic import (
+    HZ,
+    SyntheticProblem,
+    constant,
+    in_order,
+    random_brake,
+    random_points,
+    whole_box,
+)
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law, friction_curve
@@ -18,13 +26,17 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.reanalysis.polynomials import collocate
 from squealstudy.modes.reanalysis.problem import in_band, light
 from squealstudy.modes.reanalysis.sweep_basis import (
     REACH,
+    _first_points,
     _next_points,
     _snapshots,
+    _truncated,
     build_sweep_basis,
     corners,
+    estimated_error,
     sample_box,
 )
 from squealstudy.modes.rungs.windows import Windows
@@ -303,6 +315,49 @@ def test_snapshots_hold_both_modes_of_their_point(map_problem):
             assert np.abs(left).max() < 1e-8 * np.abs(seen).max()
     energy = (block**2).sum(axis=0).reshape(2, 2, m).sum(axis=1)
     np.testing.assert_allclose(energy, 1.0, rtol=1e-12)
+
+
+def test_first_points_are_two_corners_and_the_middle():
+    assert _first_points(2).tolist() == [[-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]]
+    assert _first_points(0).shape == (1, 0)
+
+
+def test_what_is_kept_of_snapshots_does_not_depend_on_their_size(map_problem):
+    block = _snapshots(map_problem, np.array([0.2, -0.7]))
+    plain, bigger = (_truncated(map_problem, s * block, 0.3) for s in (1.0, 1e3))
+    assert 2 < plain[0].shape[1] == bigger[0].shape[1] < block.shape[1]
+    np.testing.assert_allclose(plain[1], bigger[1], rtol=1e-8)
+
+
+def uncoupled(frequencies, ratios):
+    """One coordinate a mode; the first three share a spring that is a parameter."""
+    w = HZ * np.array(frequencies)
+    spring = np.zeros(len(w))
+    spring[:3] = w[0] * np.array([0.1, 0.05, 0.02])
+    return SyntheticProblem(
+        [(np.diag(w**2), constant()), (np.outer(spring, spring), lambda t: t[0])],
+        [(np.diag(2 * np.array(ratios) * w), constant())],
+        1,
+        (200.0, 1000.0),
+    )
+
+
+@pytest.mark.parametrize(("ratio", "counts"), [(0.002, True), (0.3, False)])
+def test_errors_of_light_modes_in_the_band_count_alone(ratio, counts):
+    """Of a basis that has all modes without the spring: of its error, the relative one."""
+    problem = uncoupled([500.0, 1500.0, 2500.0], [ratio, 0.002, 0.002])
+    basis = build_sweep_basis(problem, 1e-10)
+    V = np.eye(3)[:, :2]
+    samples = [problem.weights(t) for t in ([-1.0], [0.0], [1.0])]
+    small = collocate(problem.system, samples, V, V, 1e-12)
+    coarse = replace(basis, V=V, flexibility=1 / np.diag(problem.matrices(np.zeros(1))[1])[:2])
+    coarse = replace(coarse, small=small)
+    theta = np.ones(1)
+    exact, found = problem.roots(theta)[0], coarse.pairs(problem.weights(theta)).lam
+    true = np.abs(found - exact).min() / np.abs(exact)
+    assert true > 1e-9
+    estimate = estimated_error(problem, coarse, theta)
+    assert estimate == (pytest.approx(true, rel=0.2) if counts else 0.0)
 
 
 # -- how a basis is made -----------------------------------------------------------------------
