@@ -139,6 +139,8 @@ def test_static_state_is_the_working_point(case):
     q = static_state(case.assembly, case.point, OPERATING)
     gap = case.assembly.contact.N @ q
     np.testing.assert_allclose(gap, case.point.gap, rtol=1e-8)
+    basis = reduced_case(case, 1e3).basis  # of few modes, and of that state
+    np.testing.assert_allclose(basis.expand(basis.restrict(q)), q, atol=1e-7 * np.abs(q).max())
 
 
 @pytest.mark.parametrize("by_component", [True, False])

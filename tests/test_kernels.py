@@ -137,6 +137,17 @@ def test_pressure_is_the_slope_of_the_potential(kind):
     assert potential(0.0, *law.parameters) == (0.2 if kind == "exponential" else 0.0)
 
 
+@pytest.mark.parametrize("kind", LAWS)
+def test_mean_pressure_of_no_step_is_the_pressure(kind):
+    """At a gap of 0 too; and open contact has none over small steps."""
+    law = LAWS[kind].definition
+    for gap in (*GAPS, 0.0):
+        p, _ = law.pressure(gap, *LAWS[kind].parameters)
+        assert law.mean_pressure(gap, 0.0, *LAWS[kind].parameters) == pytest.approx(p, rel=1e-14)
+    if kind in ("unilateral", "power"):
+        assert law.mean_pressure(2e-6, 3e-6, *LAWS[kind].parameters) == 0.0
+
+
 @pytest.mark.parametrize("kind", ["unilateral", "power"])
 def test_nothing_depends_on_anything_where_contact_is_open(kind):
     for by in LAWS[kind].slopes(np.array([0.0, 1e-9, 2e-6])):

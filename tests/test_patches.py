@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,15 +16,17 @@ from synthetic import (
     random_points,
     whole_box,
 )
+from test_windows import truncated_basis
 
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.reanalysis.blocks import Mixing, Solved, find_blocks, gauged, mixing
+from squealstudy.modes.reanalysis.estimate import two_sided_error
 from squealstudy.modes.reanalysis.patch import Box, make_patch, mixing_by_direction
 from squealstudy.modes.reanalysis.polynomials import interpolation, spread_points
-from squealstudy.modes.reanalysis.problem import in_band
+from squealstudy.modes.reanalysis.problem import in_band, light
 from squealstudy.modes.reanalysis.ritz import _eigenvalues, ritz_roots
 from squealstudy.modes.reanalysis.sweep_basis import _on_faces, build_sweep_basis
-from squealstudy.modes.rungs.windows import RUNG, Windows, _may_be_inside, _may_be_real
+from squealstudy.modes.rungs.windows import RUNG, Windows, _may_be_inside, _may_be_real, conditions
 
 GRIDS = [(0, 1), (5, 1), (8, 1), (4, 2), (7, 2), (2, 3), (6, 3), (2, 5)]
 
@@ -157,6 +160,15 @@ def test_blocks_do_not_depend_on_the_lengths_of_modes():
     assert [b.middle.tolist() for b in plain] == [b.middle.tolist() for b in other]
 
 
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_left_modes_alone_may_link_a_block(length):
+    """Whatever the length of the left mode that has a share of another one."""
+    left = np.array([[1.0, 0.0, 0.0], [0.5 * length, length, 0.0], [0.0, 0.0, 1.0]])
+    sizes = [b.size for b in find_blocks([Mixing(np.eye(3), left)], 0.3)]
+    assert sorted(sizes) == [1, 2]
+    assert len(find_blocks([Mixing(np.eye(3), left)], 0.5)) == 3
+
+
 def test_modes_mix_along_the_direction_that_turns_them():
     C, grid = 1e-3 * np.eye(3), interpolation(2, 2)
     middle = solved(C, chain(0.0))
@@ -257,6 +269,70 @@ def test_points_of_a_window_cost_less_the_more_there_are():
     assert RUNG.relative_cost(500, 2) == pytest.approx(0.7, abs=0.01)
     assert RUNG.relative_cost(1, 1) == RUNG.relative_cost(0, 2) == 1.0
     assert RUNG.relative_cost(20_000, 3) == RUNG.relative_cost(20_000, 2) < 0.15
+
+
+class Served(Windows):
+    """Points of a patch are good but for some rows; those are solved alone."""
+
+    def __init__(self, bad):
+        super().__init__(None, None, 1e-4)
+        asked = {"bad": set(bad), "first": None}
+        object.__setattr__(self, "asked", asked)
+
+    def good(self, found):
+        return found == "good"
+
+    def alone(self, theta):
+        return "alone"
+
+    def _points(self, patch, theta, rows):
+        self.asked["first"] = self.asked["first"] or list(rows)
+        return ((int(row), "bad" if row in self.asked["bad"] else "good") for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("bad", "served", "alone"),
+    [
+        ([], 300, 0),
+        ([0], 300, 1),
+        ([0, 9, 18, 27, 36], 0, 0),  # of the first: the patch is not to serve any
+        (range(1, 8), 300, 7),
+        (range(1, 18), 34 + 32, 17),  # more than twice the nodes: what is left is not served
+    ],
+)
+def test_points_that_a_patch_is_not_to_serve(bad, served, alone):
+    """Of 300 points some that fill it are looked at first, then the others in batches of 32."""
+    windows, theta = Served(bad), np.linspace(-1, 1, 300)[:, None]
+    patch = SimpleNamespace(patch=SimpleNamespace(grid=interpolation(5, 1)))
+    given, steps = [], windows._served(patch, theta, np.arange(300))
+    try:
+        while True:
+            given.append(next(steps))
+    except StopIteration as end:
+        left = end.value
+    assert len(given) == served
+    assert sum(found == "alone" for _, found in given) == alone
+    assert not any(found == "bad" for _, found in given)
+    assert sorted([row for row, _ in given] + list(left)) == list(range(300))
+    assert windows.asked["first"] == list(range(0, 300, 9))
+
+
+def test_errors_of_the_basis_are_the_worst_of_the_nodes():
+    """Per condition of the root, of all light modes of a block together."""
+    problem = random_brake(20, 1, 2, coupling=0.4)
+    basis = truncated_basis(problem, 14)
+    box, grid = Box(np.array([0.0]), np.array([0.1])), interpolation(5, 1)
+    followed = Windows(problem, basis, 1e-2)._patch(box, grid)
+    blocks = followed.patch.blocks
+    assert max(b.size for b in blocks) > 1
+    largest = np.zeros(followed.patch.m)
+    for number, theta in enumerate(box.place(grid.nodes)):
+        weights = problem.weights(theta)
+        pairs = basis.pairs(weights).take(np.concatenate([b.at_nodes[number] for b in blocks]))
+        error = np.abs(two_sided_error(problem, weights, basis.expand(weights, pairs)))
+        largest = np.maximum(largest, error / conditions(pairs.X, pairs.Y) * light(pairs.lam))
+    assert (largest <= followed.floor[0] * (1 + 1e-9)).all()
+    assert largest.max() == pytest.approx(followed.floor[0].max(), rel=1e-6)
 
 
 def test_a_box_is_cut_where_modes_mix():
