@@ -65,7 +65,7 @@ def points_of(tmp_path: Path, *args: str) -> pd.DataFrame:
         ("hulten", "friction", 50.0, "at most 5"),
         ("hulten", "damping_ratio", 314.0, "at most 1"),
         ("hulten", "stiffness_damping", -1e-6, "at least 0"),
-        ("belt", "stiffness", -1.0, "positive"),
+        ("belt", "stiffness", -1.0, "a value above 0"),
         ("disc_brake", "disc.poisson_ratio", 0.5, "below 0.5"),
         ("disc_brake", "caliper.poisson_ratio", -1.0, "above -1"),
         ("disc_brake", "pad.lining_poisson_ratio", 1.0, "below 1"),

@@ -7,15 +7,17 @@ they say little of a brake. Reasons read ``rule: value``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.cache import is_prepared, prepared_model
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FLAG, TEXT
+from squealstudy.engine.rows import FLAG, TEXT, Fields, points_table
+from squealstudy.engine.store import POINTS, write_parquet
 from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LIGHT_DAMPING
@@ -79,12 +81,29 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def validity_arrow(plan: Plan, table: pa.Table) -> pa.Table:
-    """As `with_validity`, of a points table in arrow."""
+def write_points(
+    plan: Plan, directory: Path, rows: Sequence[Mapping[str, Any]], fields: Fields
+) -> pd.DataFrame:
+    """Write the points table of chunk rows, with its validity; the table.
+
+    Parameters
+    ----------
+    plan : Plan
+    directory : Path
+        Of the results.
+    rows : sequence of mapping
+        A row for each of its design points, in order.
+    fields : sequence of (str, DataType)
+        Columns after those of every points table (`points_table`).
+    """
+    table = points_table(plan, rows, fields)
     known = [field for field in table.schema if field.name not in dict(FIELDS)]
     schema = pa.schema([*known, *FIELDS])
     frame = with_validity(plan, table.to_pandas())
-    return pa.Table.from_pandas(frame, schema=schema, preserve_index=False)
+    table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False)
+    write_parquet(directory / POINTS, table)
+    points: pd.DataFrame = table.to_pandas()
+    return points
 
 
 def open_reason(law_kind: str, share: float) -> str:

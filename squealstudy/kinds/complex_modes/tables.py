@@ -11,9 +11,9 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import COUNT, HEAD, REAL, points_table
-from squealstudy.engine.store import MODES, ONSETS, POINTS, write_parquet
-from squealstudy.engine.validity import validity_arrow
+from squealstudy.engine.rows import COUNT, HEAD, REAL
+from squealstudy.engine.store import MODES, ONSETS, write_parquet
+from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.kinds.complex_modes.followed import follow_modes
@@ -64,9 +64,8 @@ def build_tables(
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
-    table = _points_table(plan, columns, unstable, uncertain, references)
-    write_parquet(directory / POINTS, table)
-    points: pd.DataFrame = table.to_pandas()
+    rows = _point_rows(columns, unstable, uncertain, references)
+    points = write_points(plan, directory, rows, POINT_COLUMNS)
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
     try:
@@ -134,14 +133,14 @@ def _labels(
     return label, mac, ambiguous
 
 
-def _points_table(
-    plan: Plan,
+def _point_rows(
     columns: ModeColumns,
     unstable: np.ndarray,
     uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
-) -> pa.Table:
-    rows = columns.points.to_pylist()
+) -> list[dict[str, Any]]:
+    """Rows of the points table: findings of each point, counts of its modes, checks of it."""
+    rows: list[dict[str, Any]] = columns.points.to_pylist()
     marks = (
         np.ones(len(unstable), dtype=bool),
         unstable,
@@ -155,4 +154,4 @@ def _points_table(
         row |= dict(zip(COUNTS, found, strict=True))
         checked = references.get(row["point_id"], {})
         row |= {name: checked.get(name.removeprefix("reference_")) for name in ERRORS}
-    return validity_arrow(plan, points_table(plan, rows, POINT_COLUMNS))
+    return rows

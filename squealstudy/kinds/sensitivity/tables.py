@@ -12,9 +12,9 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FLAG, HEAD, REAL, TEXT, WHOLE, head, planned_rows, points_table
-from squealstudy.engine.store import POINTS, SENSITIVITIES, write_parquet
-from squealstudy.engine.validity import validity_arrow
+from squealstudy.engine.rows import FLAG, HEAD, REAL, TEXT, WHOLE, head, planned_rows
+from squealstudy.engine.store import SENSITIVITIES, write_parquet
+from squealstudy.engine.validity import write_points
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     ModeSensitivities,
     Sensitivity,
@@ -75,22 +75,13 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
         Where a point of the plan is in no chunk.
     """
     rows = planned_rows(plan, directory, SCHEMA)
-    points = _points(plan, rows)
-    write_parquet(directory / POINTS, points)
     write_parquet(directory / SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
-    frame: pd.DataFrame = points.to_pandas()
-    return frame
-
-
-def _points(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     filled = []
     for row in rows:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
         count = len(row["modes"]) if row["status"] == "ok" else None
         filled.append({**row, "n_modes": count, "max_growth_rate": growth})
-    return validity_arrow(
-        plan, points_table(plan, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
-    )
+    return write_points(plan, directory, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
 
 
 def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

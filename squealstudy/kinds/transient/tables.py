@@ -19,10 +19,9 @@ from squealstudy.engine.rows import (
     Fields,
     failed_row,
     planned_rows,
-    points_table,
 )
-from squealstudy.engine.store import GROWTH, HISTORIES, MODES, POINTS, STATES, write_parquet
-from squealstudy.engine.validity import validity_arrow
+from squealstudy.engine.store import GROWTH, HISTORIES, MODES, STATES, write_parquet
+from squealstudy.engine.validity import write_points
 from squealstudy.motion.outcome.settling import DECAYED, SETTLED
 from squealstudy.wording import FAILED
 
@@ -112,12 +111,9 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     """
     rows = planned_rows(plan, directory, SCHEMA)
     _remove_unplanned(directory, {row["point_id"] for row in rows})
-    points = validity_arrow(plan, points_table(plan, rows, SUMMARY_FIELDS))
-    write_parquet(directory / POINTS, points)
     write_parquet(directory / MODES, _modes(plan, rows))
     write_parquet(directory / GROWTH, _growth(rows))
-    frame: pd.DataFrame = points.to_pandas()
-    return frame
+    return write_points(plan, directory, rows, SUMMARY_FIELDS)
 
 
 def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
