@@ -18,6 +18,7 @@ from synthetic import (
 )
 from test_windows import truncated_basis
 
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.reanalysis.blocks import Mixing, Solved, find_blocks, gauged, mixing
 from squealstudy.modes.reanalysis.estimate import two_sided_error
@@ -162,8 +163,8 @@ def test_blocks_do_not_depend_on_the_lengths_of_modes():
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
 def test_left_modes_alone_may_link_a_block(length):
-    """Whatever the length of the left mode that has a share of another one."""
-    left = np.array([[1.0, 0.0, 0.0], [0.5 * length, length, 0.0], [0.0, 0.0, 1.0]])
+    """Whatever the length of a third one, which has a small share of both."""
+    left = np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.01 * length, length]])
     sizes = [b.size for b in find_blocks([Mixing(np.eye(3), left)], 0.3)]
     assert sorted(sizes) == [1, 2]
     assert len(find_blocks([Mixing(np.eye(3), left)], 0.5)) == 3
@@ -355,6 +356,22 @@ def test_a_box_is_cut_where_modes_mix():
     found = in_order(windows.solve(whole_box(2), random_points(400, 2)))
     assert sum(p.method == "windows" for p in found) > 300
     assert windows.counts["nodes"] < 250
+
+
+def test_points_without_a_working_point_in_a_corner_of_two_parameters():
+    """Patches that reach into it are cut; every other point has its modes."""
+    problem = random_brake(12, 2, 1)
+    problem.refused = lambda theta: (
+        ConvergenceError("working_point", "none") if theta.sum() > 1.2 else None
+    )
+    theta = random_points(200, 2)
+    found = in_order(
+        Windows(problem, build_sweep_basis(problem, 1e-5), 1e-4).solve(whole_box(2), theta)
+    )
+    failed = [isinstance(p, ConvergenceError) for p in found]
+    np.testing.assert_array_equal(failed, theta.sum(axis=1) > 1.2)
+    assert sum(failed) > 5
+    assert sum(not f and p.method == "windows" for f, p in zip(failed, found, strict=True)) > 20
 
 
 def test_a_part_of_the_design_without_modes_in_the_band():
