@@ -20,7 +20,6 @@ from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.complex_modes.boundary import (
     BoundaryGrid,
     CellRule,
-    grown,
     most_points,
     refine,
 )
@@ -435,7 +434,7 @@ def test_a_round_beyond_the_limit_needs_yes(tmp_path):
 
 def test_other_designs_do_not_grow(directories):
     plan = plan_of(GRID)
-    assert grown(plan, directories[1]) is plan
+    assert plan.kind.grown(plan, directories[1]) is plan
     assert most_points(plan.study) == 1025
     assert most_points(plan_of(BOUNDARY).study) == 1025
 
