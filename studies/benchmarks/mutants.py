@@ -2,14 +2,15 @@
 
     python studies/benchmarks/mutants.py [--number 300] [--seed 1] [--keep FOLDER] [--only 17 23 ..]
 
-Of all changes that `mutations.py` makes in FOLDERS, a sample is drawn. Each is written into a copy
-of the project and the tests that run its line are run, the quickest first, until one fails
-(killed), none does (survived) or the time is up. Which tests run a line, and how long they take, is
-measured first with coverage.py, which must be installed; `--keep` keeps that for the next time.
-Kernels are run as plain Python, without which coverage would not see them; tests that then take
-more than SLOW seconds are left out. What worker processes do is not seen. A line that no test runs
-is left to the quickest tests of its file, and to the verdict `uncovered` where they pass. Seconds
-are processor seconds.
+Of all changes that `mutations.py` makes in FOLDERS, a sample is drawn: of another state of the code
+it is another one. Each is written into a copy of the project and the tests that run its line are
+run, the quickest first, until one fails (killed), none does (survived) or the time is up. Some
+survivors change nothing and must be read: ties of floats, checks of lengths that are equal.
+
+Which tests run a line, and how long they take, is measured first with coverage.py, which must be
+installed; `--keep` keeps that for the next time. Kernels are run as plain Python; tests that then
+take more than SLOW seconds (of a processor) are left out; what worker processes do is not seen. A
+line that no test runs is left to the tests of its file, and is `uncovered` where they pass.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("reduction", "laws", "system", "modes/rungs", "modes/reanalysis")
 # files of tests that reach FOLDERS and are not mostly time integration
 TESTS = (
-    *("parametric", "friction_law", "rungs", "windows", "sweep_basis", "models", "hybrid"),
+    *("parametric", "friction_law", "rungs", "patches", "windows", "sweep_basis", "models"),
     *("family_reanalysis", "reanalysis_study", "sensitivity", "matrices", "kernels", "fronts"),
     *("reduction", "reduction_errors", "working_point", "working_point_field", "complex_shares"),
-    *("slope_of_friction", "exponential_method", "dense_qep", "units", "modal_energies"),
-    *("extension/contact_law", "extension/friction_curve", "extension/rung", "integrators"),
+    *("hybrid", "slope_of_friction", "exponential_method", "dense_qep", "units", "integrators"),
+    *("modal_energies", "extension/contact_law", "extension/friction_curve", "extension/rung"),
 )
 MOST_SECONDS = 900  # of a file of tests
 LOADED_ONCE = (
@@ -82,20 +83,20 @@ def main() -> None:
             mutant = sample[number]
             counts[verdict] += 1
             print(f"{number:>4} {verdict:<10}{mutant.place:<48} {mutant.text}  {test}", flush=True)
+    noticed = (counts["killed"] + counts["timed out"]) / counts.total()
     print(", ".join(f"{count} {verdict}" for verdict, count in counts.most_common()))
-    noticed = counts["killed"] + counts["timed out"]
-    print(f"{noticed / counts.total():.1%} of {counts.total()} noticed")
+    print(f"{noticed:.1%} of {counts.total()} noticed")
 
 
 def _copy(slot: Path) -> Path:
     """A copy of what tests read. A folder for each process, so that two mutants never meet."""
     slot.mkdir(parents=True)
-    for name in COPIED:
-        if (ROOT / name).is_dir():
-            unneeded = shutil.ignore_patterns("__pycache__", "results")
-            shutil.copytree(ROOT / name, slot / name, ignore=unneeded)
+    for path in (ROOT / name for name in COPIED):
+        if path.is_dir():
+            ignored = shutil.ignore_patterns("__pycache__", "results")
+            shutil.copytree(path, slot / path.name, ignore=ignored)
         else:
-            shutil.copy(ROOT / name, slot / name)
+            shutil.copy(path, slot)
     return slot
 
 
@@ -121,8 +122,7 @@ def _forked(
             free.append(slot)
         if job is not None:
             slot, seconds = free.pop(), int(limit(job))
-            pid = os.fork()
-            if pid == 0:
+            if (pid := os.fork()) == 0:
                 os.setsid()
                 resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
                 signal.alarm(10 * seconds)
@@ -230,14 +230,12 @@ def _verdicts(
     def start(slot: Path, number: int) -> int:
         file = slot / sample[number].file
         file.write_bytes(sample[number].applied(file.read_bytes()))
-        made = Made(covered.kept, chosen[number].made)
-        options = [*OPTIONS, "-x", *chosen[number].tests]
-        return int(pytest.main(options, plugins=[made])) if chosen[number].tests else 0
+        os.utime(file, (number, number))  # what was compiled of another state is not taken
+        tests, made = chosen[number].tests, Made(covered.kept, chosen[number].made)
+        return int(pytest.main([*OPTIONS, "-x", *tests], plugins=[made])) if tests else 0
 
-    def limit(number: int) -> float:
-        return 3 * chosen[number].seconds + 30
-
-    for number, slot, status in _forked(slots, chosen, start, limit):
+    limits = {number: 3 * tests.seconds + 30 for number, tests in chosen.items()}
+    for number, slot, status in _forked(slots, chosen, start, limits.__getitem__):
         shutil.copy(ROOT / sample[number].file, slot / sample[number].file)
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)", (slot / "log.txt").read_text(), re.M)
         if status == 0:
