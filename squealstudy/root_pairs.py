@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+
+LIGHT = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
+PAIRED = 0.05  # relative distance within which a full-order root has a partner
+TOLD = 100.0  # errors of the full-order root above which a distance says something
 
 
 def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
@@ -31,3 +37,65 @@ def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
     paired = partner >= 0
     found[paired] = distance[paired, partner[paired]]
     return found
+
+
+class FullOrderPairs(NamedTuple):
+    """Full-order roots, lightly damped or growing, with a partner among the roots of a point.
+
+    Attributes
+    ----------
+    row : ndarray (k,) of int
+        The partners.
+    lam, full : ndarray (k,) complex
+        The partners and the full-order roots, rad/s.
+    told : ndarray (k,) of bool
+        Whether their distance is well above the error of the full-order root itself.
+    missed : int
+        Such full-order roots without a partner.
+    """
+
+    row: np.ndarray
+    lam: np.ndarray
+    full: np.ndarray
+    told: np.ndarray
+    missed: int
+
+    @property
+    def error(self) -> np.ndarray:
+        """Distances (k,), rad/s."""
+        distance: np.ndarray = np.abs(self.lam - self.full)
+        return distance
+
+    @property
+    def frequency_error(self) -> float:
+        """Largest relative error of |lambda|; infinite where every root is missed, NaN of none."""
+        error = np.abs(np.abs(self.lam) / np.abs(self.full) - 1.0)
+        return self._largest(error)
+
+    @property
+    def damping_error(self) -> float:
+        """Largest error of the damping ratio; infinite where every root is missed, NaN of none."""
+        zeta = [-roots.real / np.abs(roots) for roots in (self.lam, self.full)]
+        return self._largest(np.abs(zeta[0] - zeta[1]))
+
+    def _largest(self, error: np.ndarray) -> float:
+        if len(error):
+            return float(error.max())
+        return np.inf if self.missed else np.nan
+
+
+def paired_with_full_order(
+    lam: np.ndarray, full: np.ndarray, error: np.ndarray | float = 0.0
+) -> FullOrderPairs:
+    """Pair the roots lam (m,) of a point with full-order roots (n,), all rad/s.
+
+    `error` (n,) is that of the full-order roots themselves.
+    """
+    judged = (np.abs(full.real) < LIGHT * np.abs(full)) | (full.real > 0)
+    full, own = full[judged], np.broadcast_to(error, judged.shape)[judged]
+    distance = np.abs(full[:, None] - lam[None, :])
+    partner = partners(distance / np.abs(full)[:, None], PAIRED)
+    kept = partner >= 0
+    row, full, own = partner[kept], full[kept], own[kept]
+    told = np.abs(full - lam[row]) > TOLD * own
+    return FullOrderPairs(row=row, lam=lam[row], full=full, told=told, missed=int((~kept).sum()))

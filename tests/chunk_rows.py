@@ -48,7 +48,6 @@ def random_modes(rng: np.random.Generator, m: int, k: int = 6, real: int = 0, **
     shapes = rng.normal(size=(m, k)) + 1j * rng.normal(size=(m, k))
     modes = PointModes(
         lam,
-        np.arange(m) >= m - real,
         rng.uniform(size=m),
         rng.dirichlet(np.ones(2), m).T,
         shapes.astype(np.complex64),
@@ -91,7 +90,6 @@ def drifting_modes(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, 
         overdamped = random_modes(rng, real, k, real)
         found[i] = PointModes(
             np.concatenate([lam[order], overdamped.lam]),
-            np.arange(m + real) >= m,
             np.zeros(m + real),
             np.full((2, m + real), 0.5),
             np.vstack([(shapes.shapes + noise)[order], overdamped.shapes]),

@@ -21,11 +21,10 @@ from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.fidelity import frequency_search
 from squealstudy.fidelity import run as fidelity_run
 from squealstudy.fidelity import scene as fidelity_scene
-from squealstudy.fidelity.audit import Audit, drawn_points
 from squealstudy.fidelity.choice import Choice, Combination, Tried, Untried, _path, choose, pays
 from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.fidelity.ladders import Rung, free_ladders, training_step
-from squealstudy.fidelity.run import _plain, resolve, run_resolved
+from squealstudy.fidelity.run import Audit, _plain, drawn_points, resolve, run_resolved
 from squealstudy.fidelity.scene import MISSED, Scene, largest
 from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.kinds.complex_modes.measuring import _solved
@@ -377,7 +376,7 @@ def no_finer_model(monkeypatch):
 @pytest.mark.usefixtures("no_finer_model")
 def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeypatch):
     scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
-    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    rung = free_ladders(scene.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
     assert ModeSearch(scene).attempt(rung).error == 0.0
     assert [points for _, points in pilots.of_method("full")] == [(4,), (0,)]
@@ -397,7 +396,7 @@ def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch)
     band = "[modes]\nband = [500.0, 2000.0]"
     text = BRAKE.format(kind="complex_modes", model="contact_points = 2", more=band)
     scene = Scene(study(text, tmp_path), 1, quiet)
-    rung = free_ladders(scene.study)["reduction"].rungs[0]
+    rung = free_ladders(scene.study)["reduction"][0]
     asked = []
     measure = Scene.measure
 
@@ -417,7 +416,7 @@ def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch)
 def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
     """Nothing is in the cache to be read then: full order tells whether the rung is to blame."""
     scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
-    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    rung = free_ladders(scene.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
     search = ModeSearch(scene)
     search.points, search.truth = [4, 0], {"modes.method": "full"}
@@ -437,7 +436,7 @@ def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch
         "of",
         lambda changes, points: Found(bad if changes["modes.method"] == "full" else [], points),
     )
-    rung = free_ladders(scene.study)["reduction"].rungs[2]
+    rung = free_ladders(scene.study)["reduction"][2]
     assert ModeSearch(scene).attempt(rung).error == 0.1
     assert scene.failed == {4}
     bad.append(0)
@@ -451,7 +450,7 @@ def test_longer_steps_are_tried_where_they_may_save_more_than_the_try(
 ):
     text = BELT.replace("values = [0.5, 0.6, 0.7]", f"start = 0.5\nstop = 0.7\nnum = {points}")
     scene = Scene(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
-    steps = [rung.changes["transient.step"] for rung in free_ladders(scene.study)["step"].rungs]
+    steps = [rung.changes["transient.step"] for rung in free_ladders(scene.study)["step"]]
     asked = []
 
     def measure(_, changes, points):
@@ -662,9 +661,9 @@ def test_all_steps_are_compared_in_one_basis(lines, step, tmp_path):
     scene = Scene(study(text, tmp_path), 1, quiet)
     trained = training_step(scene.study).get("transient.pod_step", 0.0)
     steps = free_ladders(scene.study).get("step")
-    assert trained == (steps.rungs[2].changes["transient.step"] if step is None else step)
+    assert trained == (steps[2].changes["transient.step"] if step is None else step)
     bases = free_ladders(scene.study).get("basis")
-    for rung in bases.rungs[:-1] if bases else ():
+    for rung in bases[:-1] if bases else ():
         assert rung.changes["transient.pod_step"] == trained
 
 

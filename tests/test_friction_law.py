@@ -31,12 +31,12 @@ from squealstudy.modes.full_order.modes import (
     full_order_system,
     stiffness_residuals,
 )
-from squealstudy.modes.full_order.pairs import paired_with_full_order
 from squealstudy.parameter import Parameter
 from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import reference_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
+from squealstudy.root_pairs import paired_with_full_order
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies, linearise
 

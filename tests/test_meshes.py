@@ -164,7 +164,7 @@ def found_modes(lam):
     """Modes of roots lam, each with a shape of its own."""
     lam = np.array(lam)
     some = np.zeros(len(lam))
-    modes = PointModes(lam, some > 0, some, np.zeros((1, len(lam))), np.eye(len(lam)), None, some)
+    modes = PointModes(lam, some, np.zeros((1, len(lam))), np.eye(len(lam)), None, some)
     return modes, np.eye(len(lam), 8), 1.0
 
 

@@ -20,9 +20,17 @@ from test_windows import truncated_basis
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
-from squealstudy.modes.reanalysis.blocks import Mixing, Solved, find_blocks, gauged, mixing
 from squealstudy.modes.reanalysis.estimate import two_sided_error
-from squealstudy.modes.reanalysis.patch import Box, make_patch, mixing_by_direction
+from squealstudy.modes.reanalysis.patch import (
+    Box,
+    Mixing,
+    Solved,
+    find_blocks,
+    gauged,
+    make_patch,
+    mixing,
+    mixing_by_direction,
+)
 from squealstudy.modes.reanalysis.polynomials import interpolation, spread_points
 from squealstudy.modes.reanalysis.problem import in_band, light
 from squealstudy.modes.reanalysis.ritz import _eigenvalues, ritz_roots

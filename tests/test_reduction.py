@@ -28,8 +28,12 @@ from squealstudy.reduction.prepared import (
     shape_column,
 )
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.energy import reduced_energy_shares
-from squealstudy.system.linearise import StructureWeights, component_frequencies, linearise
+from squealstudy.system.linearise import (
+    StructureWeights,
+    component_frequencies,
+    linearise,
+    reduced_energy_shares,
+)
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
 FULL_SIZE_TOP = 8e3  # Hz

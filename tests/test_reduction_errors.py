@@ -117,7 +117,7 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     changes = state.stiffness_changes(component_frequencies(prepared.model))
     sums.add_changes(finer_model._mixed(x, mixed), changes)
     full = full_order_system(assembly, modes, point, state, CUTOFF)
-    C, K = (full.C.transpose(), full.K.transpose()) if left else (full.C, full.K)
+    C, K = (full.C.T, full.K.T) if left else (full.C, full.K)
     psi = basis.expand(x)
     load = assembly.M @ (psi * lam**2) + C @ (psi * lam) + K @ psi
     twin = load.real @ mixed[:4] + load.imag @ mixed[4:]

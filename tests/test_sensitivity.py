@@ -18,6 +18,7 @@ from squealstudy.laws import FRICTION_CURVES, ContactLaw, contact_law, friction_
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
+from squealstudy.modes.point import linearised_point
 from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import DampingGradient
 from squealstudy.modes.sensitivity.mode_sensitivities import (
@@ -27,7 +28,6 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
     figure_slopes,
     figures,
     followed_root,
-    reduced_pencil,
     slope_and_validity,
 )
 from squealstudy.modes.sensitivity.reduced import (
@@ -240,11 +240,13 @@ def test_left_vectors_of_the_brake(brake_design):
     for family in (first, second):
         assert family.residual < 1e-9
         y, lam = family.Y[:, 0], family.lam[0]
-        adjoint = brake_design.pencil.adjoint().apply(np.conj(lam), y)
+        adjoint = brake_design.system.pencil.adjoint().apply(np.conj(lam), y)
         size = abs(lam) ** 2 * np.linalg.norm(y)
         assert np.linalg.norm(adjoint) < 1e-9 * size
-    assert biorthogonality(brake_design.pencil, first, second) < 1e-9
-    assert biorthogonality(brake_design.pencil, first, first) == pytest.approx(1.0, rel=1e-12)
+    assert biorthogonality(brake_design.system.pencil, first, second) < 1e-9
+    assert biorthogonality(brake_design.system.pencil, first, first) == pytest.approx(
+        1.0, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("number", range(len(FAMILIES)), ids=[p.name for p in FAMILIES])
@@ -255,9 +257,10 @@ def test_brake_against_central_differences(brake_design, brake_modes, number):
     h = 1e-4 * (1e-5 if parameter.name == "stiffness_damping" else reference)
     lowest = 0.0 if parameter.name == "stiffness_damping" or value == 0 else -np.inf
     at = [value + h, value - h] if value - h >= lowest else [value + h, value + 2 * h]
-    moved = [reduced_pencil(design.prepared, parameter.moved(design.state, v), None) for v in at]
+    states = [parameter.moved(design.state, v) for v in at]
+    moved = [linearised_point(design.prepared, state)[1].pencil for state in states]
     for mode in brake_modes:
-        ends = [followed_root(design.pencil, mode.family, pencil).change for pencil in moved]
+        ends = [followed_root(design.system.pencil, mode.family, pencil).change for pencil in moved]
         two_sided = at[1] < value
         slope = (ends[0] - ends[1]) / (2 * h) if two_sided else (4 * ends[0] - ends[1]) / (2 * h)
         round_off = 20 * np.finfo(float).eps * abs(mode.family.lam[0]) / h  # of the two roots
@@ -272,8 +275,8 @@ def test_friction_derivative_is_total(brake_design, brake_modes):
     for sign in (1, -1):
         moved = FRICTION.moved(design.state, 0.5 + sign * h)
         held = linearise(design.prepared.model, design.point, moved)
-        pencil = QuadraticPencil(design.pencil.M, held.C, held.K)
-        ends.append(followed_root(design.pencil, mode.family, pencil).change)
+        pencil = QuadraticPencil(design.system.pencil.M, held.C, held.K)
+        ends.append(followed_root(design.system.pencil, mode.family, pencil).change)
     held_slope = (ends[0] - ends[1]) / (2 * h)
     total = mode.sensitivities[0].derivative
     assert abs(held_slope - total) > 0.02 * abs(total)

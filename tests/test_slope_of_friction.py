@@ -290,7 +290,7 @@ def ladders_of(values=""):
 
 
 def test_the_slope_is_a_ladder_of_fidelity():
-    speeds = [r.changes[f"parameters.{NAME}"] for r in ladders_of()["slope of friction"].rungs]
+    speeds = [r.changes[f"parameters.{NAME}"] for r in ladders_of()["slope of friction"]]
     assert speeds == [REGULARISATION_SHARE * 0.6 * f for f in (1.0, 0.5, 0.25, 0.125)]
     for given in (f'"{NAME}" = 1e-3', '"contact.kt" = 1e9'):
         assert "slope of friction" not in ladders_of(given)

@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 from conftest import TOP
 from study_runs import plan_of, solved
+from tracks import track
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
@@ -22,7 +23,7 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
-from squealstudy.modes.tracking.labels import TrackTree, join_tracks, track
+from squealstudy.modes.tracking.labels import TrackTree, join_tracks
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 

@@ -11,11 +11,12 @@ from reference import W1, W2, hulten_stiffness, oscillating_modes
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 from study_runs import plan_of, solved
+from tracks import track
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.tracking.labels import TrackTree, expected_roots, track
+from squealstudy.modes.tracking.labels import TrackTree, expected_roots
 from squealstudy.modes.tracking.pairing import mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, Refinement
 from squealstudy.modes.tracking.tree import levels, tracking_tree

@@ -17,7 +17,6 @@ from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import interpolation
 from squealstudy.reduction.working_point import (
-    BatchEquations,
     GapEquations,
     WorkingPoint,
     WorkingPointField,
@@ -44,9 +43,9 @@ def with_components(theta):
 def own_residual(problem, state, point):
     """Imbalance by the equations of a single point, on the exactly changed structure."""
     space = problem.prepared.space.changed(problem._changes(state))
-    equations = GapEquations(space, state.operating)
-    F, _, _ = equations.imbalance(point.gap)
-    return equations.relative(F, point.gap)
+    equations = GapEquations(space, [state.operating])
+    F, _, _ = equations.imbalance(point.gap[None])
+    return equations.relative(F, point.gap[None])[0]
 
 
 @pytest.mark.parametrize("state_at", [friction_pressure, with_components])
@@ -90,18 +89,18 @@ def test_batches_have_the_equations_of_single_points(prepared, state_at):
     problem = BrakeProblem(prepared, 2, state_at, BAND)
     states = [state_at(row) for row in random_points(4, 2, seed=3)]
     changes = [problem._changes(s) for s in states]
-    batch = BatchEquations(prepared.space, [s.operating for s in states], changes)
+    batch = GapEquations(prepared.space, [s.operating for s in states], changes)
     rng = np.random.default_rng(0)
     g = prepared.nominal_gap + 1e-6 * rng.standard_normal((4, len(prepared.nominal_gap)))
     F, p, kappa = batch.imbalance(g)
     relative = batch.relative(F, g)
     for i, (state, change) in enumerate(zip(states, changes, strict=True)):
-        single = GapEquations(prepared.space.changed(change), state.operating)
-        F1, p1, kappa1 = single.imbalance(g[i])
+        single = GapEquations(prepared.space.changed(change), [state.operating])
+        (F1,), (p1,), (kappa1,) = single.imbalance(g[i][None])
         np.testing.assert_allclose(F[i], F1, atol=1e-9 * np.abs(F1).max())
         np.testing.assert_array_equal(p[i], p1)
         np.testing.assert_array_equal(kappa[i], kappa1)
-        assert relative[i] == pytest.approx(single.relative(F1, g[i]), rel=1e-6)
+        assert relative[i] == pytest.approx(single.relative(F1[None], g[i][None])[0], rel=1e-6)
 
 
 def test_lift_off_of_part_of_the_contact(prepared):

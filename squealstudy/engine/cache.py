@@ -22,8 +22,7 @@ import scipy.sparse as sp
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.store import write_arrays
 from squealstudy.paths import cache_directory
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
 META = "meta.json"

@@ -17,9 +17,9 @@ from squealstudy.engine.model_kind import ModelKind, build_structure, build_task
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import peak_memory_mb
 from squealstudy.errors import SquealstudyError
-from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
+from squealstudy.root_pairs import LIGHT
 from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed

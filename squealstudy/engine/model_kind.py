@@ -23,8 +23,12 @@ from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import Reduction, with_finer_model
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.cmt import BasisSettings
-from squealstudy.reduction.prepared import PreparedModel, prepare_with_basis
-from squealstudy.reduction.prepared_family import PreparedFamily, prepare_family
+from squealstudy.reduction.prepared import (
+    PreparedFamily,
+    PreparedModel,
+    prepare_family,
+    prepare_with_basis,
+)
 from squealstudy.study.definition import Study, resolve_study
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family

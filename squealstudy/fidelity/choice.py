@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from pydantic import TypeAdapter
 
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.engine.store import write_json
@@ -194,13 +195,16 @@ def _front(combinations: Sequence[Combination]) -> list[Combination]:
     return front
 
 
+_CHOICE = TypeAdapter(Choice)
+
+
 def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
     """The choice of a scene, read where an earlier run made it, made and kept where not."""
     path = _path(scene)
     if path.is_file():
-        return _read(json.loads(path.read_text(encoding="utf-8")))
+        return _CHOICE.validate_json(path.read_text(encoding="utf-8"))
     choice = make()
-    write_json(path, asdict(choice))
+    write_json(path, _CHOICE.dump_python(choice, mode="json"))
     return choice
 
 
@@ -208,16 +212,3 @@ def _path(scene: Scene) -> Path:
     ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
     content = [source_hash(CODE), scene.study.source.tables, ids, scene.tolerance, scene.jobs]
     return cache_directory() / "fidelity" / f"{content_hash(content)}.json"
-
-
-def _read(found: dict[str, Any]) -> Choice:
-    cheaper, dearer = (_neighbour(found[name]) for name in ("cheaper", "dearer"))
-    return Choice(_combination(found["chosen"]), cheaper, dearer, found["reason"])
-
-
-def _neighbour(part: dict[str, Any]) -> Neighbour:
-    return _combination(part) if "labels" in part else Untried(**part)
-
-
-def _combination(part: dict[str, Any]) -> Combination:
-    return Combination(**(part | {"labels": tuple(part["labels"])}))

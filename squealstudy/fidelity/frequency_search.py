@@ -1,7 +1,7 @@
 """Which reduction a complex-mode study needs: tried at pilots against a better model of them.
 
 That is the finer model of a component-mode reduction, or the full-order one. The audit of the
-finished study (fidelity/audit.py) is at full order in any case.
+finished study (fidelity/run.py) is at full order in any case.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def search_modes(scene: Scene) -> Choice:
         label = "reduction as the file says" if has_mesh(scene.study) else search.method.name
         tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
     else:
-        search.climb(ladder.rungs)
+        search.climb(ladder)
         tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
     first = next(iter(tried.values()))[0]
     section = scene.section
     chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
-    rungs = ladder.rungs if ladder is not None else search.small_rungs
+    rungs = ladder if ladder is not None else search.small_rungs
     if rungs:
         labels = [t.label for found in tried.values() for t in found]
         chosen = chosen.with_untried(rungs, labels)

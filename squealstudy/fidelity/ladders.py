@@ -39,12 +39,7 @@ class Rung:
     changes: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Ladder:
-    """Settings of one kind, cheapest first."""
-
-    name: str
-    rungs: tuple[Rung, ...]
+Ladder = tuple[Rung, ...]  # settings of one kind, cheapest first
 
 
 def free_ladders(study: Study) -> dict[str, Ladder]:
@@ -52,45 +47,42 @@ def free_ladders(study: Study) -> dict[str, Ladder]:
     if not study.kind.chooses_rung:
         wanted = _time_ladders(study)
     else:
-        wanted = (_reductions(),) if has_mesh(study) else ()
+        wanted = {REDUCTION: _reductions()} if has_mesh(study) else {}
     given = given_keys(study)
     return {
-        ladder.name: ladder
-        for ladder in wanted
-        if not any(key in given for rung in ladder.rungs for key in rung.changes)
+        name: rungs
+        for name, rungs in wanted.items()
+        if not any(key in given for rung in rungs for key in rung.changes)
     }
 
 
 def _reductions() -> Ladder:
-    return Ladder(
-        REDUCTION,
-        tuple(
-            Rung(
-                f"modes to {factor:g} x band, enrichment to {tolerance:g}",
-                {
-                    "reduction.component_cutoff_factor": factor,
-                    "reduction.assembly_cutoff_factor": factor,
-                    "reduction.tolerance": tolerance,
-                    "reduction.friction_training": True,
-                },
-            )
-            for factor, tolerance in REDUCTIONS
-        ),
+    return tuple(
+        Rung(
+            f"modes to {factor:g} x band, enrichment to {tolerance:g}",
+            {
+                "reduction.component_cutoff_factor": factor,
+                "reduction.assembly_cutoff_factor": factor,
+                "reduction.tolerance": tolerance,
+                "reduction.friction_training": True,
+            },
+        )
+        for factor, tolerance in REDUCTIONS
     )
 
 
-def _time_ladders(study: Study) -> tuple[Ladder, ...]:
+def _time_ladders(study: Study) -> dict[str, Ladder]:
     """Of a minimal model step and slope; a continued run keeps the contact points it has."""
     section = study.section
     steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
-    ladders = [Ladder(STEP, steps)] if len(steps) > 1 else []
+    ladders = {STEP: steps} if len(steps) > 1 else {}
     if not set(IN_TIME_ONLY) & set(study.shown_parameters):
-        ladders.append(_saturations(study))
+        ladders[SLOPE] = _saturations(study)
     if has_mesh(study) and section.representation == "modal":
-        ladders.append(_bases(study))
+        ladders[BASIS] = _bases(study)
         if not section.continued:
-            ladders.append(_contact_points())
-    return tuple(ladders)
+            ladders[CONTACT] = _contact_points()
+    return ladders
 
 
 def _usable_steps(study: Study) -> list[float]:
@@ -122,7 +114,7 @@ def _bases(study: Study) -> Ladder:
         )
         for factor, vectors in BASES
     ]
-    return Ladder(BASIS, (*small, Rung("all modes", {})))
+    return (*small, Rung("all modes", {}))
 
 
 def _saturations(study: Study) -> Ladder:
@@ -130,14 +122,11 @@ def _saturations(study: Study) -> Ladder:
     own = REGULARISATION_SHARE * slowest_speed(study)
     speeds = [factor * own for factor in SATURATIONS]
     key = f"parameters.{REGULARISATION_SPEED.name}"
-    return Ladder(SLOPE, tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds))
+    return tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds)
 
 
 def _contact_points() -> Ladder:
-    return Ladder(
-        CONTACT,
-        tuple(
-            Rung(f"{n} x {n} contact points a facet", {"model.contact_points": n})
-            for n in CONTACT_POINTS
-        ),
+    return tuple(
+        Rung(f"{n} x {n} contact points a facet", {"model.contact_points": n})
+        for n in CONTACT_POINTS
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ def search_runs(scene: Scene) -> Choice:
     given = search.given_error()
     chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
     for name, found in search.tried.items():
-        chosen = chosen.with_untried(search.ladders[name].rungs, [t.label for t in found])
+        chosen = chosen.with_untried(search.ladders[name], [t.label for t in found])
     return chosen.with_changes(search.always).with_failures(scene.failed)
 
 
@@ -72,11 +73,11 @@ class RunSearch:
             self.always |= training_step(scene.study)
         self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
         if STEP in self.ladders:
-            rungs = self.ladders[STEP].rungs
+            rungs = self.ladders[STEP]
             self.now |= rungs[min(TRIAL_STEP, len(rungs) - 1)].changes
         for name in (CONTACT, SLOPE):
             if name in self.ladders:
-                self.now |= self.ladders[name].rungs[0].changes
+                self.now |= self.ladders[name][0].changes
         candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)
         self.points = scene.pilots(self.now, candidates)
 
@@ -86,7 +87,7 @@ class RunSearch:
 
     def try_bases(self, ladder: Ladder) -> None:
         """Smaller bases against all modes, until one is within its share."""
-        *small, whole = ladder.rungs
+        *small, whole = ladder
         truth = self.measure({})
         found = []
         for rung in small:
@@ -114,14 +115,13 @@ class RunSearch:
 
         From twice the step of the trials on; longer ones are tried where that pays.
         """
-        rungs = ladder.rungs
-        at = max(0, min(TRIAL_STEP, len(rungs) - 1) - 1)
-        found = self._refined(Ladder(ladder.name, rungs[at:]), RICHARDSON)
-        while at > 0 and found[0].error <= self.share and self._pays(rungs[at].changes):
+        at = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
+        found = self._refined(ladder[at:], RICHARDSON)
+        while at > 0 and found[0].error <= self.share and self._pays(ladder[at].changes):
             at -= 1
-            longer, shorter = (self.measure(rungs[k].changes) for k in (at, at + 1))
+            longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
             error = RICHARDSON * self.scene.error(longer, shorter)
-            found.insert(0, Tried(rungs[at].label, rungs[at].changes, error, longer.seconds))
+            found.insert(0, Tried(ladder[at].label, ladder[at].changes, error, longer.seconds))
         self._keep(STEP, found)
 
     def _pays(self, changes: Mapping[str, Any]) -> bool:
@@ -137,8 +137,8 @@ class RunSearch:
         What is left after the last one tried is taken for a quarter of the change that led to it.
         """
         found: list[Tried] = []
-        coarse = self.measure(ladder.rungs[0].changes)
-        for rung, finer in zip(ladder.rungs, ladder.rungs[1:], strict=False):
+        coarse = self.measure(ladder[0].changes)
+        for rung, finer in pairwise(ladder):
             fine = self.measure(finer.changes)
             error = factor * self.scene.error(coarse, fine)
             found.append(Tried(rung.label, rung.changes, error, coarse.seconds))

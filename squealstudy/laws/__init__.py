@@ -18,6 +18,7 @@ from squealstudy.laws.contact_law import (
     contact_law,
 )
 from squealstudy.laws.friction_law import (
+    DEFAULT_CURVE,
     FRICTION_CURVES,
     REGULARISATIONS,
     Friction,
@@ -32,6 +33,7 @@ from squealstudy.laws.registry import register
 
 __all__ = [
     "CONTACT_LAWS",
+    "DEFAULT_CURVE",
     "FRICTION_CURVES",
     "REGULARISATIONS",
     "ContactLaw",
@@ -56,5 +58,5 @@ def _read(folder: ModuleType, first: str) -> None:
 
 
 _read(contact, "exponential")
-_read(friction, "exponential_fall")
+_read(friction, DEFAULT_CURVE)
 _read(regularisation, "regularised")

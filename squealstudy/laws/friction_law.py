@@ -108,6 +108,7 @@ class Regularisation(LawDefinition):
     saturation: float
 
 
+DEFAULT_CURVE = "exponential_fall"  # of models that leave no choice
 FRICTION_CURVES: Registry[FrictionCurveDefinition] = FrictionCurveDefinition.registry
 REGULARISATIONS: Registry[Regularisation] = Regularisation.registry
 
@@ -209,6 +210,9 @@ class FrictionLaw:
         return REGULARISATIONS[self.regularisation].saturation
 
 
-def friction_curve(kind: str = "exponential_fall", **parameters: float) -> FrictionCurve:
+DEFAULT_CURVE = "exponential_fall"  # of models that leave no choice
+
+
+def friction_curve(kind: str = DEFAULT_CURVE, **parameters: float) -> FrictionCurve:
     """`FrictionCurve.named`, of the curve that falls with speed by default."""
     return FrictionCurve.named(kind, **parameters)

@@ -14,7 +14,7 @@ import scipy.sparse.linalg as spla
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
-from squealstudy.linalg.root_error import root_errors
+from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 
 FIRST_ROOTS = 60  # asked for where nothing is known
@@ -42,21 +42,6 @@ class BandRoots:
     psi: np.ndarray
     n_below: int
     error: np.ndarray
-
-
-class PivotingFactor:
-    """SuperLU with partial pivoting: slower than `factorise`, for matrices far from definite."""
-
-    def __init__(self, A: sp.spmatrix) -> None:
-        try:
-            self._lu = spla.splu(A.tocsc())
-        except RuntimeError as error:  # "Factor is exactly singular"
-            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """Solution of A x = b, real."""
-        x: np.ndarray = self._lu.solve(b)
-        return x
 
 
 def roots_in_band(
@@ -93,25 +78,43 @@ def roots_in_band(
     failure = ConvergenceError("not_converged", "no roots were found")
     best: BandRoots | None = None
     least = np.inf
-    for sigma, pivoting in _attempts(shift, SHIFT * band[1]):
+    other = shift or SHIFT * band[1]
+    for sigma, pivoting in ((shift, False), (other, False), (other, True)):
         try:
-            lam, psi = _roots_about(M, C, K, band[1], first, sigma, pivoting)
+            mu, psi = _roots_about(M, C, K, band[1], first, sigma, pivoting)
         except ConvergenceError as error:
             failure = error
             continue
-        kept = np.abs(lam) >= band[0]
-        below = len(lam) + int((lam.imag > 0).sum())
-        lam, psi = lam[kept], psi[:, kept]
-        errors = root_errors(M, C, K, lam, psi)
-        told = errors.resolved(lam, band[1])
-        found = BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
-        if (worst := errors.doubt(lam)) <= 1.0:
+        lam, psi = one_of_each_pair(sigma + mu, psi, (0.0, band[1]))
+        found, worst = judged_roots(M, C, K, lam, psi, band)
+        if worst <= 1.0:
             return found
         if worst < least:
             best, least = found, worst
     if best is None:
         raise failure
     return best
+
+
+def judged_roots(
+    M: Matrix,
+    C: Matrix,
+    K: Matrix,
+    lam: np.ndarray,
+    psi: np.ndarray,
+    band: tuple[float, float],
+) -> tuple[BandRoots, float]:
+    """Those of all roots up to the top of a band that lie in it, and what casts doubt on them.
+
+    The latter is `RootErrors.doubt`: where it is above 1 another attempt may be better.
+    """
+    below = len(lam) + int((lam.imag > 0).sum())
+    kept = np.abs(lam) >= band[0]
+    lam, psi = lam[kept], psi[:, kept]
+    errors = root_errors(M, C, K, lam, psi)
+    told = errors.resolved(lam, band[1])
+    found = BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
+    return found, errors.doubt(lam)
 
 
 def pair_residuals(
@@ -134,11 +137,6 @@ def _norm(A: sp.csr_matrix) -> float:
     return float(np.sqrt(abs(A).sum(axis=0).max() * abs(A).sum(axis=1).max()))
 
 
-def _attempts(shift: float, other: float) -> list[tuple[float, bool]]:
-    """Shifts and whether to pivot, in order."""
-    return [(shift, False), (shift or other, False), (shift or other, True)]
-
-
 def _roots_about(
     M: sp.csr_matrix,
     C: sp.csr_matrix,
@@ -148,29 +146,30 @@ def _roots_about(
     sigma: float,
     pivoting: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All roots up to `limit` through the problem in lambda - sigma."""
+    """All roots up to `limit`, and perhaps others, less the shift sigma, with their vectors."""
     n = M.shape[0]
     C_s, K_s = C + 2 * sigma * M, K + sigma * C + sigma**2 * M
     reach = limit + abs(sigma)
     if n <= DENSE_LIMIT:
-        return _up_to(limit, *_dense_roots(M, C_s, K_s, limit, pivoting), sigma)
-    factor: Factor = PivotingFactor(K_s) if pivoting else factorise(K_s)
+        return _dense_roots(M, C_s, K_s, limit, pivoting)
+    factor: Factor = _pivoting_factor(K_s) if pivoting else factorise(K_s)
     count = first
     while 2 * count <= n or n > LARGEST_DENSE:
         count = min(count, 2 * n - 2)
         mu, psi = smallest_roots(M, LowRankSum(C_s), LowRankSum(K_s), count, limit / 2, factor)
         farthest = np.abs(mu).max()
         if farthest > reach or count == 2 * n - 2:
-            return _up_to(limit, mu, psi, sigma)
+            return mu, psi
         count = max(int(count * min(reach / farthest, 3.0) ** 1.2), count) + 20
-    return _up_to(limit, *_dense_roots(M, C_s, K_s, limit), sigma)
+    return _dense_roots(M, C_s, K_s, limit)
 
 
-def _up_to(
-    limit: float, mu: np.ndarray, psi: np.ndarray, sigma: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Roots sigma + mu up to the limit, one of each pair, ascending; vectors of unit norm."""
-    return one_of_each_pair(sigma + mu, psi, (0.0, limit))
+def _pivoting_factor(A: sp.spmatrix) -> spla.SuperLU:
+    """SuperLU with partial pivoting: slower than `factorise`, for matrices far from definite."""
+    try:
+        return spla.splu(A.tocsc())
+    except RuntimeError as error:  # "Factor is exactly singular"
+        raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
 
 def _dense_roots(

@@ -23,7 +23,6 @@ SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
-REFINEMENTS = 1  # of a Cholesky solve
 
 _threads: ContextVar[int] = ContextVar("threads", default=1)
 
@@ -51,14 +50,6 @@ class Factor(Protocol):
         ...
 
 
-class RefinedFactor(Factor, Protocol):
-    """One that refines its solutions."""
-
-    def solve_once(self, b: np.ndarray) -> np.ndarray:
-        """Solution of a real b without refinement: half the time, some digits less."""
-        ...
-
-
 def factorise(A: sp.spmatrix, backend: str = "auto") -> RefinedFactor:
     """Factorise a real sparse matrix of symmetric pattern.
 
@@ -79,21 +70,6 @@ def factorise(A: sp.spmatrix, backend: str = "auto") -> RefinedFactor:
     return PardisoFactor(A) if backend == "pardiso" else SuperLUFactor(A)
 
 
-def plain_residual(factor: RefinedFactor, A: sp.spmatrix) -> float:
-    """Largest |b - A x| over largest |b| of an unrefined solve of some b."""
-    b = np.random.default_rng(0).standard_normal(A.shape[0])
-    return float(np.abs(b - A @ factor.solve_once(b)).max() / np.abs(b).max())
-
-
-def lean_solve(factor: RefinedFactor, A: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
-    """Solutions of A x = b, b real, without refinement where a trial shows that it is not needed.
-
-    Half the time; what a smooth load leaves is far below the residual of the random one tried.
-    """
-    plain = plain_residual(factor, A) <= PLAIN_RESIDUAL
-    return factor.solve_once if plain else factor.solve
-
-
 def symmetric_lu(A: sp.spmatrix) -> spla.SuperLU:
     """SuperLU in symmetric mode: pivots on the diagonal, minimum-degree ordering of A + A^T.
 
@@ -110,18 +86,23 @@ def symmetric_lu(A: sp.spmatrix) -> spla.SuperLU:
     )
 
 
-class _Refined(ABC):
-    """Iterative refinement and complex right-hand sides over a real `solve_once`."""
+class RefinedFactor(ABC):
+    """Solves with a real sparse A (n, n), refined, over a real `solve_once`.
+
+    Attributes
+    ----------
+    A : csr_matrix (n, n)
+    """
 
     A: sp.csr_matrix
 
-    def __reduce__(self) -> tuple[type[_Refined], tuple[sp.csr_matrix]]:
+    def __reduce__(self) -> tuple[type[RefinedFactor], tuple[sp.csr_matrix]]:
         """Factorised anew where it is unpickled."""
         return type(self), (self.A,)
 
     @abstractmethod
     def solve_once(self, b: np.ndarray) -> np.ndarray:
-        """Solve once, real right-hand sides."""
+        """Solution of a real b without refinement: half the time, some digits less."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Solve with one step of iterative refinement; see `Factor.solve`."""
@@ -133,15 +114,28 @@ class _Refined(ABC):
         x = self.solve_once(b)
         return x + self.solve_once(b - self.A @ x)
 
+    @property
+    def plain_residual(self) -> float:
+        """Largest |b - A x| over largest |b| of an unrefined solve of some b."""
+        b = np.random.default_rng(0).standard_normal(self.A.shape[0])
+        return float(np.abs(b - self.A @ self.solve_once(b)).max() / np.abs(b).max())
 
-class SuperLUFactor(_Refined):
+    def lean(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Solutions of a real b, without refinement where a trial shows that it is not needed.
+
+        Half the time; what a smooth load leaves is far below the residual of the random one tried.
+        """
+        return self.solve_once if self.plain_residual <= PLAIN_RESIDUAL else self.solve
+
+
+class SuperLUFactor(RefinedFactor):
     """SuperLU, by `symmetric_lu`."""
 
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
         try:
             self._lu = symmetric_lu(A)
-        except RuntimeError as error:
+        except RuntimeError as error:  # "Factor is exactly singular"
             raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
@@ -153,7 +147,7 @@ class SuperLUFactor(_Refined):
             return np.hstack(list(pool.map(self._lu.solve, parts)))
 
 
-class PardisoFactor(_Refined):
+class PardisoFactor(RefinedFactor):
     """MKL PARDISO through pypardiso."""
 
     def __init__(self, A: sp.spmatrix) -> None:
@@ -168,7 +162,7 @@ class PardisoFactor(_Refined):
         return self._solver.solve(self.A, np.asfortranarray(b))
 
 
-class SparseCholesky:
+class SparseCholesky(SuperLUFactor):
     """F with F^T F = A, by its products.
 
     SuperLU with pivots on the diagonal of a symmetric matrix gives P A P^T = L D L^T, so that
@@ -186,17 +180,13 @@ class SparseCholesky:
     """
 
     def __init__(self, A: sp.spmatrix) -> None:
-        self.A = A.tocsr()
-        try:
-            self._lu = symmetric_lu(A)
-        except RuntimeError as error:
-            raise _indefinite() from error
+        super().__init__(A)
         order = self._lu.perm_c
         pivots = self._lu.U.diagonal()
         diagonal = np.empty(len(order))
         diagonal[order] = self.A.diagonal()
         if (order != self._lu.perm_r).any() or (pivots <= LEAST_PIVOT * np.abs(diagonal)).any():
-            raise _indefinite()
+            raise ConvergenceError(SINGULAR, "a stiffness matrix is not positive definite")
         self._order = order
         self._back = np.argsort(order)
         self._lower = (self._lu.L @ sp.diags(np.sqrt(pivots))).tocsr()
@@ -209,17 +199,3 @@ class SparseCholesky:
     def from_root(self, Z: np.ndarray) -> np.ndarray:
         """F^-1 Z, real (n, m)."""
         return self.solve((self._lower @ Z)[self._order])
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """A^-1 b, real or complex, with a step of iterative refinement."""
-        if np.iscomplexobj(b):
-            return self.solve(b.real) + 1j * self.solve(b.imag)
-        b = np.ascontiguousarray(b)
-        x = self._lu.solve(b)
-        for _ in range(REFINEMENTS):
-            x = x + self._lu.solve(b - self.A @ x)
-        return x
-
-
-def _indefinite() -> ConvergenceError:
-    return ConvergenceError(SINGULAR, "a stiffness matrix is not positive definite")

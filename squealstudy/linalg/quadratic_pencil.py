@@ -12,15 +12,17 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.companion import right_pairs
+from squealstudy.linalg.companion import Eigenpairs, right_pairs
 from squealstudy.linalg.factor import SINGULAR
 from squealstudy.linalg.sparse_qep import LowRankSum
+from squealstudy.root_pairs import partners
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 PIVOTS = 0.1  # least size of a diagonal pivot beside its column: Q is indefinite near a root
 DENSE_LIMIT = 40  # coordinates of models too small for Arnoldi
 LEAST_SPACE = 20  # vectors of an Arnoldi space
 TOLERANCE = 1e-12  # of 1 / (lambda - sigma): of a change of lambda, as sigma is beside the old root
+SAME = 1e-4  # relative distance within which a right and a left root are one
 Solve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -64,7 +66,7 @@ class QuadraticPencil:
 
     def adjoint(self) -> QuadraticPencil:
         """The transposed pencil: left vectors are its right vectors at conj(lambda)."""
-        return QuadraticPencil(self.M, transposed(self.C), transposed(self.K))
+        return QuadraticPencil(self.M, self.C.T, self.K.T)
 
     def factor(self, sigma: complex) -> ShiftedFactor:
         """Factorise Q(sigma). Raises ConvergenceError (``singular``) at a root."""
@@ -76,11 +78,6 @@ class QuadraticPencil:
                 Q += sigma**2 * self.M
             return DenseShiftedFactor(Q)
         return SparseShiftedFactor(self, sigma)
-
-
-def transposed(A: Matrix) -> Matrix:
-    """A^T; a low-rank part is symmetric."""
-    return LowRankSum(A.sparse.T, A.U, A.d) if isinstance(A, LowRankSum) else A.T
 
 
 class DenseShiftedFactor:
@@ -145,15 +142,6 @@ def _split(pencil: QuadraticPencil, sigma: complex) -> tuple[sp.spmatrix, np.nda
     return Q, np.hstack(columns), np.concatenate(weights).astype(complex)
 
 
-@dataclass(frozen=True)
-class Roots:
-    """Roots (k,) [rad/s], nearest first, right vectors and left vectors (n, k)."""
-
-    lam: np.ndarray
-    X: np.ndarray
-    Y: np.ndarray
-
-
 def nearest_roots(
     pencil: QuadraticPencil,
     factor: ShiftedFactor,
@@ -191,26 +179,15 @@ def nearest_roots(
 
 def nearest_two_sided(
     pencil: QuadraticPencil, factor: ShiftedFactor, sigma: complex, count: int
-) -> Roots:
-    """The same with the left vectors, y^H Q(lambda) = 0, paired by their roots."""
+) -> Eigenpairs:
+    """The same with the left vectors, y^H Q(lambda) = 0, of unit norm, paired by their roots."""
     lam, X = nearest_roots(pencil, factor, sigma, count)
     mu, Y = _nearest(pencil.adjoint(), factor.solve_adjoint, np.conj(sigma), count, None)
     # equal multisets up to round-off; the last ones may differ where the count cuts a pair
-    order = _matched(lam, mu.conj())
+    distance = np.abs(lam[:, None] - mu.conj()) / np.abs(lam)[:, None]
+    order = partners(distance, SAME)
     kept = np.flatnonzero(order >= 0)
-    return Roots(lam[kept], X[:, kept], Y[:, order[kept]])
-
-
-def _matched(lam: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """For each root the index of its own among `other`, -1 where there is none left."""
-    order = np.full(len(lam), -1)
-    free = np.ones(len(other), dtype=bool)
-    for i, root in enumerate(lam):
-        distance = np.where(free, np.abs(other - root), np.inf)
-        j = int(np.argmin(distance))
-        if distance[j] <= 1e-4 * np.abs(root):
-            order[i], free[j] = j, False
-    return order
+    return Eigenpairs(lam[kept], X[:, kept], Y[:, order[kept]])
 
 
 def _nearest(

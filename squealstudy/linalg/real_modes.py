@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve
+from squealstudy.linalg.factor import RefinedFactor, factorise
 
 # The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
 # at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
@@ -55,11 +55,10 @@ def real_modes(
     n = M.shape[0]
     limit = (2 * np.pi * cutoff_hz) ** 2
     if n > DENSE_LIMIT:
-        above = shifted(M, K, cutoff_hz)
-        held = factorise(above) if factor is None else factor
+        held = factorise(shifted(M, K, cutoff_hz)) if factor is None else factor
         phi = _space_below(M, held, limit)
         if phi is not None:  # from unrefined solves: what they lack is mended here
-            return _clip(*_refine(M, K, lean_solve(held, above)(M @ phi)), limit)
+            return _clip(*_refine(M, K, held.lean()(M @ phi)), limit)
     w2, phi = la.eigh(K.toarray(), M.toarray())
     return _clip(w2, phi, limit)
 
@@ -122,19 +121,19 @@ class BlockKrylov:
     apply : callable
         Product (n, b) of S with real (n, b); A = S M.
     n : int
-    mass : sparse (n, n) or None
-        M of the inner product; None for the identity.
+    mass : sparse (n, n)
+        M of the inner product.
     """
 
     def __init__(
         self,
         apply: Callable[[np.ndarray], np.ndarray],
         n: int,
-        mass: sp.spmatrix | None = None,
+        mass: sp.spmatrix,
     ) -> None:
         self._apply, self._mass, self.size = apply, mass, 0
         self._V = np.empty((n, 16 * BLOCK), order="F")
-        self._MV = self._V if mass is None else np.empty_like(self._V)
+        self._MV = np.empty_like(self._V)
         self._H = np.zeros((16 * BLOCK, 16 * BLOCK))
         self._random = np.random.default_rng(0)  # the same operator has the same space
         self._append(*self._orthonormal(self._random.standard_normal((n, BLOCK)))[:2])
@@ -171,11 +170,10 @@ class BlockKrylov:
         held = self.size + BLOCK
         if held > self._V.shape[1]:
             self._V = _wider(self._V)
-            self._MV = self._V if self._mass is None else _wider(self._MV)
+            self._MV = _wider(self._MV)
             self._H = np.pad(self._H, (0, len(self._H)))
         self._V[:, self.size : held] = Q
-        if self._mass is not None:
-            self._MV[:, self.size : held] = MQ
+        self._MV[:, self.size : held] = MQ
 
     def _orthonormal(self, W: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Q, M Q (n, b), H (size, b), R (b, b) with W = V H + Q R; Q of unit states outside V.
@@ -184,11 +182,11 @@ class BlockKrylov:
         """
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
         along, R = np.zeros((self.size, BLOCK)), np.eye(BLOCK)
-        least = DEPENDENT * max(float(np.trace(W.T @ self._times_mass(W))), 0.0)
+        least = DEPENDENT * max(float(np.trace(W.T @ (self._mass @ W))), 0.0)
         for _ in range(PASSES):
             h = MV.T @ W
             W = W - V @ h
-            MW = self._times_mass(W)
+            MW = self._mass @ W
             d, y = la.eigh(W.T @ MW)
             kept = d > least
             scale = np.where(kept, 1.0 / np.sqrt(np.where(kept, d, 1.0)), 0.0)
@@ -199,19 +197,16 @@ class BlockKrylov:
                 W[:, ~kept] = self._random.standard_normal((len(W), int((~kept).sum())))
                 W[:, ~kept] = self._outside(W[:, ~kept], W[:, kept])
             least = 0.0
-        return W, self._times_mass(W), along, R
+        return W, (self._mass @ W), along, R
 
     def _outside(self, X: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Unit states of the span of X outside of V and of other unit states."""
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
         for _ in range(PASSES):
-            X = X - V @ (MV.T @ X) - others @ (others.T @ self._times_mass(X))
-            d, y = la.eigh(X.T @ self._times_mass(X))
+            X = X - V @ (MV.T @ X) - others @ (others.T @ (self._mass @ X))
+            d, y = la.eigh(X.T @ (self._mass @ X))
             X = X @ (y / np.sqrt(d))
         return X
-
-    def _times_mass(self, X: np.ndarray) -> np.ndarray:
-        return X if self._mass is None else self._mass @ X
 
 
 def _wider(A: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
-from squealstudy.linalg.factor import Factor, factorise, lean_solve
+from squealstudy.linalg.factor import Factor, factorise
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
 
@@ -32,7 +32,8 @@ class LowRankSum:
             y = y + self.U @ ((self.d * (self.U.T @ x).T).T)
         return y
 
-    def transpose(self) -> LowRankSum:
+    @property
+    def T(self) -> LowRankSum:
         """Its transpose."""
         return LowRankSum(self.sparse.T, self.U, self.d)
 
@@ -49,7 +50,7 @@ class WoodburyFactor:
 
     def __init__(self, A: LowRankSum, refined: bool = True) -> None:
         self._factor = factorise(A.sparse)
-        self._once = self._factor.solve if refined else lean_solve(self._factor, A.sparse)
+        self._once = self._factor.solve if refined else self._factor.lean()
         self._A = A
         if len(A.d):
             self._X = self._once(A.U)

@@ -29,8 +29,6 @@ class Component:
         Mass [kg], positive definite, and elastic stiffness [N/m], positive semi-definite.
     coordinates : ndarray (n_nodes, 3)
         Node coordinates, m; n = 3 n_nodes where there are any, empty for minimal models.
-    surfaces : dict of name -> ndarray
-        Node numbers of named surfaces, for plots and selections.
     correspondence : csr_matrix (s, n) or None
         Rows that observe the same places of the component whatever the values of the model's
         parameters, weighted by the square root of the mass that each stands for: mode shapes of
@@ -46,7 +44,6 @@ class Component:
     M: sp.csr_matrix
     K: sp.csr_matrix
     coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    surfaces: dict[str, np.ndarray] = field(default_factory=dict)
     correspondence: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
@@ -241,10 +238,7 @@ class Assembly:
     @cached_property
     def slices(self) -> dict[str, slice]:
         """Degrees of freedom of each component."""
-        ends = np.cumsum([0, *(c.n_dof for c in self.components)])
-        return {
-            c.name: slice(a, b) for c, a, b in zip(self.components, ends, ends[1:], strict=False)
-        }
+        return component_slices(self.components)[0]
 
     @cached_property
     def M(self) -> sp.csr_matrix:
@@ -265,10 +259,6 @@ class Assembly:
         """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""
         kept = [s.matrix() for s in self.springs if s.in_static or not static]
         return sum(kept, sp.csr_matrix((self.n_dof, self.n_dof)))
-
-    def expand(self, parts: Sequence[tuple[str, sp.spmatrix]]) -> sp.csr_matrix:
-        """Rows over the whole assembly from rows over single components."""
-        return expand_rows(parts, self.slices, self.n_dof)
 
 
 def component_slices(components: Sequence[Component]) -> tuple[dict[str, slice], int]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
-from squealstudy.models.assembly import Component, ContactInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
 
 ARM = 1.0  # m: the torque of a minimal model is its friction force
 LAW = contact_law("bilateral")  # the areas of the points carry their stiffness
@@ -39,4 +41,27 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
         radius=np.full(n, ARM),
         law=LAW,
         frictional=np.ones(n),
+    )
+
+
+def mass_on_belt(values: Mapping[str, float], springs: SpringInterface) -> Assembly:
+    """A mass pressed on a belt: q1 is along the belt, against its motion, q2 away from it.
+
+    Parameters
+    ----------
+    values : mapping of str -> float
+        ``mass`` [kg], ``contact_stiffness`` [N/m] and ``normal_force`` [N] among them.
+    springs : SpringInterface
+        That hold it.
+    """
+    return Assembly(
+        components=(point_mass("mass", values["mass"]),),
+        contact=bilateral_points(
+            N=np.array([[0.0, 1.0]]),
+            T=np.array([[1.0, 0.0]]),
+            stiffness=np.array([values["contact_stiffness"]]),
+        ),
+        springs=(springs,),
+        load=np.zeros(2),
+        constant_load=np.array([0.0, -values["normal_force"]]),
     )

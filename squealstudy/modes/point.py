@@ -5,20 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.models.operating import DesignState
-from squealstudy.reduction.prepared import PreparedModel, shape_column
+from squealstudy.reduction.prepared import PreparedModel, shape_column, unit_shapes
 from squealstudy.reduction.working_point import (
     WorkingPoint,
     known_working_point,
     working_point,
 )
-from squealstudy.system.energy import reduced_energy_shares
-from squealstudy.system.linearise import component_frequencies, linearise
+from squealstudy.system.linearise import (
+    LinearisedModel,
+    linearise,
+    reduced_energy_shares,
+    reduced_structure,
+)
 
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"
@@ -33,13 +36,13 @@ class PointModes:
     ----------
     lam : ndarray (m,) complex
         rad/s; oscillating modes ascending in |lambda|, then overdamped (real) roots.
-    overdamped : ndarray (m,) of bool
     residual : ndarray (m,)
         Normwise backward error of each pair in the reduced problem.
     energies : ndarray (n_components + 1, m)
     shapes : ndarray (m, k) complex64
         Coordinates on PreparedModel.shape_basis, unit norm.
-    working_point : WorkingPoint
+    working_point : WorkingPoint or None
+        None of a model without contact.
     error_rung : ndarray (m,)
         |lam - lam of the component-mode model|, 1/s; of a family, of the full model. NaN where it
         is not known.
@@ -48,13 +51,23 @@ class PointModes:
     """
 
     lam: np.ndarray
-    overdamped: np.ndarray
     residual: np.ndarray
     energies: np.ndarray
     shapes: np.ndarray
-    working_point: WorkingPoint
+    working_point: WorkingPoint | None
     error_rung: np.ndarray
     method: str = DENSE
+
+    @property
+    def overdamped(self) -> np.ndarray:
+        """Which roots (m,) are real."""
+        real: np.ndarray = self.lam.imag == 0
+        return real
+
+
+def oscillating_first(lam: np.ndarray) -> np.ndarray:
+    """Order (m,) of roots in which real ones come last, else as they are."""
+    return np.argsort(lam.imag == 0, kind="stable")
 
 
 def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
@@ -63,12 +76,13 @@ def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     return 2 * np.pi * (low or RIGID_SHARE * high), 2 * np.pi * high
 
 
-def working_point_error(point: WorkingPoint, lam: np.ndarray) -> np.ndarray:
+def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarray:
     """How far the imbalance of a working point may have moved its roots (m,), rad/s.
 
     Contact stiffness holds at most all of a mode's elastic energy: half of its relative change.
     """
-    moved: np.ndarray = 0.5 * point.tangent_error * np.abs(lam)
+    error = 0.0 if point is None else point.tangent_error
+    moved: np.ndarray = 0.5 * error * np.abs(lam)
     return moved
 
 
@@ -81,7 +95,7 @@ def state_working_point(
     nominal gaps, never from a neighbour: results do not depend on the order of points. A uniform
     start is the fallback. Raises ConvergenceError where that fails too.
     """
-    omega = component_frequencies(prepared.model)
+    omega = reduced_structure(prepared.model).frequencies
     changes = {
         shape_column(prepared.model, *key): dk for key, dk in state.stiffness_changes(omega).items()
     }
@@ -93,6 +107,14 @@ def state_working_point(
         return working_point(space, state.operating, prepared.nominal_gap)
     except ConvergenceError:
         return working_point(space, state.operating)
+
+
+def linearised_point(
+    prepared: PreparedModel, state: DesignState, gap: np.ndarray | None = None
+) -> tuple[WorkingPoint, LinearisedModel]:
+    """The reduced system of a design state about its own working point; ConvergenceError."""
+    point = state_working_point(prepared, state, gap)
+    return point, linearise(prepared.model, point, state)
 
 
 def solve_point(
@@ -118,25 +140,19 @@ def solve_point(
     ConvergenceError
         Where there is no working point.
     """
-    point = state_working_point(prepared, state, gap)
-    system = linearise(prepared.model, point, state)
+    point, system = linearised_point(prepared, state, gap)
     band = angular_band(band_hz)
     lam, psi = dense_roots(system.C, system.K, band)
-    unit_mass = sp.identity(prepared.model.n, format="csr")
-    errors = root_errors(unit_mass, system.C, system.K, lam, psi)
+    errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
     told = np.flatnonzero(errors.resolved(lam, band[1]))
-    order = told[np.argsort(lam.imag[told] == 0, kind="stable")]
+    order = told[oscillating_first(lam[told])]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
-    overdamped = lam.imag == 0
-    shapes = (prepared.shape_basis.T @ psi).T
-    shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
     return PointModes(
         lam=lam,
-        overdamped=overdamped,
         residual=backward_error(system.C, system.K, lam, psi),
         energies=reduced_energy_shares(prepared.model, system.weights, psi),
-        shapes=shapes.astype(np.complex64),
+        shapes=unit_shapes(prepared.shape_rows @ psi),
         working_point=point,
         error_rung=error,
     )

@@ -13,15 +13,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.modes.full_order.modes import NO_WORKING_POINT
-from squealstudy.modes.point import PointModes, working_point_error
+from squealstudy.modes.point import PointModes, oscillating_first, working_point_error
 from squealstudy.modes.reanalysis.estimate import Outcome
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.reduction.prepared_family import PreparedFamily
-from squealstudy.system.energy import component_energies, energy_shares
-from squealstudy.system.linearise import StructureWeights
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.prepared import PreparedFamily, PreparedModel, unit_shapes
+from squealstudy.system.linearise import StructureWeights, component_energies, energy_shares
 from squealstudy.system.parametric import product
 
 
@@ -52,6 +50,8 @@ class Problem:
 
     Attributes
     ----------
+    prepared : PreparedModel or PreparedFamily
+        The structure.
     swept : SweptProblem
         Terms and weights of the model over the box of all its design points.
     chart : Chart
@@ -62,18 +62,16 @@ class Problem:
         Complex modes of a design point by the exact rung of the model; ConvergenceError.
     full_order : callable
         The same in the unreduced model.
-    reader : callable
-        The `Reader` of a basis V (n, r), or of full coordinates for None.
     load_basis : callable
         The sweep basis over the box; it is there where a rung asks for one.
     """
 
+    prepared: PreparedModel | PreparedFamily
     swept: SweptProblem
     chart: Chart
     tolerance: float
     exact: Callable[[Any], PointModes]
     full_order: Callable[[Any], PointModes]
-    reader: Callable[[np.ndarray | None], Reader]
     load_basis: Callable[[], SweepBasis]
 
     def theta(self, points: Sequence[Point]) -> np.ndarray:
@@ -93,24 +91,23 @@ class Problem:
     @cached_property
     def full_reader(self) -> Reader:
         """Of vectors in full coordinates."""
-        return self.reader(None)
+        return Reader(self.prepared, None)
 
     @cached_property
     def basis_reader(self) -> Reader:
         """Of vectors in those of the sweep basis."""
-        return self.reader(self.basis.V)
+        return Reader(self.prepared, self.basis.V)
 
     def modes(self, found: Outcome) -> PointModes | ConvergenceError:
         """Roots of a rung as modes, oscillating ones first, or why there are none."""
         if isinstance(found, ConvergenceError):
             return found
-        order = np.argsort(found.lam.imag == 0, kind="stable")
+        order = oscillating_first(found.lam)
         lam, X = found.lam[order], found.X[:, order]
         reader = self.full_reader if found.full else self.basis_reader
-        point = found.at.working_point or NO_WORKING_POINT
+        point = found.at.working_point
         return PointModes(
             lam=lam,
-            overdamped=lam.imag == 0,
             residual=found.residual[order],
             energies=reader.energies(found.at, X),
             shapes=reader.shapes(X),
@@ -120,38 +117,29 @@ class Problem:
         )
 
 
-class Reader(Protocol):
-    """Energies and comparable shapes of vectors (r, m)."""
-
-    def energies(self, at: Linearisation, X: np.ndarray) -> np.ndarray:
-        """Share of each component, then of the interfaces, in the elastic energy (c + 1, m)."""
-        ...
-
-    def shapes(self, X: np.ndarray) -> np.ndarray:
-        """Unit coordinates (m, k) complex64 on the prepared shape basis."""
-        ...
-
-
-class BrakeReader:
-    """Of a component-mode model.
+class Reader:
+    """Energies and comparable shapes of vectors (r, m) in the coordinates of a basis.
 
     Parameters
     ----------
-    prepared : PreparedModel
+    prepared : PreparedModel or PreparedFamily
+        The latter has no energies.
     V : ndarray (n, r) or None
-        The basis; None for component-mode coordinates themselves.
+        The basis; None for full coordinates themselves.
     """
 
-    def __init__(self, prepared: PreparedModel, V: np.ndarray | None) -> None:
+    def __init__(self, prepared: PreparedModel | PreparedFamily, V: np.ndarray | None) -> None:
+        self._model, self._V = prepared.model, V
+        self._shapes = prepared.shape_rows if V is None else prepared.shape_rows @ V
         model = prepared.model
-        self._model, self._V = model, V
-        self._normal = np.asarray(model.N if V is None else model.N @ V)
-        self._springs = np.asarray(model.K_springs if V is None else V.T @ model.K_springs @ V)
-        basis = prepared.shape_basis.T
-        self._shapes = np.asarray(basis if V is None else basis @ V)
+        if isinstance(model, ReducedModel):
+            self._normal = np.asarray(model.N if V is None else model.N @ V)
+            self._springs = np.asarray(model.K_springs if V is None else V.T @ model.K_springs @ V)
 
     def energies(self, at: Linearisation, X: np.ndarray) -> np.ndarray:
-        """Shares in psi^H K_sym psi (c + 1, m)."""
+        """Share of each component, then of the interfaces, in the elastic energy (c + 1, m)."""
+        if not isinstance(self._model, ReducedModel):
+            return np.zeros((0, X.shape[1]))
         psi = X if self._V is None else product(self._V, X)
         named = StructureWeights.of(at.weights)
         components = component_energies(self._model, named, psi)
@@ -159,22 +147,4 @@ class BrakeReader:
 
     def shapes(self, X: np.ndarray) -> np.ndarray:
         """Unit coordinates (m, k) complex64 on the prepared shape basis."""
-        seen = product(self._shapes, X).T
-        seen = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-300)
-        unit: np.ndarray = seen.astype(np.complex64)
-        return unit
-
-
-class FamilyReader:
-    """Of a family of matrices, whose modes have no energies; parameters as of BrakeReader."""
-
-    def __init__(self, prepared: PreparedFamily, V: np.ndarray | None) -> None:
-        self._prepared, self._V = prepared, V
-
-    def energies(self, at: Linearisation, X: np.ndarray) -> np.ndarray:
-        """None of any part (0, m)."""
-        return np.zeros((0, X.shape[1]))
-
-    def shapes(self, X: np.ndarray) -> np.ndarray:
-        """Unit coordinates (m, k) complex64 on the prepared shape basis."""
-        return self._prepared.shapes(X if self._V is None else self._V @ X)
+        return unit_shapes(product(self._shapes, X))

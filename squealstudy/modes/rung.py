@@ -234,8 +234,8 @@ def _checked(item: Any, count: int, known: Collection[int]) -> Found:
             f"yielded {type(found).__name__}"
         )
     m = np.shape(found.lam)
-    sizes = {name: np.shape(getattr(found, name)) for name in ("overdamped", "residual")}
-    sizes |= {"error_rung": np.shape(found.error_rung), "shapes": np.shape(found.shapes)[:1]}
+    sizes = {name: np.shape(getattr(found, name)) for name in ("residual", "error_rung")}
+    sizes["shapes"] = np.shape(found.shapes)[:1]
     sizes["energies"] = np.shape(found.energies)[1:]
     wrong = [f"{name} {size}" for name, size in sizes.items() if size != m]
     if len(m) != 1 or wrong:
@@ -247,12 +247,10 @@ def _checked(item: Any, count: int, known: Collection[int]) -> Found:
 
 def _named(rung: Rung, found: PointModes) -> PointModes:
     """Modes under the name of their rung, oscillating ones first, ascending in modulus."""
-    real = found.lam.imag == 0
-    order = np.lexsort((np.abs(found.lam), real))
+    order = np.lexsort((np.abs(found.lam), found.overdamped))
     return replace(
         found,
         lam=found.lam[order],
-        overdamped=real[order],
         residual=found.residual[order],
         energies=found.energies[:, order],
         shapes=found.shapes[order],

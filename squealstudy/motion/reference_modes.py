@@ -17,8 +17,7 @@ from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.motion.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.energy import reduced_energy_shares
-from squealstudy.system.linearise import component_frequencies, linearise
+from squealstudy.system.linearise import component_frequencies, linearise, reduced_energy_shares
 
 COUPLED = 1e-3  # of the largest damping: coupling below it is left out
 LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out

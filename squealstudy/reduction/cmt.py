@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.linalg.factor import RefinedFactor, factorise, lean_solve
+from squealstudy.errors import ModelError
+from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -56,7 +58,7 @@ class BasisSettings:
         return max(self.component_cutoff, self.assembly_cutoff)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedModel:
     """The assembly in component-mode coordinates: M = I, K_el diagonal.
 
@@ -153,6 +155,25 @@ def component_modes(assembly: Assembly, cutoff_hz: float) -> dict[str, Component
     return {c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz)) for c in assembly.components}
 
 
+def momenta(
+    assembly: Assembly, modes: Mapping[str, ComponentModes], keys: Collection[ModeKey]
+) -> np.ndarray:
+    """Rows phi^T M (k, n_dof) of component modes over the assembly.
+
+    Raises
+    ------
+    ModelError
+        A component mode that is not there.
+    """
+    components = {c.name: c for c in assembly.components}
+    rows = np.zeros((len(keys), assembly.n_dof))
+    for row, (name, mode) in zip(rows, keys, strict=True):
+        if name not in modes or not 1 <= mode <= modes[name].phi.shape[1]:
+            raise ModelError(f"component '{name}' has no mode {mode} here")
+        row[assembly.slices[name]] = components[name].M @ modes[name].phi[:, mode - 1]
+    return rows
+
+
 def reduce_cmt(
     assembly: Assembly,
     modes: Mapping[str, ComponentModes],
@@ -181,11 +202,10 @@ def reduce_cmt(
     K = assembly.K_el + assembly.K_springs()
     K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
     cutoff = settings.assembly_cutoff
-    above = shifted(assembly.M, K, cutoff)
-    factor = factorise(above)
+    factor = factorise(shifted(assembly.M, K, cutoff))
     omega, phi = real_modes(assembly.M, K, cutoff, factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
-    extra = _load_responses(assembly, lean_solve(factor, above), nominal, others, loaded)
+    extra = _load_responses(assembly, factor.lean(), nominal, others, loaded)
     blocks, diagonals = [], []
     for component in assembly.components:
         span = assembly.slices[component.name]

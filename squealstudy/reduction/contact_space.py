@@ -15,7 +15,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import SINGULAR, Factor, factorise, lean_solve
+from squealstudy.linalg.factor import SINGULAR, RefinedFactor, factorise
 from squealstudy.models.assembly import Assembly
 
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
@@ -109,10 +109,10 @@ def contact_space(
     """
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True)
-    K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsc()
+    K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsr()
     factor = factorise(K0)
-    _check_held(K0, factor)
-    solve = lean_solve(factor, K0)
+    _check_held(factor)
+    solve = factor.lean()
     Q, R = independent_rows(c.N)
     X_Q = solve(Q)
     shapes = shapes() if callable(shapes) else shapes
@@ -145,8 +145,8 @@ def independent_rows(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray]:
     return Q, unsorted
 
 
-def _check_held(K0: sp.csc_matrix, factor: Factor) -> None:
+def _check_held(factor: RefinedFactor) -> None:
     """Solve once for a known load: a matrix that is singular to round-off does not give it back."""
-    b = np.random.default_rng(0).standard_normal(K0.shape[0])
-    if not np.linalg.norm(K0 @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
+    b = np.random.default_rng(0).standard_normal(factor.A.shape[0])
+    if not np.linalg.norm(factor.A @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
         raise ConvergenceError(SINGULAR, "the static stiffness is singular: some motion is free")

@@ -16,8 +16,8 @@ from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.operating import OperatingPoint
-from squealstudy.reduction.cmt import ComponentModes
+from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -118,7 +118,7 @@ def hybrid_model(
     point: WorkingPoint,
     operating: OperatingPoint,
     settings: HybridSettings,
-    damped: Mapping[tuple[str, int], ComponentModes] | None = None,
+    damped: Mapping[ModeKey, ComponentModes] | None = None,
     modes: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> HybridModel:
     """Reduce an assembly about a working point.
@@ -150,6 +150,8 @@ def hybrid_model(
     basis = hybrid_basis(assembly, K, modes[1], static, settings.layers, settings.by_component)
     M_h, K_h = basis.project(assembly.M), basis.project(K)
     omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
+    held = {name: own for (name, _), own in (damped or {}).items()}
+    rows = momenta(assembly, held, damped or ())
     return HybridModel(
         basis=basis,
         M=M_h,
@@ -166,21 +168,8 @@ def hybrid_model(
         omega=omega,
         phi=phi,
         damping_cutoff=settings.damping_cutoff,
-        shapes=basis.observe(_mode_rows(assembly, damped or {})),
+        shapes=basis.observe(sp.csr_matrix(rows)),
     )
-
-
-def _mode_rows(
-    assembly: Assembly, damped: Mapping[tuple[str, int], ComponentModes]
-) -> sp.csr_matrix:
-    """Rows phi_c^T M of component modes over the assembly (k, n_dof)."""
-    components = {c.name: c for c in assembly.components}
-    rows = np.zeros((len(damped), assembly.n_dof))
-    for row, ((name, mode), modes) in zip(rows, damped.items(), strict=True):
-        if name not in components or not 1 <= mode <= modes.phi.shape[1]:
-            raise ModelError(f"hybrid model: component '{name}' has no mode {mode} here")
-        row[assembly.slices[name]] = components[name].M @ modes.phi[:, mode - 1]
-    return sp.csr_matrix(rows)
 
 
 @dataclass(frozen=True)

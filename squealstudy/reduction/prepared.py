@@ -11,8 +11,10 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.factor import side_by_side
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
     Basis,
@@ -60,6 +62,18 @@ class PreparedModel:
     timings: Mapping[str, float] = field(default_factory=dict)
     nominal_tangent: np.ndarray = field(default_factory=lambda: np.zeros(0))
     finer: ReducedModel | None = None
+
+    @property
+    def shape_rows(self) -> np.ndarray:
+        """Rows (k, n) that give a mode shape's coordinates on the shape basis."""
+        return self.shape_basis.T
+
+
+def unit_shapes(coordinates: np.ndarray) -> np.ndarray:
+    """Coordinates (k, m) of m shapes as rows of unit norm (m, k) complex64, to be compared."""
+    rows = coordinates.T / np.maximum(np.linalg.norm(coordinates, axis=0)[:, None], 1e-300)
+    unit: np.ndarray = rows.astype(np.complex64)
+    return unit
 
 
 def prepare(
@@ -199,3 +213,94 @@ class _Clock:
         now = time.perf_counter()
         self.stages[name] = now - self._last
         self._last = now
+
+
+BAND_FACTOR = 1.1  # shapes a little beyond the band: modes that a sweep moves into it
+SHAPE_TOLERANCE = 1e-2  # relative singular value of nominal shapes that are kept apart
+MARGIN = 1.08  # of the number of roots asked for first
+
+
+@dataclass(frozen=True)
+class PreparedFamily:
+    """A family and what its design points share.
+
+    Attributes
+    ----------
+    model : MatrixFamily
+    scale : ndarray (n,)
+        Square root of the nominal mass matrix' diagonal: it puts displacements and rotations in
+        one unit.
+    shape_basis : ndarray (n, k)
+        Orthonormal columns that span the real and imaginary parts of the scaled mode shapes at the
+        nominal point; shapes of all points are compared by their coordinates on it.
+    n_roots : int
+        Roots to ask for first at a design point, conjugates counted.
+    timings : mapping of stage -> seconds
+    """
+
+    model: MatrixFamily
+    scale: np.ndarray
+    shape_basis: np.ndarray
+    n_roots: int
+    timings: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def shape_rows(self) -> np.ndarray:
+        """Rows (k, n) that give a mode shape's coordinates on the shape basis."""
+        rows: np.ndarray = self.shape_basis.T * self.scale
+        return rows
+
+
+def prepare_family(
+    family: MatrixFamily, nominal: Mapping[str, float], band: tuple[float, float]
+) -> PreparedFamily:
+    """Solve the nominal point and take its shapes as the basis.
+
+    Parameters
+    ----------
+    family : MatrixFamily
+    nominal : mapping of parameter -> value
+    band : (low, high)
+        rad/s.
+
+    Raises
+    ------
+    ModelError
+        A coefficient that has no value there.
+    ConvergenceError
+        No roots, or none with a small residual.
+    """
+    started = time.perf_counter()
+    M, C, K = family.matrices(nominal)
+    roots = roots_in_band(M, C, K, (band[0], BAND_FACTOR * band[1]))
+    scale = _scale(M.diagonal())
+    beyond = roots.lam[np.abs(roots.lam) > band[1]]
+    inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
+    first = min(max(int(MARGIN * inside), FIRST_ROOTS), 2 * family.n)
+    basis = spanning(scale[:, None] * roots.psi)
+    return PreparedFamily(
+        model=family,
+        scale=scale,
+        shape_basis=basis,
+        n_roots=first,
+        timings={"nominal_s": time.perf_counter() - started},
+    )
+
+
+def spanning(psi: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (n, k) that span the real and imaginary parts of shapes (n, m).
+
+    Without shapes, the first coordinate stands for all.
+    """
+    if not psi.shape[1]:
+        return np.eye(len(psi), 1)
+    unit = psi / np.maximum(np.linalg.norm(psi, axis=0), 1e-300)
+    U, s, _ = np.linalg.svd(np.hstack([unit.real, unit.imag]), full_matrices=False)
+    basis: np.ndarray = U[:, s > SHAPE_TOLERANCE * s[0]]
+    return basis
+
+
+def _scale(diagonal: np.ndarray) -> np.ndarray:
+    """Square root of the moduli, 1 for all where the diagonal vanishes."""
+    size: np.ndarray = np.sqrt(np.abs(diagonal))
+    return size if size.any() else np.ones(len(diagonal))

@@ -92,15 +92,15 @@ def working_point(
         friction beyond which the steady state does not exist.
     """
     law, A = point.law, space.area
-    equations = GapEquations(space, point)
+    equations = GapEquations(space, [point])
     estimate = _mean_pressure(space, point)
     if start is None:
         g = np.full(len(A), law.gap_at(estimate))
     else:  # gaps of a softer law may mean absurd pressures in this one
         g = np.maximum(start, law.gap_at(HIGHEST_START * estimate))
-    F, p, kappa = equations.imbalance(g)
+    (F,), (p,), (kappa,) = equations.imbalance(g[None])
     for iteration in range(1, MAX_ITERATIONS + 1):
-        J = equations.jacobian(p, kappa)
+        J = gap_jacobian(space, point, p, kappa)
         try:
             step = la.solve(J, -F, overwrite_a=True, check_finite=False)
         except la.LinAlgError:  # friction at its limit, or tangents that overflowed
@@ -111,8 +111,8 @@ def working_point(
         level = max(estimate, float(np.abs(A @ p) / A.sum()))
         damping = _damping(law, level, g, step)
         g = g + damping * step
-        F, p, kappa = equations.imbalance(g)
-        residual = equations.relative(F, g)
+        (F,), (p,), (kappa,) = equations.imbalance(g[None])
+        residual = float(equations.relative(F[None], g[None])[0])
         size = np.abs(step).max() / law.gap_scale(level)
         if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
             return working_point_result(space.area, g, p, kappa, iteration, residual, F)
@@ -127,43 +127,82 @@ def known_working_point(
     space: ContactSpace, point: OperatingPoint, gap: np.ndarray
 ) -> WorkingPoint | None:
     """The working point at gaps solved earlier, or None where they do not balance this point."""
-    equations = GapEquations(space, point)
+    equations = GapEquations(space, [point])
     g = np.array(gap, dtype=float)
-    F, p, kappa = equations.imbalance(g)
-    residual = equations.relative(F, g)
+    (F,), (p,), (kappa,) = equations.imbalance(g[None])
+    residual = float(equations.relative(F[None], g[None])[0])
     if not residual < TOLERANCE:
         return None
     return working_point_result(space.area, g, p, kappa, 0, residual, F)
 
 
-class GapEquations:
-    """Imbalance of the gaps and its Jacobian, at one operating point."""
+def gap_jacobian(
+    space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
+) -> np.ndarray:
+    """dF/dg (nc, nc) of the gap equations at pressures p [Pa] and tangents kappa [Pa/m] (nc,)."""
+    grip = space.frictional * point.friction_at(p).following(p)
+    J = space.H_NN * (space.area * (kappa - space.k_c))
+    J -= space.H_NT * (space.area * grip * kappa)
+    J[np.diag_indices_from(J)] += 1.0
+    return J
 
-    def __init__(self, space: ContactSpace, point: OperatingPoint) -> None:
-        self._point, self._frictional = point, space.frictional
-        self._law, self._k_c, self._gap0 = point.law, space.k_c, space.gap0
-        self._H_A, self._T_A = space.H_NN * space.area, space.H_NT * space.area
-        load = space.H_Nf @ np.array([point.brake_pressure, 1.0])
-        self._fixed = space.gap0 + load
-        self._size = float(np.abs(load).max())
+
+class GapEquations:
+    """Imbalance of the gaps, at one operating point or at several at once.
+
+    Component changes enter by Woodbury's identity, never as changed compliances.
+
+    Parameters
+    ----------
+    space : ContactSpace
+    operating : sequence of OperatingPoint (b)
+    changes : sequence of mapping of column of U -> float, or None
+        Changes of modal stiffness at each point, (rad/s)^2; None for none.
+    """
+
+    def __init__(
+        self,
+        space: ContactSpace,
+        operating: Sequence[OperatingPoint],
+        changes: Sequence[Changes] | None = None,
+    ) -> None:
+        self.space, self._operating = space, operating
+        changes = changes or [{}] * len(operating)
+        self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
+        self._cores = [self._core(c) for c in changes]
+        self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
+        still = np.zeros((len(operating), len(space.area)))
+        self._size = np.abs(self._movement(still, still)).max(axis=1)
+
+    def _core(self, changes: Changes) -> np.ndarray:
+        j = self._columns
+        D = np.diag([changes.get(column, 0.0) for column in j])
+        return np.linalg.solve(np.eye(len(j)) + D @ self.space.H_UU[np.ix_(j, j)], D)
+
+    def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
+        space, j = self.space, self._columns
+        moved = s @ space.H_NN - t @ space.H_NT.T + self._load @ space.H_Nf.T
+        if j:
+            seen = s @ space.H_NU[:, j] - t @ space.H_TU[:, j] + self._load @ space.H_fU[:, j]
+            lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
+            moved -= lost @ space.H_NU[:, j].T
+        return moved
 
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F(g) [m], pressure [Pa] and tangent [Pa/m]."""
-        p, kappa = self._law.evaluate(g)
-        drag = self._frictional * self._point.traction(p)
-        F = g - self._fixed - self._H_A @ (p + self._k_c * (g - self._gap0)) + self._T_A @ drag
+        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
+        space = self.space
+        pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
+        p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
+        drag = np.array([o.traction(row) for o, row in zip(self._operating, p, strict=True)])
+        s = space.area * (p + space.k_c * (g - space.gap0))
+        F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa
 
-    def jacobian(self, p: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-        """dF/dg (nc, nc) at evaluated points."""
-        grip = self._frictional * self._point.friction_at(p).following(p)
-        J = self._H_A * (kappa - self._k_c) - self._T_A * (grip * kappa)
-        J[np.diag_indices_from(J)] += 1.0
-        return J
-
-    def relative(self, F: np.ndarray, g: np.ndarray) -> float:
-        """Largest imbalance relative to the movement under the load and to the gaps."""
-        return float(np.abs(F).max() / (self._size + np.abs(g).max() + 1e-300))
+    def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """Largest imbalance relative to the movement under the load and to the gaps, (b,)."""
+        size: np.ndarray = self._size + np.abs(g).max(axis=1) + 1e-300
+        return np.abs(F).max(axis=1) / size
 
 
 def working_point_result(
@@ -234,7 +273,7 @@ def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> Anchor:
     """An anchor at a working point; `space` is that of its component changes."""
-    J = GapEquations(space, operating).jacobian(point.contact_pressure, point.tangent)
+    J = gap_jacobian(space, operating, point.contact_pressure, point.tangent)
     return Anchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
 
 
@@ -275,7 +314,7 @@ class WorkingPointField:
         start = self.gaps(theta)
         for number in np.unique(nearest):
             rows = [int(i) for i in np.flatnonzero(nearest == number)]
-            batch = BatchEquations(
+            batch = GapEquations(
                 self.space, [operating[i] for i in rows], [changes[i] for i in rows]
             )
             solved = _polish(batch, start[rows], self.anchors[number].inverse)
@@ -285,7 +324,7 @@ class WorkingPointField:
 
 
 def _polish(
-    equations: BatchEquations, g: np.ndarray, inverse: np.ndarray
+    equations: GapEquations, g: np.ndarray, inverse: np.ndarray
 ) -> list[WorkingPoint | None]:
     """Simplified Newton from gaps g (b, nc)."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -304,54 +343,3 @@ def _polish(
         else None
         for i in range(len(g))
     ]
-
-
-class BatchEquations:
-    """Imbalance of the gaps at several operating points at once (working_point.GapEquations).
-
-    Component changes enter by Woodbury's identity, never as changed compliances.
-    """
-
-    def __init__(
-        self,
-        space: ContactSpace,
-        operating: Sequence[OperatingPoint],
-        changes: Sequence[Changes],
-    ) -> None:
-        self.space, self._operating = space, operating
-        self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
-        self._cores = [self._core(c) for c in changes]
-        self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
-        still = np.zeros((len(operating), len(space.area)))
-        self._fixed = space.gap0 + self._movement(still, still)
-        self._size = np.abs(self._fixed - space.gap0).max(axis=1)
-
-    def _core(self, changes: Changes) -> np.ndarray:
-        j = self._columns
-        D = np.diag([changes.get(column, 0.0) for column in j])
-        return np.linalg.solve(np.eye(len(j)) + D @ self.space.H_UU[np.ix_(j, j)], D)
-
-    def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
-        space, j = self.space, self._columns
-        moved = s @ space.H_NN - t @ space.H_NT.T + self._load @ space.H_Nf.T
-        if j:
-            seen = s @ space.H_NU[:, j] - t @ space.H_TU[:, j] + self._load @ space.H_fU[:, j]
-            lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
-            moved -= lost @ space.H_NU[:, j].T
-        return moved
-
-    def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
-        space = self.space
-        pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
-        p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
-        drag = np.array([o.traction(row) for o, row in zip(self._operating, p, strict=True)])
-        s = space.area * (p + space.k_c * (g - space.gap0))
-        F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
-        return F, p, kappa
-
-    def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Largest imbalance relative to the movement under the load and to the gaps, (b,)."""
-        size: np.ndarray = self._size + np.abs(g).max(axis=1) + 1e-300
-        return np.abs(F).max(axis=1) / size

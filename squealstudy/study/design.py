@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from squealstudy.laws import (
     CONTACT_LAWS,
+    DEFAULT_CURVE,
     FRICTION_CURVES,
     ContactLaw,
     FrictionCurve,
@@ -21,7 +22,7 @@ from squealstudy.models.operating import (
     OperatingPoint,
 )
 from squealstudy.models.parameter import ModelDefinition
-from squealstudy.study.parameters import ModeParameter, parse_parameter
+from squealstudy.study.parameters import FREQUENCY_SCALE, ModeParameter, parse_parameter
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class DesignPoint:
     @property
     def curve_kind(self) -> str:
         """Friction curve of the model's options; that by default for models without a choice."""
-        return str(self.options.get(FRICTION_OPTION.name, FRICTION_OPTION.choices[0]))
+        return str(self.options.get(FRICTION_OPTION.name, DEFAULT_CURVE))
 
     @property
     def has_working_point(self) -> bool:
@@ -114,16 +115,18 @@ class DesignPoint:
         scale: dict[ModeKey, float] = {}
         damping: dict[ModeKey, float] = {}
         for parameter in self.mode_parameters():
-            target = scale if parameter.quantity == "frequency_scale" else damping
+            target = scale if parameter.quantity == FREQUENCY_SCALE else damping
             for mode in parameter.modes:
                 target[parameter.component, mode] = self.values[parameter.name]
         return DesignState(
-            self.operating_point(),
-            scale,
-            damping,
-            self.values.get("damping_ratio", 0.0),
-            {mode: self.values[p.name] for p in self.assembly_parameters() for mode in p.modes},
-            self.values.get("stiffness_damping", 0.0),
+            operating=self.operating_point(),
+            frequency_scale=scale,
+            mode_damping=damping,
+            damping_ratio=self.values.get("damping_ratio", 0.0),
+            assembly_damping={
+                mode: self.values[p.name] for p in self.assembly_parameters() for mode in p.modes
+            },
+            stiffness_damping=self.values.get("stiffness_damping", 0.0),
         )
 
     def mode_parameters(self) -> list[ModeParameter]:
@@ -135,8 +138,8 @@ class DesignPoint:
         return [p for p in self._parsed() if not p.component]
 
     def _parsed(self) -> list[ModeParameter]:
-        plain = {p.name for p in self.model.parameters}
-        parsed = (parse_parameter(name, self.model) for name in self.values if name not in plain)
+        of_modes = (name for name in self.values if "[" in name)  # as no other name is
+        parsed = (parse_parameter(name, self.model) for name in of_modes)
         return [p for p in parsed if isinstance(p, ModeParameter)]
 
 

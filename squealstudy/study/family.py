@@ -12,7 +12,6 @@ from squealstudy.models.matrices.expression import (
     RESERVED,
     Expression,
     ExpressionError,
-    parse_expression,
 )
 from squealstudy.models.matrices.family import (
     NAME,
@@ -115,7 +114,7 @@ def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
             n, first = matrix.shape[0], terms[0].matrix.shape[0]
             message = f"{term.path} is {n} x {n}, the first term's matrix {first} x {first}"
             raise source.error(("model", "term", i, "file"), message)
-        terms.append(FamilyTerm(ORDERS[term.matrix], matrix, parse_expression(term.coefficient)))
+        terms.append(FamilyTerm(ORDERS[term.matrix], matrix, Expression(term.coefficient)))
     return MatrixFamily(tuple(terms))
 
 
@@ -130,7 +129,7 @@ def _check_letters(section: ModelSection, source: SourceText) -> None:
 def _expression(term: TermSection, index: int, source: SourceText) -> Expression:
     keys: KeyPath = ("model", "term", index, "coefficient")
     try:
-        expression = parse_expression(term.coefficient)
+        expression = Expression(term.coefficient)
     except ExpressionError as error:
         raise source.error(keys, str(error)) from None
     for name in expression.names:

@@ -1,4 +1,4 @@
-"""A structure with contact linearised about steady sliding: its terms, and their weights.
+"""A structure with contact linearised about steady sliding: terms, weights, elastic energies.
 
     Q(lambda) = lambda^2 M + lambda C + K
     K_sym = K_elastic + K_springs + U^T s U + N^T (.) N,   K = K_sym + T^T (.) N
@@ -14,15 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
-from squealstudy.reduction.cmt import ComponentModes, ReducedModel
+from squealstudy.reduction.cmt import ComponentModes, ReducedModel, momenta
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.parametric import (
@@ -33,6 +35,7 @@ from squealstudy.system.parametric import (
     ParametricSystem,
     Term,
     Weights,
+    product,
 )
 
 
@@ -199,6 +202,7 @@ class ContactStructure:
         return (weights, 0.0) if self.shapes is None else (0.0, weights)
 
 
+@lru_cache(maxsize=4)  # design points of a structure share it
 def reduced_structure(model: ReducedModel) -> ContactStructure:
     """A component-mode model: unit mass, elastic diagonal, component modes are coordinates."""
     frequencies = component_frequencies(model)
@@ -222,10 +226,6 @@ def unreduced_structure(
 ) -> ContactStructure:
     """An assembly; the component modes that the state changes or damps are shapes."""
     used = list(dict.fromkeys([*state.frequency_scale, *state.mode_damping]))
-    masses = {c.name: c.M for c in assembly.components}
-    shapes = np.zeros((len(used), assembly.n_dof))
-    for row, (name, j) in zip(shapes, used, strict=True):
-        row[assembly.slices[name]] = masses[name] @ modes[name].phi[:, j - 1]
     contact = assembly.contact
     return ContactStructure(
         mass=assembly.M,
@@ -239,7 +239,7 @@ def unreduced_structure(
         frictional=contact.frictional,
         frequencies={(name, j): float(modes[name].omega[j - 1]) for name, j in used},
         places={key: row for row, key in enumerate(used)},
-        shapes=shapes,
+        shapes=momenta(assembly, modes, used),
     )
 
 
@@ -269,6 +269,11 @@ class LinearisedModel:
     K: np.ndarray
     K_sym: np.ndarray
     weights: StructureWeights
+
+    @property
+    def pencil(self) -> QuadraticPencil:
+        """The identity, C and K."""
+        return QuadraticPencil(sp.identity(len(self.K), format="csr"), self.C, self.K)
 
 
 def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> LinearisedModel:
@@ -318,3 +323,55 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf
     w2, phi = la.eigh(K_sym)
     omega = np.sqrt(np.maximum(w2, 0.0))
     return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T
+
+
+def energy_shares(
+    components: np.ndarray, springs: Matrix, N: Matrix, weights: StructureWeights, X: np.ndarray
+) -> np.ndarray:
+    """Share of each component, then of the interfaces, in psi^H K_sym psi.
+
+    Parameters
+    ----------
+    components : ndarray (n_components, m)
+        Elastic energies psi^H K psi of each component and mode.
+    springs : matrix (n, n)
+        Stiffness of linear interfaces, in the coordinates of X.
+    N : matrix (nc, n)
+        Contact normals, in the same coordinates.
+    weights : StructureWeights
+    X : ndarray (n, m) complex
+        The mode shapes.
+
+    Returns
+    -------
+    ndarray (n_components + 1, m)
+        Columns sum to one; friction does no elastic work and is left out.
+    """
+    own = np.einsum("im,im->m", X.conj(), product(springs, X)).real
+    interfaces = weights.springs * own + weights.normal @ squared(product(N, X))
+    total = np.maximum(components.sum(axis=0) + interfaces, 1e-300)
+    shares: np.ndarray = np.vstack([components, interfaces]) / total
+    return shares
+
+
+def component_energies(
+    model: ReducedModel, weights: StructureWeights, psi: np.ndarray
+) -> np.ndarray:
+    """Elastic energy (n_components, m) of shapes (n, m) in component-mode coordinates."""
+    by_coordinate = weights.elastic[:, None] * squared(psi)
+    energies: np.ndarray = np.add.reduceat(by_coordinate, model.offsets[:-1], axis=0)
+    return energies
+
+
+def reduced_energy_shares(
+    model: ReducedModel, weights: StructureWeights, psi: np.ndarray
+) -> np.ndarray:
+    """`energy_shares` (n_components + 1, m) of shapes psi (n, m) of a component-mode model."""
+    components = component_energies(model, weights, psi)
+    return energy_shares(components, model.K_springs, model.N, weights, psi)
+
+
+def squared(X: np.ndarray) -> np.ndarray:
+    """|X|^2, without the root."""
+    size: np.ndarray = X.real**2 + X.imag**2
+    return size

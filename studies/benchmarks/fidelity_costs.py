@@ -33,9 +33,9 @@ from fidelity_hand_picks import hand_picks, most_accurate
 from squealstudy.engine.cache import load_any
 from squealstudy.engine.measurement import Measurement
 from squealstudy.errors import SquealstudyError
-from squealstudy.fidelity.audit import drawn_points
 from squealstudy.fidelity.choice import Choice
 from squealstudy.fidelity.frequency_search import search_modes
+from squealstudy.fidelity.run import drawn_points
 from squealstudy.fidelity.scene import Scene
 from squealstudy.fidelity.time_search import QUIET, search_runs
 from squealstudy.paths import ENVIRONMENT

@@ -30,7 +30,7 @@ def most_accurate(scene: Scene, chosen: Changes) -> Changes:
     if not scene.in_time:
         return {**chosen, "modes.method": exact_method(scene.study)}
     steps = free_ladders(scene.study).get(STEP)
-    smallest = steps.rungs[-1].changes if steps else {}
+    smallest = steps[-1].changes if steps else {}
     contact = {k: v for k, v in chosen.items() if k.startswith("model.")}
     return {**QUIET, **(ALL_MODES if has_mesh(scene.study) else {}), **contact, **smallest}
 
@@ -57,7 +57,7 @@ def _modes(scene: Scene, chosen: Changes) -> dict[str, Changes]:
                 }
     found["modes to 1.5 x band, sweep_basis"] = {"modes.method": "sweep_basis", **tolerance}
     ladder = free_ladders(scene.study).get(REDUCTION)
-    for rung in ladder.rungs if ladder else ():
+    for rung in ladder if ladder else ():
         found[f"rung: {rung.label}"] = {**chosen, **rung.changes}
     return found
 
@@ -66,7 +66,7 @@ def _runs(scene: Scene, chosen: Changes) -> dict[str, Changes]:
     found: dict[str, Changes] = {
         f"rung: {rung.label}": {**chosen, **rung.changes}
         for ladder in free_ladders(scene.study).values()
-        for rung in ladder.rungs
+        for rung in ladder
         if {**chosen, **rung.changes} != dict(chosen)
     }
     contact = {k: v for k, v in chosen.items() if k.startswith("model.")}

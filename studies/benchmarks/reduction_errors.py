@@ -37,7 +37,7 @@ from squealstudy.kinds.complex_modes.reference import (
     read_references,
     reference_roots,
 )
-from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.root_pairs import paired_with_full_order
 from squealstudy.study.definition import load_study
 
 NEUTRAL = 1e-7  # stability_tolerance of the studies

@@ -180,7 +180,7 @@ def test_what_is_no_answer_of_a_rung_ends_a_study_with_its_name(
 
 def test_roots_in_any_order_under_any_name_are_put_right(linear, tmp_path, monkeypatch):
     def backwards(i, found):
-        turned = ("lam", "overdamped", "residual", "error_rung", "shapes")
+        turned = ("lam", "residual", "error_rung", "shapes")
         parts = {name: getattr(found, name)[::-1] for name in turned}
         yield i, replace(found, **parts, energies=found.energies[:, ::-1], method="dense")
 

@@ -17,7 +17,7 @@ from squealstudy.engine.store import MODES
 from squealstudy.kinds.complex_modes.reduction import Sample, carried_errors, is_reduced
 from squealstudy.kinds.complex_modes.reference import reference_roots
 from squealstudy.kinds.complex_modes.rows import ModeColumns, light_or_growing
-from squealstudy.modes.full_order.pairs import paired_with_full_order
+from squealstudy.root_pairs import paired_with_full_order
 
 COVERED = 0.95  # share of the checked modes whose error an estimate is to reach
 

@@ -27,14 +27,13 @@ from squealstudy.kinds.complex_modes.reference import solve_unreduced
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
-from squealstudy.modes.problem import BrakeReader, FamilyReader, Problem
+from squealstudy.modes.problem import Problem
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem
 from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import BasisSettings
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import FREQUENCY_SCALE
 
@@ -138,6 +137,7 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
         return solve_family_point(prepared, design.plain_values(), band_hz)
 
     return Problem(
+        prepared=prepared,
         swept=FamilyProblem(
             family=prepared.model,
             dimension=chart.dimension,
@@ -149,7 +149,6 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
         tolerance=structure.tolerance,
         exact=solve,
         full_order=solve,
-        reader=lambda V: FamilyReader(prepared, V),
         load_basis=structure.basis,
     )
 
@@ -166,6 +165,7 @@ def _brake_problem(
         return solve_point(prepared, design.state(), band_hz, known_gap(structure.key, design))
 
     return Problem(
+        prepared=prepared,
         swept=BrakeProblem(
             prepared=prepared,
             dimension=chart.dimension,
@@ -177,7 +177,6 @@ def _brake_problem(
         tolerance=structure.tolerance,
         exact=solve,
         full_order=lambda design: solve_unreduced(prepared, design, structure.settings, band_hz),
-        reader=lambda V: BrakeReader(prepared, V),
         load_basis=structure.basis,
     )
 

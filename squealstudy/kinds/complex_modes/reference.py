@@ -15,10 +15,10 @@ from squealstudy.engine.cache import Prepared, load_any
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
-from squealstudy.modes.full_order.pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.modes.point import PointModes
 from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
-from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.reduction.prepared import PreparedFamily
+from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
 
 REFERENCES = "references"

@@ -19,8 +19,8 @@ import pyarrow as pa
 from squealstudy.engine.rows import HEAD, head
 from squealstudy.engine.store import INACCURATE, read_tables
 from squealstudy.errors import ResultsError
-from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.modes.point import PointModes
+from squealstudy.root_pairs import LIGHT
 
 POINT_FIELDS = (
     *HEAD,

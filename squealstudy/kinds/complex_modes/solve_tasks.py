@@ -153,8 +153,9 @@ def solve_points(task: SolveTask) -> Solved:
         point, now = task.points[i], time.perf_counter()
         if isinstance(found, PointModes):
             rows.append(solved_row(point.point_id, now - last, found, left_over))
-            if task.keep_gaps and point.point_id not in known:
-                new_gaps.add(key, point, found.working_point.gap)
+            sliding = found.working_point
+            if task.keep_gaps and sliding is not None and point.point_id not in known:
+                new_gaps.add(key, point, sliding.gap)
         else:
             rows.append(failed_row(SCHEMA, point.point_id, *reason(found), now - last))
         last = now

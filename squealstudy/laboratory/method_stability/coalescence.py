@@ -12,7 +12,7 @@ out is S r^3 / 16 of the frequency, S = (nu_1 - nu_2) / (4 a) at the anchor.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.reanalysis.estimate import EstimatedRoots
-from squealstudy.modes.reanalysis.problem import Linearisation, Linearised, in_band
+from squealstudy.modes.reanalysis.problem import DenseProblem, in_band
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 from squealstudy.system.parametric import (
     DAMPING,
@@ -111,10 +111,8 @@ def predict(knobs: Mapping[str, float]) -> float:
     return float(knobs["step"] / max(away * reach, 1e-300))
 
 
-class SmallProblem:
-    """lambda^2 I + lambda C + K + theta F of a few modes as a problem of the reanalysis ladder.
-
-    What the methods are for: reanalysis.problem.SweptProblem.
+class SmallProblem(DenseProblem):
+    """lambda^2 I + lambda C + K + theta F of a few modes as a problem of rungs.
 
     Parameters
     ----------
@@ -125,7 +123,6 @@ class SmallProblem:
     """
 
     dimension = 1
-    exact = "dense"
 
     def __init__(
         self,
@@ -134,26 +131,19 @@ class SmallProblem:
         coupling: np.ndarray,
         band: tuple[float, float] = (0.0, np.inf),
     ) -> None:
-        self._stiffness, self.band = K, band
-        parts = (DAMPING, C), (STIFFNESS, K), (STIFFNESS, coupling)
-        terms = (Term(MASS), *(Term(order, None, matrix) for order, matrix in parts))
-        self.system = ParametricSystem(len(K), terms)
+        self._parts, self.band = (C, K, coupling), band
 
-    def interpolation_error(self) -> float:
-        """Nothing is interpolated."""
-        return 0.0
+    @cached_property
+    def system(self) -> ParametricSystem:
+        """Mass, damping, stiffness and coupling."""
+        orders = (DAMPING, STIFFNESS, STIFFNESS)
+        parts = zip(orders, self._parts, strict=True)
+        terms = (Term(MASS), *(Term(order, None, matrix) for order, matrix in parts))
+        return ParametricSystem(len(self._parts[1]), terms)
 
     def weights(self, theta: np.ndarray) -> Weights:
         """One of mass, damping and stiffness, and theta."""
         return (1.0, 1.0, 1.0, float(theta[0]))
-
-    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
-        """Weights at theta (b, 1)."""
-        return [Linearisation(self.weights(row), None) for row in theta]
-
-    def local_field(self, box: Any, grid: Any) -> None:
-        """Nothing: there are no working points."""
-        return
 
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
         """All pairs of imaginary part >= 0 in reach of the band."""
@@ -162,22 +152,9 @@ class SmallProblem:
         pairs = all_pairs(C, K)
         return weights, pairs.take(in_band(pairs.lam, self.band, reach) & (pairs.lam.imag >= 0))
 
-    def energy_root(self, X: np.ndarray) -> np.ndarray:
-        """F X, F^T F = K."""
-        root: np.ndarray = np.linalg.cholesky(self._stiffness).T @ X
-        return root
-
-    def from_energy(self, Z: np.ndarray) -> np.ndarray:
-        """F^-1 Z."""
-        return np.linalg.solve(np.linalg.cholesky(self._stiffness).T, Z)
-
-    def flexibility(self, r: np.ndarray) -> np.ndarray:
-        """K solved for r."""
-        return np.linalg.solve(self._stiffness, r)
-
-    def mass_product(self, X: np.ndarray) -> np.ndarray:
-        """X itself."""
-        return X
+    def nominal_stiffness(self) -> np.ndarray:
+        """K (n, n)."""
+        return self._parts[1]
 
 
 COALESCENCE = Case(

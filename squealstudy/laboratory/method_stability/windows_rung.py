@@ -88,8 +88,7 @@ class FrictionProblem(SmallProblem):
     """Hulten's mass over its friction about mu_c; theta in [-1, 1] is the box."""
 
     def __init__(self, damping_ratio: float) -> None:
-        self._parts = flutter_matrices(damping_ratio)
-        super().__init__(*self._parts, BAND)
+        super().__init__(*flutter_matrices(damping_ratio), BAND)
 
     def weights(self, theta: np.ndarray) -> Weights:
         """One of mass, damping and springs, and the friction."""

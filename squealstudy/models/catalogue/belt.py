@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.assembly import Assembly, SpringInterface
-from squealstudy.models.minimal_parts import bilateral_points, point_mass
+from squealstudy.models.minimal_parts import mass_on_belt
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     DAMPING,
@@ -64,19 +64,8 @@ def build(
 
     q1 is along the belt, against its motion; q2 is away from it.
     """
-    spring = SpringInterface(
-        "spring", sp.csr_matrix(np.array([[1.0, 0.0]])), np.array([values["stiffness"]])
-    )
-    contact = bilateral_points(
-        np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]]), np.array([values["contact_stiffness"]])
-    )
-    return Assembly(
-        (point_mass("mass", values["mass"]),),
-        contact,
-        (spring,),
-        np.zeros(2),
-        np.array([0.0, -values["normal_force"]]),
-    )
+    along = sp.csr_matrix(np.array([[1.0, 0.0]]))
+    return mass_on_belt(values, SpringInterface("spring", along, np.array([values["stiffness"]])))
 
 
 BELT = ModelDefinition(

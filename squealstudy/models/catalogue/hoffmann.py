@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.models.assembly import Assembly, SpringInterface
-from squealstudy.models.minimal_parts import bilateral_points, point_mass
+from squealstudy.models.minimal_parts import mass_on_belt
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
@@ -79,16 +79,7 @@ def build(
         sp.csr_matrix(np.column_stack([np.cos(angles), np.sin(angles)])),
         np.array([values["k1"], values["k2"]]),
     )
-    contact = bilateral_points(
-        np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]]), np.array([values["contact_stiffness"]])
-    )
-    return Assembly(
-        (point_mass("mass", values["mass"]),),
-        contact,
-        (springs,),
-        np.zeros(2),
-        np.array([0.0, -values["normal_force"]]),
-    )
+    return mass_on_belt(values, springs)
 
 
 HOFFMANN = ModelDefinition(

@@ -92,12 +92,6 @@ def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
     return kept
 
 
-def surface_nodes(solid: Solid, keep: FacetFilter) -> np.ndarray:
-    """Ascending node numbers of the boundary facets whose centre passes `keep`."""
-    nodes: np.ndarray = np.sort(solid.basis.get_dofs(facets=kept_facets(solid, keep)).all())
-    return nodes
-
-
 def facing_surface(solid: Solid, surface: Surface) -> Surface:
     """The points of `surface` as seen by the facing `solid`: its own shape functions there.
 

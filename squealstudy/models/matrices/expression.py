@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,30 +17,7 @@ from keyword import iskeyword
 
 from squealstudy.errors import ModelError
 
-
-@dataclass(frozen=True)
-class Number:
-    """A constant."""
-
-    value: float
-
-
-@dataclass(frozen=True)
-class Name:
-    """A parameter."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Call:
-    """A function of `FUNCTIONS` or an operator (``+ - * / **``, unary ``neg``) of sub-trees."""
-
-    function: str
-    arguments: tuple[Node, ...]
-
-
-Node = Number | Name | Call
+Evaluation = Callable[[Mapping[str, float]], float]  # raises what Python's floats raise
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin,
@@ -57,54 +35,18 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": max,
 }
 SEVERAL = ("min", "max")  # functions of two and more arguments; all others have one
-_OPERATORS: dict[str, Callable[..., float]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "/": lambda a, b: a / b,
-    "**": math.pow,  # real powers of floats: neither complex numbers nor endless integers
-    "neg": lambda a: -a,
+_OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,  # real powers of floats: neither complex numbers nor endless integers
 }
-_APPLIED = FUNCTIONS | _OPERATORS
-
-
-def names_of(node: Node) -> tuple[str, ...]:
-    """Parameters of a tree, each once, in the order of their first use."""
-    if isinstance(node, Name):
-        return (node.name,)
-    parts = node.arguments if isinstance(node, Call) else ()
-    return tuple(dict.fromkeys(name for part in parts for name in names_of(part)))
-
-
-def compiled(node: Node) -> Evaluation:
-    """A closure that evaluates the tree; it raises what Python's floats raise."""
-    if isinstance(node, Number):
-        value = node.value
-        return lambda _: value
-    if isinstance(node, Name):
-        name = node.name
-        return lambda values: values[name]
-    function, parts = _APPLIED[node.function], tuple(map(compiled, node.arguments))
-    if len(parts) == 1:
-        (only,) = parts
-        return lambda values: function(only(values))
-    if len(parts) == 2:
-        first, second = parts
-        return lambda values: function(first(values), second(values))
-    return lambda values: function(*(part(values) for part in parts))
-
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
 _WORD = re.compile(r"[A-Za-z_]\w*")
 LONGEST, DEEPEST = 1000, 60  # characters; nesting
-_BINARY: dict[type[ast.operator], str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Pow: "**",
-}
 _FOREIGN = {  # nodes of Python that people may try, in plain words
     ast.Attribute: "an attribute (a dot after a name)",
     ast.Subscript: "an index in square brackets",
@@ -128,24 +70,43 @@ class ExpressionError(ModelError):
 class Expression:
     """A number as a function of named parameters.
 
+    Numbers, names, ``+ - * / **``, brackets, the constants pi and e, and the functions sin, cos,
+    tan, asin, acos, atan, sqrt, exp, log (natural), log10, abs, min and max.
+
     Attributes
     ----------
     text : str
-        As it was written.
-    node : Node
+
+    Raises
+    ------
+    ExpressionError
+        With the position (character, from 1) of what cannot be used.
     """
 
     text: str
-    node: Node
+
+    def __post_init__(self) -> None:
+        _check_text(self.text)
+        object.__setattr__(self, "text", self.text.strip())
+        _ = self._read
 
     @cached_property
+    def _read(self) -> tuple[Evaluation, tuple[str, ...]]:
+        """What evaluates it, and the parameters that it uses."""
+        try:
+            tree = ast.parse(self.text, mode="eval")
+        except SyntaxError as error:
+            where = f" at character {error.offset}" if error.offset else ""
+            raise ExpressionError(f"'{self.text}' is no expression: {error.msg}{where}") from None
+        except (ValueError, RecursionError, MemoryError):  # beyond what Python's own parser takes
+            raise ExpressionError("an expression nested too deeply") from None
+        reader = _Reader(self.text)
+        return reader.node(tree.body, 0), tuple(reader.names)
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Parameters used, each once."""
-        return names_of(self.node)
-
-    @cached_property
-    def _evaluate(self) -> Evaluation:
-        return compiled(self.node)
+        """Parameters used, each once, in the order of their first use."""
+        return self._read[1]
 
     def value(self, values: Mapping[str, float]) -> float:
         """The number at these parameter values.
@@ -156,7 +117,7 @@ class Expression:
             Division by zero, overflow, a function outside its domain: no finite real number.
         """
         try:
-            result = float(self._evaluate(values))
+            result = float(self._read[0](values))
         except ZeroDivisionError:
             reason = "division by zero"
         except OverflowError:
@@ -171,29 +132,6 @@ class Expression:
         raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
 
 
-def parse_expression(text: str) -> Expression:
-    """Read an expression: numbers, names, ``+ - * / **``, brackets, constants and functions.
-
-    The constants are pi and e; the functions sin, cos, tan, asin, acos, atan, sqrt, exp, log
-    (natural), log10, abs, min and max.
-
-    Raises
-    ------
-    ExpressionError
-        With the position (character, from 1) of what cannot be used.
-    """
-    _check_text(text)
-    stripped = text.strip()
-    try:
-        tree = ast.parse(stripped, mode="eval")
-    except SyntaxError as error:
-        where = f" at character {error.offset}" if error.offset else ""
-        raise ExpressionError(f"'{stripped}' is no expression: {error.msg}{where}") from None
-    except (ValueError, RecursionError, MemoryError):  # beyond what Python's own parser takes
-        raise ExpressionError("an expression nested too deeply") from None
-    return Expression(stripped, _Reader(stripped).node(tree.body, 0))
-
-
 def _check_text(text: str) -> None:
     if len(text) > LONGEST:
         raise ExpressionError(f"expected at most {LONGEST} characters, got {len(text)}")
@@ -206,29 +144,37 @@ def _check_text(text: str) -> None:
 
 
 class _Reader:
-    """Takes over the nodes of Python's syntax tree that are allowed."""
+    """Makes closures of the nodes of Python's syntax tree that are allowed.
+
+    Attributes
+    ----------
+    names : dict of str -> None
+        Parameters met, in order.
+    """
 
     def __init__(self, text: str) -> None:
         self.text = text
+        self.names: dict[str, None] = {}
 
-    def node(self, tree: ast.expr, depth: int) -> Node:
+    def node(self, tree: ast.expr, depth: int) -> Evaluation:
         if depth > DEEPEST:
             raise self._error(tree, f"nested more than {DEEPEST} deep")
         if isinstance(tree, ast.Constant):
-            return self._number(tree)
+            return _constant(self._number(tree))
         if isinstance(tree, ast.Name):
             return self._name(tree)
         if isinstance(tree, ast.Call):
             return self._call(tree, depth)
-        if isinstance(tree, ast.BinOp) and type(tree.op) in _BINARY:
-            sides = (self.node(tree.left, depth + 1), self.node(tree.right, depth + 1))
-            return Call(_BINARY[type(tree.op)], sides)
+        if isinstance(tree, ast.BinOp) and type(tree.op) in _OPERATORS:
+            apply = _OPERATORS[type(tree.op)]
+            left, right = self.node(tree.left, depth + 1), self.node(tree.right, depth + 1)
+            return lambda values: apply(left(values), right(values))
         if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub | ast.UAdd):
             operand = self.node(tree.operand, depth + 1)
-            return operand if isinstance(tree.op, ast.UAdd) else Call("neg", (operand,))
+            return operand if isinstance(tree.op, ast.UAdd) else lambda values: -operand(values)
         raise self._error(tree, f"{self._what(tree)} cannot be used")
 
-    def _number(self, tree: ast.Constant) -> Node:
+    def _number(self, tree: ast.Constant) -> float:
         if isinstance(tree.value, bool) or not isinstance(tree.value, int | float):
             raise self._error(tree, f"{self._source(tree)} is no real number")
         try:
@@ -237,16 +183,17 @@ class _Reader:
             value = math.inf
         if not math.isfinite(value):
             raise self._error(tree, "a number too large")
-        return Number(value)
+        return value
 
-    def _name(self, tree: ast.Name) -> Node:
+    def _name(self, tree: ast.Name) -> Evaluation:
         if tree.id in CONSTANTS:
-            return Number(CONSTANTS[tree.id])
+            return _constant(CONSTANTS[tree.id])
         if tree.id in FUNCTIONS:
             raise self._error(tree, f"the function '{tree.id}' needs its argument in brackets")
-        return Name(tree.id)
+        self.names[tree.id] = None
+        return operator.itemgetter(tree.id)
 
-    def _call(self, tree: ast.Call, depth: int) -> Node:
+    def _call(self, tree: ast.Call, depth: int) -> Evaluation:
         name = tree.func.id if isinstance(tree.func, ast.Name) else ""
         if name not in FUNCTIONS:
             what = f"'{name or self._source(tree.func)}' is no function"
@@ -257,7 +204,8 @@ class _Reader:
         if given != 1 if not several else given < 2:
             wanted = "two arguments or more" if several else "one argument"
             raise self._error(tree, f"'{name}' takes {wanted}, got {given}")
-        return Call(name, tuple(self.node(part, depth + 1) for part in tree.args))
+        function, parts = FUNCTIONS[name], [self.node(part, depth + 1) for part in tree.args]
+        return lambda values: function(*(part(values) for part in parts))
 
     def _what(self, tree: ast.expr) -> str:
         if isinstance(tree, ast.BinOp | ast.UnaryOp):
@@ -271,5 +219,5 @@ class _Reader:
         return ExpressionError(f"'{self.text}', character {tree.col_offset + 1}: {message}")
 
 
-Values = Mapping[str, float]
-Evaluation = Callable[[Values], float]
+def _constant(value: float) -> Evaluation:
+    return lambda _: value

@@ -227,6 +227,7 @@ def reduction_errors(
     found = solve_point(prepared, state, band_hz)
     low, high = band_hz
     margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    assert found.working_point is not None
     finer = finer_modes(prepared, state, margin, found.working_point.gap)
     return found.lam, partner_distances(found.lam, finer.lam)
 

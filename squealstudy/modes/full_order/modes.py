@@ -10,11 +10,15 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.band_roots import BandRoots, pair_residuals, roots_in_band
+from squealstudy.linalg.band_roots import (
+    BandRoots,
+    judged_roots,
+    pair_residuals,
+    roots_in_band,
+)
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.linalg.root_error import root_errors
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
     LowRankSum,
@@ -25,17 +29,22 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import PointModes, angular_band, state_working_point
+from squealstudy.modes.point import PointModes, angular_band, oscillating_first, state_working_point
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel
 from squealstudy.reduction.orthonormal import new_directions
-from squealstudy.reduction.prepared import PreparedModel, contact_stiffness
-from squealstudy.reduction.prepared_family import PreparedFamily
+from squealstudy.reduction.prepared import (
+    PreparedFamily,
+    PreparedModel,
+    contact_stiffness,
+    unit_shapes,
+)
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.energy import energy_shares, squared
 from squealstudy.system.linearise import (
     SYMMETRIC,
     ContactStructure,
     StructureWeights,
+    energy_shares,
+    squared,
     unreduced_structure,
 )
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
@@ -46,15 +55,6 @@ MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
 DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
 CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
-_NOTHING = np.zeros(0)
-NO_WORKING_POINT = WorkingPoint(
-    gap=_NOTHING,
-    contact_pressure=_NOTHING,
-    tangent=_NOTHING,
-    iterations=0,
-    residual=np.nan,
-    open_share=np.nan,
-)
 
 
 @dataclass(frozen=True)
@@ -182,14 +182,10 @@ def full_order_roots(
     M = system.assembly.M
     for refined in (False, True):  # the solves, where the roots without are not accurate
         lam, psi = _roots_to(system, band[1], expected, refined)
-        below = len(lam) + int((lam.imag > 0).sum())
-        kept = np.abs(lam) >= band[0]
-        lam, psi = lam[kept], psi[:, kept]
-        errors = root_errors(M, system.C, system.K, lam, psi)
-        if errors.doubt(lam) <= 1.0:
+        found, doubt = judged_roots(M, system.C, system.K, lam, psi, band)
+        if doubt <= 1.0:
             break
-    told = errors.resolved(lam, band[1])
-    return BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
+    return found
 
 
 def _roots_to(
@@ -235,17 +231,15 @@ def full_order_modes(
     system = full_order_system(assembly, modes, point, state, damped_to_hz)
     expected = expected_roots(prepared.model, point, band_hz[1])
     found = full_order_roots(system, angular_band(band_hz), expected)
-    order = np.argsort(found.lam.imag == 0, kind="stable")
+    order = oscillating_first(found.lam)
     lam, psi = found.lam[order], found.psi[:, order]
     seen = assembly.correspondence @ psi  # which may have no column: LAPACK alone refuses that
-    shapes = np.linalg.lstsq(prepared.sensor_shapes, seen, rcond=None)[0].T
-    shapes /= np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
+    shapes = np.linalg.lstsq(prepared.sensor_shapes, seen, rcond=None)[0]
     return PointModes(
         lam=lam,
-        overdamped=lam.imag == 0,
         residual=stiffness_residuals(system, lam, psi),
         energies=_energies(system, psi),
-        shapes=shapes.astype(np.complex64),
+        shapes=unit_shapes(shapes),
         working_point=point,
         error_rung=found.error[order],
         method=FULL,
@@ -297,10 +291,10 @@ def solve_family_point(
 ) -> PointModes:
     """Complex modes with |lambda|/2 pi in `band_hz` at parameter values.
 
-    They have no energies (the array has no rows) and no working point (its figures are NaN);
-    the residual of a pair is its normwise backward error. With `check` the same modes are found by
-    another factorisation, about a positive real shift: what Arnoldi's method missed or spoiled in
-    one space differs in the other.
+    They have no energies (the array has no rows) and no working point; the residual of a pair is
+    its normwise backward error. With `check` the same modes are found by another factorisation,
+    about a positive real shift: what Arnoldi's method missed or spoiled in one space differs in
+    the other.
 
     Raises
     ------
@@ -311,15 +305,14 @@ def solve_family_point(
     band = angular_band(band_hz)
     shift = CHECK_SHIFT * band[1] if check else 0.0
     roots = roots_in_band(M, C, K, band, prepared.n_roots, shift)
-    order = np.argsort(roots.lam.imag == 0, kind="stable")
+    order = oscillating_first(roots.lam)
     lam, psi = roots.lam[order], roots.psi[:, order]
     return PointModes(
         lam=lam,
-        overdamped=lam.imag == 0,
         residual=pair_residuals(M, C, K, lam, psi),
         energies=np.zeros((0, len(lam))),
-        shapes=prepared.shapes(psi),
-        working_point=NO_WORKING_POINT,
+        shapes=unit_shapes(prepared.shape_rows @ psi),
+        working_point=None,
         error_rung=roots.error[order],
         method=FULL,
     )

@@ -22,7 +22,7 @@ from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.modes.reanalysis.problem import Linearisation, Linearised, in_band
+from squealstudy.modes.reanalysis.problem import DenseProblem, Linearisation, Linearised, in_band
 from squealstudy.modes.reanalysis.sweep_basis import corners
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (
@@ -50,7 +50,7 @@ UNMOVED = 1e-10  # relative change of stiffness by a parameter that does not sti
 TRUNCATION = 1e-6  # singular values of the roots, relative to the largest, that are dropped
 
 
-class BrakeProblem:
+class BrakeProblem(DenseProblem):
     """A prepared brake over a box of design points.
 
     Parameters
@@ -66,8 +66,6 @@ class BrakeProblem:
         dense term (n, n). Otherwise it is interpolated over the box, which sums of small
         projections need, and a design point has one ratio for all modes.
     """
-
-    exact = "dense"  # the rung of `pairs`
 
     def __init__(
         self,
@@ -267,31 +265,10 @@ class BrakeProblem:
         K_sym = symmetric_stiffness(self.structure, weights)
         return C + assembly_damping(K_sym, self.state_at(theta)), K
 
-    @cached_property
-    def _factor(self) -> np.ndarray:
-        """Upper F of K0 = F^T F, at the middle of the box."""
+    def nominal_stiffness(self) -> np.ndarray:
+        """Symmetric stiffness (n, n) at the middle of the box."""
         weights = self.weights(np.zeros(self.dimension))
-        factor: np.ndarray = la.cholesky(symmetric_stiffness(self.structure, weights))
-        return factor
-
-    def energy_root(self, X: np.ndarray) -> np.ndarray:
-        """F X."""
-        product: np.ndarray = self._factor @ X
-        return product
-
-    def from_energy(self, Z: np.ndarray) -> np.ndarray:
-        """F^-1 Z."""
-        solved: np.ndarray = la.solve_triangular(self._factor, Z)
-        return solved
-
-    def flexibility(self, r: np.ndarray) -> np.ndarray:
-        """K0^-1 r."""
-        solved: np.ndarray = la.cho_solve((self._factor, False), r)
-        return solved
-
-    def mass_product(self, X: np.ndarray) -> np.ndarray:
-        """The mass is the identity."""
-        return X
+        return symmetric_stiffness(self.structure, weights)
 
 
 def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | ConvergenceError:

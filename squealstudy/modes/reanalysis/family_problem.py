@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +20,7 @@ from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.modes.full_order.modes import UNDEFINED, family_system
 from squealstudy.modes.point import angular_band
-from squealstudy.modes.reanalysis.problem import Linearisation, Linearised, in_band
+from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
 from squealstudy.root_pairs import partners
 from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
@@ -34,7 +33,7 @@ CLUSTER = 1e-7  # relative distance below which roots share their vectors
 LARGEST_PRODUCT = 1e-4  # of products that vanish for exact vectors of distinct roots
 
 
-class FamilyProblem:
+class FamilyProblem(SweptProblem):
     """A family of matrices over a box of parameters.
 
     The mass may vary. A coefficient without a value at a design point is its failure.
@@ -75,30 +74,12 @@ class FamilyProblem:
         """Terms of the family, one scalar weight each."""
         return family_system(self.family)
 
-    def interpolation_error(self) -> float:
-        """Nothing is interpolated."""
-        return 0.0
-
     def weights(self, theta: np.ndarray) -> Weights:
         """Coefficients at theta; ConvergenceError where one has no value."""
         try:
             return self.family.weights(self.values_at(np.asarray(theta)))
         except ExpressionError as error:
             raise ConvergenceError(UNDEFINED, str(error)) from error
-
-    def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
-        """Weights at theta (b, d); the reason where a coefficient has no value."""
-        found: list[Linearised] = []
-        for row in theta:
-            try:
-                found.append(Linearisation(self.weights(row), None))
-            except ConvergenceError as error:
-                found.append(error)
-        return found
-
-    def local_field(self, box: Any, grid: Any) -> None:
-        """Nothing: a family has no working points."""
-        return
 
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
         """Exact pairs by two sparse solves, of the matrices and of their transposes.

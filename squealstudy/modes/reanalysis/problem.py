@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
-from squealstudy.modes.full_order.pairs import LIGHT
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.root_pairs import LIGHT
 from squealstudy.system.parametric import ParametricSystem, Weights
 
 
@@ -23,64 +26,104 @@ class Linearisation(NamedTuple):
 Linearised = Linearisation | ConvergenceError  # of a design point, or why it has none
 
 
-class SweptProblem(Protocol):
-    """A model over a box of design points, theta in [-1, 1]^d."""
+class SweptProblem(ABC):
+    """A model over a box of design points, theta in [-1, 1]^d.
+
+    Attributes
+    ----------
+    dimension : int
+        Number d of parameters that vary.
+    exact : str
+        Name of the rung that `pairs` is: dense or full.
+    band : (low, high)
+        Bounds of |lambda|, rad/s.
+    """
+
+    dimension: int
+    exact: ClassVar[str]
+    band: tuple[float, float]
 
     @property
+    @abstractmethod
     def system(self) -> ParametricSystem:
         """Terms of the full problem, n degrees of freedom."""
-        ...
-
-    @property
-    def dimension(self) -> int:
-        """Number d of parameters that vary."""
-        ...
-
-    @property
-    def exact(self) -> str:
-        """Name of the rung that `pairs` is: dense or full."""
-        ...
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """Bounds of |lambda|, rad/s."""
-        ...
 
     def interpolation_error(self) -> float:
         """Largest error of a damping ratio by what the problem interpolates over the box."""
-        ...
+        return 0.0
 
+    @abstractmethod
     def weights(self, theta: np.ndarray) -> Weights:
-        """Weights at a design point; ConvergenceError where it has no working point."""
-        ...
+        """Weights at a design point (d,); ConvergenceError where it has none."""
 
     def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
         """Weights at points (b, d), from starts that `local_field` made; reasons of failure."""
-        ...
+        found: list[Linearised] = []
+        for row in theta:
+            try:
+                found.append(Linearisation(self.weights(row), None))
+            except ConvergenceError as error:
+                found.append(error)
+        return found
 
     def local_field(self, box: Any, grid: Any) -> Any:
         """Starts of `samples` in a part of the box; None where there are none."""
-        ...
+        return None
 
+    @abstractmethod
     def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
         """Exact pairs of imaginary part >= 0 with band[0] / reach <= |lam| <= reach band[1]."""
-        ...
 
+    @abstractmethod
     def energy_root(self, X: np.ndarray) -> np.ndarray:
         """F X with F^T F = K0, the nominal symmetric stiffness, SPD."""
-        ...
+
+    @abstractmethod
+    def from_energy(self, Z: np.ndarray) -> np.ndarray:
+        """F^-1 Z."""
+
+    @abstractmethod
+    def flexibility(self, r: np.ndarray) -> np.ndarray:
+        """K0^-1 r for complex loads (n, m)."""
+
+    @abstractmethod
+    def mass_product(self, X: np.ndarray) -> np.ndarray:
+        """M0 X with a nominal symmetric mass."""
+
+
+class DenseProblem(SweptProblem):
+    """One of dense matrices, whose mass is the identity."""
+
+    exact = "dense"
+
+    @abstractmethod
+    def nominal_stiffness(self) -> np.ndarray:
+        """K0 (n, n)."""
+
+    @cached_property
+    def _factor(self) -> np.ndarray:
+        """Upper F of K0 = F^T F."""
+        factor: np.ndarray = la.cholesky(self.nominal_stiffness())
+        return factor
+
+    def energy_root(self, X: np.ndarray) -> np.ndarray:
+        """F X."""
+        product: np.ndarray = self._factor @ X
+        return product
 
     def from_energy(self, Z: np.ndarray) -> np.ndarray:
         """F^-1 Z."""
-        ...
+        solved: np.ndarray = la.solve_triangular(self._factor, Z)
+        return solved
 
     def flexibility(self, r: np.ndarray) -> np.ndarray:
-        """K0^-1 r for complex loads (n, m)."""
-        ...
+        """K0^-1 r."""
+        solved: np.ndarray = la.cho_solve((self._factor, False), r)
+        return solved
 
     def mass_product(self, X: np.ndarray) -> np.ndarray:
-        """M0 X with a nominal symmetric mass."""
-        ...
+        """The mass is the identity."""
+        return X
 
 
 def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:

@@ -16,14 +16,13 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.problem import Point, Problem
-from squealstudy.modes.reanalysis.blocks import Solved
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
     Outcome,
     bounded,
     two_sided_error,
 )
-from squealstudy.modes.reanalysis.patch import Box, Patch, make_patch, mixing_by_direction
+from squealstudy.modes.reanalysis.patch import Box, Patch, Solved, make_patch, mixing_by_direction
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import Linearisation, in_band, light
 from squealstudy.modes.reanalysis.ritz import Roots, ritz_roots

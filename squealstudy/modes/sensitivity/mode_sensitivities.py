@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
+from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
-from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import state_working_point
 from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeFamily
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.system.linearise import linearise
 
 QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid
 UNSEEN = 1e-9  # of |lambda|: second-order changes below are not seen
@@ -187,20 +183,19 @@ def followed_root(
     return FiniteChange(complex(roots[best] - lam), float(match[best]))
 
 
-def reduced_pencil(
-    prepared: PreparedModel, state: DesignState, known_gap: np.ndarray | None
-) -> QuadraticPencil:
-    """The reduced system of a design state about its own working point.
-
-    Raises
-    ------
-    ConvergenceError
-        Where there is no working point.
-    """
-    point = state_working_point(prepared, state, known_gap)
-    system = linearise(prepared.model, point, state)
-    one = sp.identity(prepared.model.n, format="csr")
-    return QuadraticPencil(one, system.C, system.K)
+def followed_roots(
+    base: QuadraticPencil,
+    families: Sequence[ModeFamily],
+    changed: Callable[[], QuadraticPencil],
+) -> tuple[list[FiniteChange | None], str]:
+    """The first mode of every family in a changed design, or why that has none of them."""
+    if not families:
+        return [], ""
+    try:
+        pencil = changed()
+        return [followed_root(base, family, pencil) for family in families], ""
+    except SquealstudyError as error:
+        return [None] * len(families), str(error)
 
 
 def figures(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,34 +9,33 @@ The matrices depend on the working point, which moves: derivatives are total.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 
-from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
-from squealstudy.models.operating import DAMPING, DesignState
-from squealstudy.modes.point import state_working_point
+from squealstudy.models.operating import DAMPING, DesignState, ModeKey
+from squealstudy.modes.point import linearised_point
 from squealstudy.modes.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
-    FiniteChange,
     ModeSensitivities,
     Sensitivity,
     Step,
-    followed_root,
-    reduced_pencil,
+    followed_roots,
     slope_and_validity,
 )
 from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives, StateParameter
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.energy import reduced_energy_shares
-from squealstudy.system.linearise import LinearisedModel, component_frequencies, linearise
+from squealstudy.system.linearise import (
+    LinearisedModel,
+    component_frequencies,
+    reduced_energy_shares,
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,6 @@ class ChosenModes:
     state: DesignState
     point: WorkingPoint
     system: LinearisedModel
-    pencil: QuadraticPencil
     families: tuple[ModeFamily, ...]
 
 
@@ -70,14 +68,12 @@ def solve_families(
     ConvergenceError
         No working point, or ARPACK stops.
     """
-    point = state_working_point(prepared, state, gap)
-    system = linearise(prepared.model, point, state)
+    point, system = linearised_point(prepared, state, gap)
     low, high = (2 * np.pi * f for f in band_hz)
     lam, _ = dense_roots(system.C, system.K, (low, high))
-    pencil = QuadraticPencil(sp.identity(prepared.model.n, format="csr"), system.C, system.K)
-    families = tuple(mode_family(pencil, root) for root in chosen_roots(lam, choice))
+    families = tuple(mode_family(system.pencil, root) for root in chosen_roots(lam, choice))
     return ChosenModes(
-        prepared=prepared, state=state, point=point, system=system, pencil=pencil, families=families
+        prepared=prepared, state=state, point=point, system=system, families=families
     )
 
 
@@ -94,19 +90,17 @@ def point_sensitivities(
         Top of the band, for stiffness damping of zero.
     """
     omega = component_frequencies(design.prepared.model)
-    steps = [
-        replace(
-            parameter_step(p, design.state, change, top_hz),
-            component_hz=p.component_hz(design.state, omega),
-        )
-        for p in parameters
-    ]
+    steps = [parameter_step(p, design.state, omega, change, top_hz) for p in parameters]
     found: list[list[Sensitivity]] = [[] for _ in design.families]
     derivatives = StateDerivatives(design.prepared, design.state, design.point)
     gradients = _gradients(design, derivatives, parameters)
     for parameter, step in zip(parameters, steps, strict=True):
         moved = parameter.moved(design.state, step.value + step.size)
-        finite, reason = _reanalysis(design, moved)
+
+        def changed(state: DesignState = moved) -> QuadraticPencil:
+            return linearised_point(design.prepared, state, design.point.gap)[1].pencil
+
+        finite, reason = followed_roots(design.system.pencil, design.families, changed)
         by = derivatives.by(parameter)
         for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
             products = gradient.products(*by)
@@ -125,7 +119,11 @@ def point_sensitivities(
 
 
 def parameter_step(
-    parameter: StateParameter, state: DesignState, change: float, top_hz: float
+    parameter: StateParameter,
+    state: DesignState,
+    omega: Mapping[ModeKey, float],
+    change: float,
+    top_hz: float,
 ) -> Step:
     """The finite change of a parameter: upwards, or downwards where that leaves its range."""
     value = parameter.value(state)
@@ -136,6 +134,7 @@ def parameter_step(
         value=value,
         reference=reference,
         size=size if value + size <= parameter.maximum else -size,
+        component_hz=parameter.component_hz(state, omega),
     )
 
 
@@ -150,23 +149,12 @@ def _gradients(
     return [ModeGradient(family, derivatives.structure, real) for family in design.families]
 
 
-def _reanalysis(design: ChosenModes, moved: DesignState) -> tuple[list[FiniteChange | None], str]:
-    """The chosen modes in a changed design, or why it has none."""
-    if not design.families:
-        return [], ""
-    try:
-        changed = reduced_pencil(design.prepared, moved, design.point.gap)
-        return [followed_root(design.pencil, f, changed) for f in design.families], ""
-    except SquealstudyError as error:
-        return [None] * len(design.families), str(error)
-
-
 def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
     """Biorthogonality and energy shares of each chosen mode."""
     found = []
     for family in design.families:
         others = [
-            biorthogonality(design.pencil, family, other)
+            biorthogonality(design.system.pencil, family, other)
             for other in design.families
             if other is not family
         ]

@@ -29,7 +29,7 @@ from squealstudy.models.operating import (
 )
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import PreparedModel, shape_column
-from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point import WorkingPoint, gap_jacobian
 from squealstudy.system.contact_weights import (
     ContactChange,
     ContactWeights,
@@ -179,9 +179,7 @@ class WorkingPointMotion:
         self._grip = following * space.frictional
         self.point = point
         A = space.area
-        J = self._now.H_NN * (A * (point.tangent - space.k_c))
-        J -= self._now.H_NT * (A * self._grip * point.tangent)
-        J[np.diag_indices_from(J)] += 1.0
+        J = gap_jacobian(self._now, operating, point.contact_pressure, point.tangent)
         self._lu = la.lu_factor(J, overwrite_a=True, check_finite=False)
         self._normal = A * (point.contact_pressure + space.k_c * (point.gap - space.gap0))
         self._sliding = A * space.frictional * operating.traction(point.contact_pressure)

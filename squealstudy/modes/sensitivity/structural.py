@@ -13,24 +13,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.errors import ParameterError
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum, WoodburyFactor
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.modes.full_order.modes import FullOrderSystem, full_order_system
-from squealstudy.modes.sensitivity.mode_family import ModeFamily, mode_family
+from squealstudy.modes.sensitivity.mode_family import mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
-    FiniteChange,
     Sensitivity,
     Step,
     change_products,
-    followed_root,
+    followed_roots,
     slope_and_validity,
 )
 from squealstudy.modes.sensitivity.reduced import ChosenModes
@@ -137,7 +138,8 @@ def structural_sensitivities(
             structure.build, structure.values, name, design.state, structure.component_cutoff_hz
         )
         contact = response.change(by)
-        finite, reason = _reanalysis(design, structure, full, families, step)
+        changed = partial(_changed_pencil, design, structure, step)
+        finite, reason = followed_roots(full.pencil, families, changed)
         for number, (family, gradient) in enumerate(zip(families, gradients, strict=True)):
             products = structural_products(gradient, full, by, contact)
             mass = np.vdot(family.Y[:, 0], by.mass @ family.X[:, 0])
@@ -198,22 +200,12 @@ def structural_products(
     return products
 
 
-def _reanalysis(
-    design: ChosenModes,
-    structure: Structure,
-    full: FullOrderSystem,
-    families: Sequence[ModeFamily],
-    step: Step,
-) -> tuple[list[FiniteChange | None], str]:
-    """The same modes in the assembly built with the changed value, or why there are none."""
+def _changed_pencil(design: ChosenModes, structure: Structure, step: Step) -> QuadraticPencil:
+    """Of the assembly built with the changed value, about its own working point."""
     state, k_c = design.state, design.prepared.space.k_c
-    try:
-        assembly = structure.assembly({step.name: step.value + step.size})
-        point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))
-        changed = structure.system(assembly, state, point)
-        return [followed_root(full.pencil, f, changed.pencil) for f in families], ""
-    except SquealstudyError as error:
-        return [None] * len(families), str(error)
+    assembly = structure.assembly({step.name: step.value + step.size})
+    point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))
+    return structure.system(assembly, state, point).pencil
 
 
 @dataclass(frozen=True)

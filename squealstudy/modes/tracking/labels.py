@@ -136,37 +136,6 @@ class TrackTree:
         return Tracks(labels, macs, ambiguous)
 
 
-def track(
-    parents: Sequence[int],
-    lams: Sequence[np.ndarray],
-    shapes: Sequence[np.ndarray],
-    coordinates: np.ndarray | None = None,
-) -> Tracks:
-    """Label the modes of all points along a tree, all in this process (see TrackTree).
-
-    Parameters
-    ----------
-    parents, lams, coordinates
-        As of TrackTree.
-    shapes : sequence of ndarray (m, k)
-        Shapes of each point.
-
-    Raises
-    ------
-    ValueError
-        Where `parents` is no tree over the points, or lengths differ.
-    """
-    n = len(parents)
-    if len(lams) != n or len(shapes) != n:
-        raise ValueError(f"{n} parents, {len(lams)} sets of roots, {len(shapes)} sets of shapes")
-    tree = TrackTree(parents, lams, coordinates)
-
-    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
-        return shapes[a], shapes[b]
-
-    return tree.label(pair_points(tree.children, tree.parents, tree.step, lams, pair, {}))
-
-
 def pair_points(
     order: Sequence[int],
     parents: Indexed[int],

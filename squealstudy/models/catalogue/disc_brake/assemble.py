@@ -24,7 +24,6 @@ from squealstudy.models.fem.sampling import (
     corresponding_rows,
     facing_surface,
     sample_surface,
-    surface_nodes,
 )
 from squealstudy.models.fem.solid import Solid
 
@@ -179,8 +178,8 @@ EDGE = 1e-6  # m or rad: a facet centre on a plane is found within this
 def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
     """Filters by component and face name.
 
-    disc: ``inner_face``, ``outer_face`` (friction), ``hub``; pads: ``lining``, ``back`` and
-    ``ears``, the inner one also ``piston``; caliper: ``fingers`` and ``guides``.
+    disc: ``hub``; pads: ``lining`` and ``ears``, the inner one also ``piston``; caliper:
+    ``fingers`` and ``guides``.
     """
     z_in, z_out = mesher.plate_z
     thickness, r_pad = mesher.v("disc.thickness"), mesher.v("pad.outer_radius")
@@ -192,19 +191,15 @@ def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
     pads = {
         "inner_pad": {
             "lining": lambda r, t, z: _on(z, 0.0),
-            "back": lambda r, t, z: _on(z, z_in),
             "ears": lambda r, t, z: _on(abs(t), ear),
             "piston": lambda r, t, z: _on(z, z_in) & (abs(t) < piston),
         },
         "outer_pad": {
             "lining": lambda r, t, z: _on(z, thickness),
-            "back": lambda r, t, z: _on(z, z_out),
             "ears": lambda r, t, z: _on(abs(t), ear),
         },
     }
     disc: dict[str, FacetFilter] = {
-        "inner_face": lambda r, t, z: _on(z, 0.0),
-        "outer_face": lambda r, t, z: _on(z, thickness),
         "hub": lambda r, t, z: _on(z, hub_z) & (r < hub_r),
     }
     caliper: dict[str, FacetFilter] = {
@@ -224,15 +219,13 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
     solids = {name: mesher.component(name) for name in COMPONENTS}
-    faces = brake_faces(mesher)
     components = tuple(
         Component(
-            name,
-            solids[name].M,
-            solids[name].K,
-            solids[name].coordinates,
-            {face: surface_nodes(solids[name], keep) for face, keep in faces[name].items()},
-            corresponding_rows(solids[name]),
+            name=name,
+            M=solids[name].M,
+            K=solids[name].K,
+            coordinates=solids[name].coordinates,
+            correspondence=corresponding_rows(solids[name]),
         )
         for name in COMPONENTS
     )
