@@ -25,12 +25,11 @@ from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
-from squealstudy.reduction.cmt import component_modes
+from squealstudy.reduction.cmt import component_modes, momenta
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import (
     HybridSettings,
     _cleaned,
-    _mode_rows,
     assembly_stiffness,
     explicit_dofs,
     hybrid_model,
@@ -115,7 +114,7 @@ def test_rows_of_component_modes_see_their_own_mode_alone(case):
     """Those of one component, for motions of it: 1 for the mode itself."""
     modes = component_modes(case.assembly, 4e3)
     damped = {("lower", 8): modes["lower"], ("upper", 7): modes["upper"]}
-    rows = _mode_rows(case.assembly, damped)
+    rows = momenta(case.assembly, modes, damped)
     for row, (name, number) in zip(rows, damped, strict=True):
         motion = np.zeros((case.assembly.n_dof, modes[name].phi.shape[1]))
         motion[case.assembly.slices[name]] = modes[name].phi
@@ -123,7 +122,7 @@ def test_rows_of_component_modes_see_their_own_mode_alone(case):
         np.testing.assert_allclose((row @ motion).ravel(), expected, atol=1e-9)
     for key in (("lower", 0), ("lower", 10_000), ("middle", 7)):
         with pytest.raises(ModelError, match="no mode"):
-            _mode_rows(case.assembly, {key: modes["lower"]})
+            momenta(case.assembly, modes, [key])
 
 
 def test_explicit_layers(case):
