@@ -242,30 +242,6 @@ def test_energy_from_nowhere_is_no_success():
     assert still.outcome == "ok"
 
 
-@pytest.mark.parametrize("d", [0.0, 1e-12, 0.9e-6, 1.1e-6, 3e-4, 1.9e-3, 5e-3, -0.9e-6, -5e-3])
-@pytest.mark.parametrize(
-    "law",
-    [
-        contact_law("exponential", p0=1e5, lam=700.0),
-        contact_law("unilateral", stiffness=3e9),
-        contact_law("power", stiffness=3e9, exponent=2.0),
-        contact_law("power", stiffness=3e9, exponent=3.0),
-        contact_law("bilateral", stiffness=3e9),
-    ],
-    ids=str,
-)
-def test_mean_pressure_is_the_integral_over_the_step(law, d):
-    nodes, weights = np.polynomial.legendre.leggauss(40)
-    half, g = abs(d) / 2, -1e-3
-    middle, share = g, 1.0
-    if g + half > 0 and law.kind in ("unilateral", "power"):  # open over the rest of the step
-        middle, share = (g - half) / 2, (half - g) / 2 / half
-        half = (half - g) / 2
-    p, _ = law.evaluate(middle + half * nodes)
-    mean = law.definition.mean_pressure(g, d, *law.parameters)
-    assert mean == pytest.approx(share * weights @ p / 2, rel=1e-10)
-
-
 @pytest.fixture(scope="module")
 def stick_slip():
     system, design = belt(0.5, k_t=100.0)
