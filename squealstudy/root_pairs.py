@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-LIGHT = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
+LIGHT_DAMPING = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
 PAIRED = 0.05  # relative distance within which a full-order root has a partner
-TOLD = 100.0  # errors of the full-order root above which a distance says something
+RESOLVED = 100.0  # errors of the full-order root above which a distance says something
 
 
 def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
@@ -48,7 +48,7 @@ class FullOrderPairs(NamedTuple):
         The partners.
     lam, full : ndarray (k,) complex
         The partners and the full-order roots, rad/s.
-    told : ndarray (k,) of bool
+    resolved : ndarray (k,) of bool
         Whether their distance is well above the error of the full-order root itself.
     missed : int
         Such full-order roots without a partner.
@@ -57,7 +57,7 @@ class FullOrderPairs(NamedTuple):
     row: np.ndarray
     lam: np.ndarray
     full: np.ndarray
-    told: np.ndarray
+    resolved: np.ndarray
     missed: int
 
     @property
@@ -91,11 +91,13 @@ def paired_with_full_order(
 
     `error` (n,) is that of the full-order roots themselves.
     """
-    judged = (np.abs(full.real) < LIGHT * np.abs(full)) | (full.real > 0)
+    judged = (np.abs(full.real) < LIGHT_DAMPING * np.abs(full)) | (full.real > 0)
     full, own = full[judged], np.broadcast_to(error, judged.shape)[judged]
     distance = np.abs(full[:, None] - lam[None, :])
     partner = partners(distance / np.abs(full)[:, None], PAIRED)
     kept = partner >= 0
     row, full, own = partner[kept], full[kept], own[kept]
-    told = np.abs(full - lam[row]) > TOLD * own
-    return FullOrderPairs(row=row, lam=lam[row], full=full, told=told, missed=int((~kept).sum()))
+    resolved = np.abs(full - lam[row]) > RESOLVED * own
+    return FullOrderPairs(
+        row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~kept).sum())
+    )

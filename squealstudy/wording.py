@@ -14,8 +14,8 @@ IRREGULAR = "irregular"  # lasts, without a level that is steady over ten period
 GROWING = "growing"  # lasts; its level is not reached yet
 UNDECIDED = "undecided"  # the run is too short to tell
 FAILED = "failed"
-LEVELLED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
-LASTING = (*LEVELLED, GROWING)
+SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
+LASTING = (*SUSTAINED, GROWING)
 
 LEAST_DIGITS = 3
 UNKNOWN = "-"  # in place of a number that is not known

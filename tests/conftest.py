@@ -37,18 +37,18 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
 from squealstudy.motion.warmup import alone, warm_kernels
 from squealstudy.reduction.cmt import (
-    Basis,
-    BasisSettings,
+    ComponentBasis,
     ComponentModes,
     ReducedModel,
+    ReductionSettings,
     component_modes,
     reduce_cmt,
 )
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.prepared import (
     PreparedModel,
+    mean_contact_stiffness,
     mode_shapes,
-    reference_stiffness,
     with_shapes,
 )
 from squealstudy.reduction.working_point import WorkingPoint, working_point
@@ -184,15 +184,15 @@ def prepare_brake(mesh, top=TOP) -> Brake:
     """The brake of a mesh density, up to its nominal working point."""
     assembly = build_model("disc_brake", COARSE | {"mesh": mesh})
     modes = component_modes(assembly, 1.5 * top)
-    stiffness = reference_stiffness(assembly, NOMINAL)
+    stiffness = mean_contact_stiffness(assembly, NOMINAL)
     space = contact_space(assembly, stiffness, mode_shapes(assembly, modes))
     return Brake(assembly, modes, space, working_point(space, NOMINAL))
 
 
-def reduce_brake(brake, top=TOP) -> tuple[ReducedModel, Basis]:
+def reduce_brake(brake, top=TOP) -> tuple[ReducedModel, ComponentBasis]:
     """Trained at the nominal point and at the ends of a pressure range."""
     ends = [working_point(brake.space, replace(NOMINAL, brake_pressure=p)) for p in PRESSURES]
-    settings = BasisSettings(1.5 * top, 1.5 * top, LOAD_FACTOR * top)
+    settings = ReductionSettings(1.5 * top, 1.5 * top, LOAD_FACTOR * top)
     return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)
 
 
@@ -217,7 +217,7 @@ def brake() -> Brake:
 
 
 @pytest.fixture(scope="session")
-def reduced(brake) -> tuple[ReducedModel, Basis]:
+def reduced(brake) -> tuple[ReducedModel, ComponentBasis]:
     return shared("reduced", lambda: reduce_brake(brake))
 
 

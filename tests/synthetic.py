@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import Linearisation, in_band, light
+from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
@@ -184,7 +184,7 @@ class Audit:
                 partner[rows], own[columns] = True, True
                 true.append(distance[rows, columns] / close[rows])
                 estimate.append(p.error[columns] / close[rows])
-                damped.append(~light(exact[rows]))
+                damped.append(~lightly_damped(exact[rows]))
             self.missed += int((inner & ~partner).sum())
             self.spurious += int((~own).sum())
         heavy = np.concatenate(damped)

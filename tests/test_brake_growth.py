@@ -18,8 +18,8 @@ from squealstudy.motion.growing_modes import (
     growth_sensors,
     projection,
 )
-from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import shared_modes
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import working_point
 
@@ -48,7 +48,7 @@ def test_growth_through_the_left_vector_is_that_of_the_mode(brake, reduced, pres
     operating = replace(NOMINAL, brake_pressure=pressure, friction=friction)
     point = working_point(brake.space, operating)
     state = DesignState(operating, damping_ratio=ZETA, stiffness_damping=BETA)
-    bare = reference_modes(reduced[0], point, state)
+    bare = shared_modes(reduced[0], point, state)
     lam, right, left = most_unstable(bare.C, bare.K)
     system = bare.system
     speed = operating.sliding_speed
@@ -76,8 +76,8 @@ def test_a_component_mode_is_exactly_in_the_modal_coordinates(brake, reduced):
     """Damping a caliper mode needs no projection (Vermot des Roches et al. 2010, fig. 13)."""
     key = ("caliper", 8)
     state = DesignState(NOMINAL)
-    modes = reference_modes(reduced[0], brake.point, state, component_modes=(key,))
-    damped = reference_modes(reduced[0], brake.point, DesignState(NOMINAL, mode_damping={key: 0.1}))
+    modes = shared_modes(reduced[0], brake.point, state, component_modes=(key,))
+    damped = shared_modes(reduced[0], brake.point, DesignState(NOMINAL, mode_damping={key: 0.1}))
     row = modes.system.shapes[0]
     assert row @ row == pytest.approx(1.0, abs=1e-12)
     omega = brake.modes["caliper"].omega[7]

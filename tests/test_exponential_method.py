@@ -13,7 +13,6 @@ from test_newmark import KICK, distance, random_system
 
 from squealstudy.errors import ParameterError
 from squealstudy.laws import friction_curve
-from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.integrators.exact_free_motion import (
     ExactFreeMotion,
@@ -21,6 +20,7 @@ from squealstudy.motion.integrators.exact_free_motion import (
     propagators,
 )
 from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.level_errors import energy_drift
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 

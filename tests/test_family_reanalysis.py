@@ -18,7 +18,7 @@ from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
 from squealstudy.modes.reanalysis.estimate import two_sided_error
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem, biorthogonal
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 
@@ -207,5 +207,5 @@ def test_sweep_basis_and_windows_of_a_family():
     for row in range(0, 80, 8):
         point, exact = points[row], dense_roots(problem, theta[row])
         assert len(point.lam) == len(exact)
-        slight = light(exact)
+        slight = lightly_damped(exact)
         assert distance(point.lam, exact[slight]).max() < tolerance

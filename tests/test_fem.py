@@ -11,7 +11,7 @@ from skfem import MeshHex, MeshHex2
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.models.fem.grid import Block, Interval, cylindrical_mesh, graded_lines
+from squealstudy.models.fem.grid import GridBlock, Interval, cylindrical_mesh, graded_lines
 from squealstudy.models.fem.sampling import facing_surface, sample_surface
 from squealstudy.models.fem.solid import Isotropic, TransverselyIsotropic, assemble_solid
 
@@ -43,14 +43,14 @@ VOLUME_MASS = {
 def ring(r, z, n_r, n_theta, n_z, material=STEEL):
     """A full ring, r and z (low, high) in m."""
     lines = np.linspace(*r, n_r + 1), np.linspace(*TURN, n_theta + 1), np.linspace(*z, n_z + 1)
-    grid = cylindrical_mesh(*lines, [Block(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
+    grid = cylindrical_mesh(*lines, [GridBlock(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
     return assemble_solid(grid, {"m": material})
 
 
 def sector(material=STEEL, skew=0.0):
     """A curved sector of 2 x 3 x 2 cells; `skew` shears the Cartesian nodes."""
     lines = np.linspace(0.09, 0.14, 3), np.linspace(-0.5, 0.5, 4), np.linspace(0.0, 0.02, 3)
-    grid = cylindrical_mesh(*lines, [Block(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
+    grid = cylindrical_mesh(*lines, [GridBlock(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
     if skew:
         p = grid.mesh.doflocs.copy()
         p[0] += skew * p[2]
@@ -61,7 +61,7 @@ def sector(material=STEEL, skew=0.0):
 def box(lengths, cells, material=STEEL):
     """A rectangular block."""
     lines = [np.linspace(0.0, L, n + 1) for L, n in zip(lengths, cells, strict=True)]
-    grid = cylindrical_mesh(*lines, [Block(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
+    grid = cylindrical_mesh(*lines, [GridBlock(ANYWHERE, ANYWHERE, ANYWHERE, "m")])
     mesh = MeshHex2.from_mesh(MeshHex.init_tensor(*lines))
     return assemble_solid(replace(grid, mesh=mesh), {"m": material})
 
@@ -241,7 +241,7 @@ def test_facing_surface_reproduces_linear_fields():
     below = sector()
     lines = np.linspace(0.08, 0.15, 3), np.linspace(-0.6, 0.6, 6), np.array([0.02, 0.03])
     above = assemble_solid(
-        cylindrical_mesh(*lines, [Block(ANYWHERE, ANYWHERE, ANYWHERE, "m")]), {"m": STEEL}
+        cylindrical_mesh(*lines, [GridBlock(ANYWHERE, ANYWHERE, ANYWHERE, "m")]), {"m": STEEL}
     )
     one = sample_surface(below, lambda r, t, z: abs(z - 0.02) < 1e-9)
     other = facing_surface(above, one)
@@ -313,4 +313,4 @@ def test_layers_have_shares_of_the_local_size():
 def test_blocks_without_cells_are_refused():
     lines = np.array([0.1, 0.2]), np.array([0.0, 0.1]), np.array([0.0, 0.1])
     with pytest.raises(ModelError, match="no cell"):
-        cylindrical_mesh(*lines, [Block((0.3, 0.4), TURN, ANYWHERE, "m")])
+        cylindrical_mesh(*lines, [GridBlock((0.3, 0.4), TURN, ANYWHERE, "m")])

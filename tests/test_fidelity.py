@@ -19,13 +19,21 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.fidelity import frequency_search
+from squealstudy.fidelity import pilots as fidelity_scene
 from squealstudy.fidelity import run as fidelity_run
-from squealstudy.fidelity import scene as fidelity_scene
-from squealstudy.fidelity.choice import Choice, Combination, Tried, Untried, _path, choose, pays
+from squealstudy.fidelity.choice import (
+    Choice,
+    Combination,
+    TriedSetting,
+    UntriedSetting,
+    _path,
+    choose,
+    pays,
+)
 from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
-from squealstudy.fidelity.ladders import Rung, free_ladders, training_step
+from squealstudy.fidelity.ladders import Setting, free_ladders, training_step
+from squealstudy.fidelity.pilots import MISSED, FidelityStudy, largest
 from squealstudy.fidelity.run import Audit, _plain, drawn_points, resolve, run_resolved
-from squealstudy.fidelity.scene import MISSED, Scene, largest
 from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.kinds.complex_modes.measuring import _solved
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
@@ -84,11 +92,11 @@ def study(text, tmp_path, name="study.toml"):
 
 # -- choosing ------------------------------------------------------------------------------------
 TRIED = {
-    "basis": [Tried("small", {"b": 1}, 0.02, 1.0), Tried("whole", {}, 0.0, 4.0)],
+    "basis": [TriedSetting("small", {"b": 1}, 0.02, 1.0), TriedSetting("whole", {}, 0.0, 4.0)],
     "step": [
-        Tried("long", {"s": 4}, 0.04, 2.0),
-        Tried("middle", {"s": 2}, 0.01, 4.0),
-        Tried("short", {"s": 1}, 0.003, 8.0),
+        TriedSetting("long", {"s": 4}, 0.04, 2.0),
+        TriedSetting("middle", {"s": 2}, 0.01, 4.0),
+        TriedSetting("short", {"s": 1}, 0.003, 8.0),
     ],
 }
 
@@ -124,7 +132,7 @@ rungs = st.lists(st.tuples(st.floats(0, 1), st.floats(0.1, 100)), min_size=1, ma
 @given(st.lists(rungs, min_size=0, max_size=3), st.floats(1e-3, 2), st.floats(1, 1e4))
 def test_choice_is_never_dearer_than_another_that_is_as_good(ladders, tolerance, cost):
     tried = {
-        str(i): [Tried(f"{i}.{k}", {}, e, c) for k, (e, c) in enumerate(ladder)]
+        str(i): [TriedSetting(f"{i}.{k}", {}, e, c) for k, (e, c) in enumerate(ladder)]
         for i, ladder in enumerate(ladders)
     }
     choice = choose(tried, 0.0, cost, tolerance, None)
@@ -139,10 +147,10 @@ def test_choice_is_never_dearer_than_another_that_is_as_good(ladders, tolerance,
             ).chosen
             if alone.error <= tolerance:
                 assert choice.chosen.cost <= alone.cost * (1 + 1e-9)
-    if choice.cheaper != Untried():
+    if choice.cheaper != UntriedSetting():
         assert choice.cheaper.cost <= choice.chosen.cost
         assert choice.cheaper.error > choice.chosen.error
-    if choice.dearer != Untried():
+    if choice.dearer != UntriedSetting():
         assert choice.dearer.error < choice.chosen.error
 
 
@@ -221,7 +229,7 @@ def test_step_is_chosen_and_its_error_audited(finished):
 
 def test_estimates_bound_the_error_against_a_much_smaller_step(finished):
     resolved, _ = finished
-    scene = Scene(resolved.scene.study, 1, quiet)
+    scene = FidelityStudy(resolved.scene.study, 1, quiet)
     chosen = dict(resolved.choice.chosen.changes)
     truth = {**chosen, "transient.step": chosen["transient.step"] / 4}
     error = scene.error(scene.measure(chosen, [1]), scene.measure(truth, [1]))
@@ -287,8 +295,8 @@ def finding(status):
 
 
 def test_failing_pilots_are_replaced_in_order(tmp_path, monkeypatch):
-    scene = Scene(study(BELT, tmp_path), 1, quiet)
-    monkeypatch.setattr(Scene, "measure", lambda _, __, points: Found([7, 5], points))
+    scene = FidelityStudy(study(BELT, tmp_path), 1, quiet)
+    monkeypatch.setattr(FidelityStudy, "measure", lambda _, __, points: Found([7, 5], points))
     assert scene.pilots({}, [7, 4, 5, 3, 2]) == [4, 3]
     assert scene.failed == {7, 5}
     with pytest.raises(SquealstudyError, match="the first with failed: why"):
@@ -307,7 +315,7 @@ class Found:
 
 
 def test_a_setting_that_fails_at_a_pilot_is_refused(tmp_path):
-    scene = Scene(study(BELT, tmp_path), 1, quiet)
+    scene = FidelityStudy(study(BELT, tmp_path), 1, quiet)
     assert scene.point_error(finding("diverged"), finding("ok")) == 1.0
     assert scene.point_error(finding("ok"), finding("diverged")) == 1.0
 
@@ -322,7 +330,7 @@ MASSES = BELT.replace("sliding_speed", "mass").replace(
 def masses(tmp_path, monkeypatch):
     """A scene of six structures, none of them made."""
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
-    return Scene(study(MASSES, tmp_path), 1, quiet)
+    return FidelityStudy(study(MASSES, tmp_path), 1, quiet)
 
 
 def test_structures_of_the_pilots_alone_are_made(masses):
@@ -348,7 +356,7 @@ def test_a_structure_that_cannot_be_made_is_a_failed_pilot(masses, monkeypatch):
         masses.measure({}, [1])
 
 
-POINT_ERROR = Scene.point_error
+POINT_ERROR = FidelityStudy.point_error
 
 
 class Pilots:
@@ -356,8 +364,10 @@ class Pilots:
 
     def __init__(self, error, monkeypatch):
         self.asked, self.error = [], error
-        monkeypatch.setattr(Scene, "measure", lambda _, changes, points: self.of(changes, points))
-        monkeypatch.setattr(Scene, "point_error", lambda *_: self.error)
+        monkeypatch.setattr(
+            FidelityStudy, "measure", lambda _, changes, points: self.of(changes, points)
+        )
+        monkeypatch.setattr(FidelityStudy, "point_error", lambda *_: self.error)
 
     def of(self, changes, points):
         self.asked.append((changes["modes.method"], changes, tuple(points)))
@@ -375,7 +385,9 @@ def no_finer_model(monkeypatch):
 
 @pytest.mark.usefixtures("no_finer_model")
 def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeypatch):
-    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    scene = FidelityStudy(
+        study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
+    )
     rung = free_ladders(scene.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
     assert ModeSearch(scene).attempt(rung).error == 0.0
@@ -388,23 +400,23 @@ def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeyp
     # beyond its share but not beyond the tolerance: the other pilots may be far worse
     between = [0.7 * scene.tolerance, 50.0 * scene.tolerance]
     Pilots(0.0, monkeypatch)
-    monkeypatch.setattr(Scene, "point_error", lambda *_: between.pop(0))
+    monkeypatch.setattr(FidelityStudy, "point_error", lambda *_: between.pop(0))
     assert ModeSearch(scene).attempt(rung).error == 50.0 * scene.tolerance
 
 
 def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch):
     band = "[modes]\nband = [500.0, 2000.0]"
     text = BRAKE.format(kind="complex_modes", model="contact_points = 2", more=band)
-    scene = Scene(study(text, tmp_path), 1, quiet)
+    scene = FidelityStudy(study(text, tmp_path), 1, quiet)
     rung = free_ladders(scene.study)["reduction"][0]
     asked = []
-    measure = Scene.measure
+    measure = FidelityStudy.measure
 
     def recorded(self, changes, points):
         asked.append(changes["modes.method"])
         return measure(self, changes, points)
 
-    monkeypatch.setattr(Scene, "measure", recorded)
+    monkeypatch.setattr(FidelityStudy, "measure", recorded)
     estimated = ModeSearch(scene).attempt(rung).error
     assert "full" not in asked
     monkeypatch.setattr(frequency_search, "finer_finding", lambda *_: None)
@@ -415,12 +427,14 @@ def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch)
 
 def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
     """Nothing is in the cache to be read then: full order tells whether the rung is to blame."""
-    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    scene = FidelityStudy(
+        study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
+    )
     rung = free_ladders(scene.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
     search = ModeSearch(scene)
     search.points, search.truth = [4, 0], {"modes.method": "full"}
-    monkeypatch.setattr(Scene, "point_error", POINT_ERROR)
+    monkeypatch.setattr(FidelityStudy, "point_error", POINT_ERROR)
     changes = {**rung.changes, "modes.method": "dense"}
     assert search._error(Found([4, 0], [4, 0]), changes) == MISSED
     assert [points for _, points in pilots.of_method("full")] == [(4,)]
@@ -428,7 +442,9 @@ def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("no_finer_model")
 def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch):
-    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    scene = FidelityStudy(
+        study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
+    )
     pilots = Pilots(0.1, monkeypatch)
     bad = [4]
     monkeypatch.setattr(
@@ -449,7 +465,7 @@ def test_longer_steps_are_tried_where_they_may_save_more_than_the_try(
     points, tried, tmp_path, monkeypatch
 ):
     text = BELT.replace("values = [0.5, 0.6, 0.7]", f"start = 0.5\nstop = 0.7\nnum = {points}")
-    scene = Scene(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    scene = FidelityStudy(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
     steps = [rung.changes["transient.step"] for rung in free_ladders(scene.study)["step"]]
     asked = []
 
@@ -458,8 +474,8 @@ def test_longer_steps_are_tried_where_they_may_save_more_than_the_try(
         return Found([], points)
 
     search = RunSearch(scene)
-    monkeypatch.setattr(Scene, "measure", measure)
-    monkeypatch.setattr(Scene, "error", lambda *_: 0.01)
+    monkeypatch.setattr(FidelityStudy, "measure", measure)
+    monkeypatch.setattr(FidelityStudy, "error", lambda *_: 0.01)
     search.try_steps(search.ladders["step"])
     assert list(dict.fromkeys(asked)) == tried
     assert len(search.tried["step"]) == len(tried)
@@ -519,16 +535,18 @@ FACTS = {
 
 def test_rungs_that_were_not_tried_are_named_beside_the_choice():
     one = Combination(("middle",), {}, 0.01, 4.0)
-    rungs = [Rung(name, {}) for name in ("long", "middle", "short")]
-    choice = Choice(one, Untried(), Untried(), "").with_untried(rungs, ["middle"])
-    assert (choice.cheaper, choice.dearer) == (Untried("long"), Untried("short"))
-    choice = Choice(one, Untried(), Untried(), "").with_untried(rungs, ["long", "middle", "short"])
-    assert (choice.cheaper, choice.dearer) == (Untried(), Untried())
-    choice = Choice(one, one, Untried(), "").with_untried(rungs, ["middle"])
+    rungs = [Setting(name, {}) for name in ("long", "middle", "short")]
+    choice = Choice(one, UntriedSetting(), UntriedSetting(), "").with_untried(rungs, ["middle"])
+    assert (choice.cheaper, choice.dearer) == (UntriedSetting("long"), UntriedSetting("short"))
+    choice = Choice(one, UntriedSetting(), UntriedSetting(), "").with_untried(
+        rungs, ["long", "middle", "short"]
+    )
+    assert (choice.cheaper, choice.dearer) == (UntriedSetting(), UntriedSetting())
+    choice = Choice(one, one, UntriedSetting(), "").with_untried(rungs, ["middle"])
     assert choice.cheaper is one
-    assert facts({**FACTS, "cheaper": _plain(Untried("long")), "dearer": _plain(Untried())})[
-        1:
-    ] == [
+    assert facts(
+        {**FACTS, "cheaper": _plain(UntriedSetting("long")), "dearer": _plain(UntriedSetting())}
+    )[1:] == [
         ("  next cheaper", "long: not tried"),
         ("  next dearer", "there is none"),
     ]
@@ -536,13 +554,13 @@ def test_rungs_that_were_not_tried_are_named_beside_the_choice():
 
 @pytest.mark.parametrize(("num", "more"), [(25, ""), (200, 'method = "dense"')])
 def test_windows_are_not_tried_for_few_points_or_against_the_file(num, more, tmp_path):
-    scene = Scene(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
+    scene = FidelityStudy(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
     assert search_modes(scene).chosen.changes == {"modes.tolerance": 2e-4}
 
 
 def test_windows_that_miss_the_tolerance_are_refused(tmp_path, monkeypatch):
-    scene = Scene(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
-    monkeypatch.setattr(Scene, "error", lambda *_: 9e-4)
+    scene = FidelityStudy(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    monkeypatch.setattr(FidelityStudy, "error", lambda *_: 9e-4)
     assert "modes.method" not in search_modes(scene).chosen.changes
 
 
@@ -584,11 +602,11 @@ def test_audits_look_at_all_points_that_they_have_looked_at(tmp_path, monkeypatc
 
 
 def test_an_edited_start_or_file_is_another_scene(tmp_path):
-    first = Scene(study(BELT, tmp_path), 1, quiet)
-    other = Scene(study(BELT.replace("0.7]", "0.8]"), tmp_path), 1, quiet)
+    first = FidelityStudy(study(BELT, tmp_path), 1, quiet)
+    other = FidelityStudy(study(BELT.replace("0.7]", "0.8]"), tmp_path), 1, quiet)
     assert _path(first) != _path(other)
-    assert _path(first) == _path(Scene(study(BELT, tmp_path), 1, quiet))
-    assert _path(first) != _path(Scene(study(BELT, tmp_path), 1, quiet, asked=1e-4))
+    assert _path(first) == _path(FidelityStudy(study(BELT, tmp_path), 1, quiet))
+    assert _path(first) != _path(FidelityStudy(study(BELT, tmp_path), 1, quiet, asked=1e-4))
 
 
 def test_fixed_costs_do_not_grow_with_the_rung():
@@ -612,7 +630,7 @@ def test_screens(tmp_path, monkeypatch):
 
 
 def test_audits_draw_other_points_each_round(tmp_path):
-    scene = Scene(study(BELT.replace("audit = 1", "audit = 2"), tmp_path), 1, quiet)
+    scene = FidelityStudy(study(BELT.replace("audit = 1", "audit = 2"), tmp_path), 1, quiet)
     drawn = [drawn_points(scene, number) for number in range(6)]
     assert all(len(set(points)) == 2 for points in drawn)
     assert len(set(drawn)) > 1
@@ -628,10 +646,10 @@ def test_a_missed_instability_is_an_error_of_one():
 
 def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):
     """A method of order 2: the change to half the step is 3/4 of the error."""
-    scene = Scene(study(BELT.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    scene = FidelityStudy(study(BELT.replace("0.001", "0.1"), tmp_path), 1, quiet)
     search = RunSearch(scene)
     monkeypatch.setattr(search, "measure", lambda x: Step(x["transient.step"], 1.0))
-    monkeypatch.setattr(Scene, "error", lambda _, a, b: 1e7 * (a.step**2 - b.step**2))
+    monkeypatch.setattr(FidelityStudy, "error", lambda _, a, b: 1e7 * (a.step**2 - b.step**2))
     ladder = search.ladders["step"]
     found = search._refined(ladder, RICHARDSON)
     for tried in found:
@@ -658,7 +676,7 @@ class Step(NamedTuple):
 )
 def test_all_steps_are_compared_in_one_basis(lines, step, tmp_path):
     text = BRAKE.format(kind="transient", model="", more=f"[transient]\n{lines}\n")
-    scene = Scene(study(text, tmp_path), 1, quiet)
+    scene = FidelityStudy(study(text, tmp_path), 1, quiet)
     trained = training_step(scene.study).get("transient.pod_step", 0.0)
     steps = free_ladders(scene.study).get("step")
     assert trained == (steps[2].changes["transient.step"] if step is None else step)
@@ -668,14 +686,16 @@ def test_all_steps_are_compared_in_one_basis(lines, step, tmp_path):
 
 
 def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatch):
-    scene = Scene(study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet)
+    scene = FidelityStudy(
+        study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
+    )
 
     def measure(_, changes, points):
         if set(points) <= set(bad):
             raise SquealstudyError("no structure")
         return Found([], points)
 
-    monkeypatch.setattr(Scene, "measure", measure)
+    monkeypatch.setattr(FidelityStudy, "measure", measure)
     count = scene.section.pilots
     bad = [100 + n for n in range(count)]
     assert scene.pilots({}, [*bad, *range(count)]) == list(range(count))

@@ -32,9 +32,9 @@ from squealstudy.modes.full_order.modes import (
     stiffness_residuals,
 )
 from squealstudy.parameter import Parameter
-from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
-from squealstudy.reduction.prepared import reference_stiffness, shape_column
+from squealstudy.reduction.prepared import mean_contact_stiffness, shape_column
 from squealstudy.reduction.working_point import working_point
 from squealstudy.root_pairs import paired_with_full_order
 from squealstudy.study.design import DesignPoint
@@ -258,10 +258,10 @@ def small_model(name, operating=None, **values):
     if operating is None:
         design = DesignPoint(MODELS[name], {}, MODELS[name].defaults() | values)
         operating = design.operating_point()
-    space = contact_space(assembly, reference_stiffness(assembly, operating), np.zeros((2, 0)))
+    space = contact_space(assembly, mean_contact_stiffness(assembly, operating), np.zeros((2, 0)))
     point = working_point(space, operating)
     modes = component_modes(assembly, 1e9)
-    model, _ = reduce_cmt(assembly, modes, point, BasisSettings(1e9, 1e9, 0.0))
+    model, _ = reduce_cmt(assembly, modes, point, ReductionSettings(1e9, 1e9, 0.0))
     return assembly, modes, model, point, operating
 
 

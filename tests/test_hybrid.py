@@ -22,8 +22,8 @@ from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.hybrid_arrays import uniform_damping
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
-from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import shared_modes
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.cmt import component_modes, momenta
 from squealstudy.reduction.contact_space import contact_space
@@ -379,7 +379,7 @@ def brake_hybrid(brake, reduced):
 def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hybrid):
     zeta = 0.005
     state = DesignState(NOMINAL, damping_ratio=zeta)
-    reference = reference_modes(reduced[0], brake.point, state)
+    reference = shared_modes(reduced[0], brake.point, state)
     band = (2 * np.pi * 500.0, 2 * np.pi * TOP)
     lam, right = dense_roots(reference.C, reference.K, band)
     k = int(np.argmax(lam.real))

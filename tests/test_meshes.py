@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import CUTOFF, benchmark
 
-from squealstudy.engine.estimate import mesh_error
+from squealstudy.engine.forecast import mesh_error
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
@@ -172,7 +172,7 @@ def test_error_of_a_mesh_is_that_of_paired_light_modes(monkeypatch):
     own = [-3.0 + 1010j, 8.0 + 2000j, -900.0 + 3000j]
     finer = [-2.0 + 1000j, -4.0 + 2000j, -800.0 + 3000j, 1.0 + 9000j]
     answers = iter([found_modes(own), found_modes(finer)])
-    monkeypatch.setattr("squealstudy.engine.estimate._nominal_modes", lambda *_: next(answers))
+    monkeypatch.setattr("squealstudy.engine.forecast._nominal_modes", lambda *_: next(answers))
     found = mesh_error(Plan(load_study(STUDY)), 1)
     assert found.meshes == ("medium", "fine")
     assert found.frequency == pytest.approx([0.01, 0.0], abs=1e-4)

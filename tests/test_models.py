@@ -23,9 +23,9 @@ from squealstudy.models.assembly import (
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.operating import DesignState, OperatingPoint
-from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
-from squealstudy.reduction.prepared import reference_stiffness
+from squealstudy.reduction.prepared import mean_contact_stiffness
 from squealstudy.reduction.working_point import working_point
 from squealstudy.system.linearise import linearise
 
@@ -219,10 +219,10 @@ def test_hoffmann_defaults_are_round_numbers():
 def complex_modes(assembly, friction, damping_ratio=0.0):
     """Roots of a minimal model by the very path of the brake: working point, reduction, roots."""
     operating = OperatingPoint(friction, 1.0, 0.5, assembly.contact.law)
-    stiffness = reference_stiffness(assembly, operating)
+    stiffness = mean_contact_stiffness(assembly, operating)
     point = working_point(contact_space(assembly, stiffness, np.zeros((2, 0))), operating)
     modes = component_modes(assembly, 1e9)
-    model, _ = reduce_cmt(assembly, modes, point, BasisSettings(1e9, 1e9, 0.0))
+    model, _ = reduce_cmt(assembly, modes, point, ReductionSettings(1e9, 1e9, 0.0))
     system = linearise(model, point, DesignState(operating, damping_ratio=damping_ratio))
     return dense_roots(system.C, system.K, (0.0, np.inf))[0]
 

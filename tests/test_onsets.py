@@ -16,9 +16,9 @@ import squealstudy
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError
-from squealstudy.kinds.complex_modes.between import Neighbourhoods
 from squealstudy.kinds.complex_modes.measuring import first_onset
-from squealstudy.modes.tracking.onsets import FollowedMode, Samples, cubic_onsets, refine_onset
+from squealstudy.kinds.complex_modes.neighbourhood import StudyNeighbourhoods
+from squealstudy.modes.tracking.onsets import FollowedMode, SolvedLine, cubic_onsets, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.plane import stability_boundary, study_plane
 from squealstudy.tables.stability import line_crossings
@@ -121,7 +121,7 @@ def test_without_damping_before_the_onset_is_only_bracketed():
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.6), (0.25, 0.3), (0.29, 0.2917)])
 def test_the_undamped_lock_in_of_hulten(low, high):
     """The growth rate rises with the square root of the distance to the lock-in."""
-    samples = Samples(low, hulten(low), high, hulten(high), hulten)
+    samples = SolvedLine(low, hulten(low), high, hulten(high), hulten)
     unstable = int(np.argmax(samples.at(high).lam.real))
     onset = refine_onset(samples, 0, unstable, 1e-7, 0.5e-4)
     assert onset.value == pytest.approx(MU_C, abs=1e-4)
@@ -138,7 +138,7 @@ def test_damped_onsets_are_those_of_routh_and_hurwitz(zeta):
         return hulten(mu, zeta)
 
     high = expected + 0.07
-    samples = Samples(0.1, hulten(0.1, zeta), high, hulten(high, zeta), solve)
+    samples = SolvedLine(0.1, hulten(0.1, zeta), high, hulten(high, zeta), solve)
     unstable = int(np.argmax(samples.at(high).lam.real))
     found = [refine_onset(samples, i, unstable, 0.0, 0.5e-4) for i in range(2)]
     for onset in found:  # the label at the other end may be wrong: the crossing is the same
@@ -150,7 +150,9 @@ def test_damped_onsets_are_those_of_routh_and_hurwitz(zeta):
 def test_a_mode_is_followed_from_its_sure_side():
     """Before a lock-in the mode is known from below, behind it from above, wherever one looks."""
     zeta = (0.01, 0.01)
-    samples = Samples(0.2, hulten(0.2, zeta), 0.4, hulten(0.4, zeta), lambda mu: hulten(mu, zeta))
+    samples = SolvedLine(
+        0.2, hulten(0.2, zeta), 0.4, hulten(0.4, zeta), lambda mu: hulten(mu, zeta)
+    )
     unstable = int(np.argmax(samples.at(0.4).lam.real))
     mode = FollowedMode(samples, 0, unstable)
     for mu in (0.3, 0.39, 0.33, 0.21, 0.25):
@@ -160,10 +162,10 @@ def test_a_mode_is_followed_from_its_sure_side():
 
 def test_a_mode_that_vanishes_is_said_so():
     nothing = Modes(np.zeros(0, complex), np.zeros((0, 2), complex))
-    samples = Samples(0.0, hulten(0.0), 0.6, hulten(0.6), lambda mu: nothing)
+    samples = SolvedLine(0.0, hulten(0.0), 0.6, hulten(0.6), lambda mu: nothing)
     with pytest.raises(ConvergenceError, match=r"cannot be followed at 0\.3"):
         FollowedMode(samples, 0, 0).root(0.3)
-    stable = Samples(0.0, hulten(0.0, (0.1, 0.1)), 0.1, hulten(0.1, (0.1, 0.1)), hulten)
+    stable = SolvedLine(0.0, hulten(0.0, (0.1, 0.1)), 0.1, hulten(0.1, (0.1, 0.1)), hulten)
     with pytest.raises(ConvergenceError, match="does not cross"):
         refine_onset(stable, 0, 0, 0.0, 1e-4)
 
@@ -374,7 +376,7 @@ def test_between_the_points_of_a_full_order_study_modes_are_of_full_order():
         text = study() + f'method = "{method}"\n'
         plan = plan_of(text)
         build_structures(plan, Workers())
-        both.append(Neighbourhoods(plan).of(1))
+        both.append(StudyNeighbourhoods(plan).of(1))
     full, dense = both
     assert (full.rung, dense.rung) == ("full", "dense")
     x = np.array([0.23])
@@ -388,7 +390,7 @@ def test_between_its_points_a_study_by_perturbation_is_solved_so_too(tmp_path):
         text = study() + f'method = "{method}"\ntrack = false\n'
         growth = run(text, tmp_path / method).modes.groupby("point_id")["growth_rate"].max()
         plan = plan_of(text)
-        at = Neighbourhoods(plan).of(0).solve(plan.coordinates[2])
+        at = StudyNeighbourhoods(plan).of(0).solve(plan.coordinates[2])
         found[method] = at.lam.real.max()
         assert found[method] == pytest.approx(growth[plan.tasks[2].point_id], rel=1e-9)
     assert abs(found["perturbation"] / found["dense"] - 1.0) > 1e-2

@@ -18,7 +18,7 @@ from squealstudy.laws import contact_law, friction_curve
 from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.reanalysis.polynomials import collocate
-from squealstudy.reduction.cmt import BasisSettings, component_modes
+from squealstudy.reduction.cmt import ReductionSettings, component_modes
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import prepare
 from squealstudy.reduction.working_point import working_point
@@ -285,7 +285,7 @@ def test_pairs_solve_their_problem_from_both_sides(n, seed):
 # -- the brake's terms -------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def hulten():
-    settings_ = BasisSettings(1e3, 1e3, 1e3)
+    settings_ = ReductionSettings(1e3, 1e3, 1e3)
     return prepare(build_model("hulten"), replace(NOMINAL, law=contact_law("bilateral")), settings_)
 
 

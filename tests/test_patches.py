@@ -24,7 +24,7 @@ from squealstudy.modes.reanalysis.estimate import two_sided_error
 from squealstudy.modes.reanalysis.patch import (
     Box,
     Mixing,
-    Solved,
+    NodeModes,
     find_blocks,
     gauged,
     make_patch,
@@ -32,7 +32,7 @@ from squealstudy.modes.reanalysis.patch import (
     mixing_by_direction,
 )
 from squealstudy.modes.reanalysis.polynomials import interpolation, spread_points
-from squealstudy.modes.reanalysis.problem import in_band, light
+from squealstudy.modes.reanalysis.problem import in_band, lightly_damped
 from squealstudy.modes.reanalysis.ritz import _eigenvalues, ritz_roots
 from squealstudy.modes.reanalysis.sweep_basis import _on_faces, build_sweep_basis
 from squealstudy.modes.rungs.windows import RUNG, Windows, _may_be_inside, _may_be_real, conditions
@@ -104,7 +104,7 @@ def test_points_on_faces_are_every_other_one():
 
 # -- blocks --------------------------------------------------------------------------------------
 def solved(C, K):
-    return Solved(all_pairs(C, K), C)
+    return NodeModes(all_pairs(C, K), C)
 
 
 def in_turn(lam):
@@ -339,7 +339,9 @@ def test_errors_of_the_basis_are_the_worst_of_the_nodes():
         weights = problem.weights(theta)
         pairs = basis.pairs(weights).take(np.concatenate([b.at_nodes[number] for b in blocks]))
         error = np.abs(two_sided_error(problem, weights, basis.expand(weights, pairs)))
-        largest = np.maximum(largest, error / conditions(pairs.X, pairs.Y) * light(pairs.lam))
+        largest = np.maximum(
+            largest, error / conditions(pairs.X, pairs.Y) * lightly_damped(pairs.lam)
+        )
     assert (largest <= followed.floor[0] * (1 + 1e-9)).all()
     assert largest.max() == pytest.approx(followed.floor[0].max(), rel=1e-6)
 

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from reference import MU_C, hulten_stiffness
 from study_runs import plan_of, solved
 
-from squealstudy.engine.estimate import Estimate, _timed, run_seconds
+from squealstudy.engine.forecast import Estimate, _timed, run_seconds
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.kinds.complex_modes import problems, reference
+from squealstudy.kinds.complex_modes import full_order_check as reference
+from squealstudy.kinds.complex_modes import problems
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.problems import chart_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import solve_points, solve_tasks, split_boxes

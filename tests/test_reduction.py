@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.models.operating import DesignState
-from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.orthonormal import complete_basis
 from squealstudy.reduction.prepared import (
     contact_stiffness,
+    mean_contact_stiffness,
     mode_shapes,
-    reference_stiffness,
     shape_column,
 )
 from squealstudy.reduction.working_point import working_point
@@ -92,7 +92,7 @@ def test_contact_stiffness_is_that_of_the_linearisation(brake, reduced):
     both = replace(brake.assembly, constant_load=2e5 * brake.assembly.load)
     pressure = 14e5 * np.abs(brake.assembly.load).sum() / brake.assembly.contact.area.sum()
     stiffness = NOMINAL.law.value("contact.lambda") * pressure
-    assert reference_stiffness(both, NOMINAL) == pytest.approx(stiffness, rel=1e-12)
+    assert mean_contact_stiffness(both, NOMINAL) == pytest.approx(stiffness, rel=1e-12)
 
 
 def test_energy_shares_do_not_depend_on_the_phase(reduced):
@@ -113,7 +113,7 @@ def test_the_basis_holds_the_response_to_friction():
     modes = component_modes(assembly, 2e3)
     space = contact_space(assembly, 1e11, mode_shapes(assembly, modes))
     point = working_point(space, BLOCKS_OPERATING)
-    settings = BasisSettings(2e3, 2e3, 0.0, tolerance=1e-6)
+    settings = ReductionSettings(2e3, 2e3, 0.0, tolerance=1e-6)
     small, basis = reduce_cmt(assembly, modes, point, settings)
     few = replace(settings, load_cutoff=1.001 * basis.omega[2] / (2 * np.pi))
     model, basis = reduce_cmt(assembly, modes, point, few)

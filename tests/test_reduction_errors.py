@@ -14,10 +14,10 @@ from study_runs import plan_of
 
 from squealstudy.engine.cache import load_prepared, save_prepared
 from squealstudy.engine.workers import Workers
-from squealstudy.kinds.complex_modes import reduction
+from squealstudy.kinds.complex_modes import reduction_errors as reduction
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.reduction import CARRIED, Sample, carried
+from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionErrors, carried
 from squealstudy.kinds.complex_modes.rows import read_columns, uncertain_roots
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
@@ -26,13 +26,13 @@ from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes import point as point_module
 from squealstudy.modes.full_order import finer_model
 from squealstudy.modes.full_order.finer_model import (
-    Reduction,
+    ReductionRecord,
     reduction_errors,
     with_finer_model,
 )
 from squealstudy.modes.full_order.modes import full_order_system
 from squealstudy.modes.point import solve_point, state_working_point, working_point_error
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare_with_basis
 from squealstudy.reduction.working_point import working_point_result
 from squealstudy.root_pairs import partner_distances
@@ -89,9 +89,9 @@ def two_bars() -> Assembly:
 def bars():
     """The assembly, a coarse reduction of it with its finer model, and that enriched."""
     assembly = two_bars()
-    settings = BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
+    settings = ReductionSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
     prepared, modes, basis = prepare_with_basis(assembly, NOMINAL, settings)
-    made = Reduction(assembly, modes, (NOMINAL,), TOP, CUTOFF)
+    made = ReductionRecord(assembly, modes, (NOMINAL,), TOP, CUTOFF)
     plain, once, twice = (with_finer_model(prepared, basis, made, n)[0] for n in range(3))
     assert plain.model.n < once.model.n < plain.finer.n < twice.model.n
     return assembly, modes, plain, once
@@ -102,7 +102,7 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     """Sums in reduced coordinates, against each load by the full-order matrices."""
     assembly = two_bars()
     prepared, modes, basis = prepare_with_basis(
-        assembly, NOMINAL, BasisSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
+        assembly, NOMINAL, ReductionSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
     )
     state = DesignState(replace(NOMINAL, curve=friction_curve(static_ratio=1.4)), {("pad", 9): 0.8})
     point = state_working_point(prepared, state)
@@ -121,7 +121,7 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     psi = basis.expand(x)
     load = assembly.M @ (psi * lam**2) + C @ (psi * lam) + K @ psi
     twin = load.real @ mixed[:4] + load.imag @ mixed[4:]
-    made = Reduction(assembly, modes, (NOMINAL,), TOP, CUTOFF)
+    made = ReductionRecord(assembly, modes, (NOMINAL,), TOP, CUTOFF)
     np.testing.assert_allclose(sums.loads(basis, made), twin, atol=1e-9 * np.abs(twin).max())
 
 
@@ -185,9 +185,9 @@ def test_a_basis_is_extended_up_to_completeness_and_no_further(monkeypatch):
     monkeypatch.setattr(finer_model, "ENRICHING", 1e-12)
     assembly = two_bars()
     prepared, modes, basis = prepare_with_basis(
-        assembly, NOMINAL, BasisSettings(4 * CUTOFF, 4 * CUTOFF, 0.0, 1e-3)
+        assembly, NOMINAL, ReductionSettings(4 * CUTOFF, 4 * CUTOFF, 0.0, 1e-3)
     )
-    made, sizes = Reduction(assembly, modes, (NOMINAL,), TOP, np.inf), [0]
+    made, sizes = ReductionRecord(assembly, modes, (NOMINAL,), TOP, np.inf), [0]
     while prepared.model.n > sizes[-1]:
         sizes.append(prepared.model.n)
         prepared, basis = with_finer_model(prepared, basis, made, 1)
@@ -199,7 +199,7 @@ def test_a_basis_is_extended_up_to_completeness_and_no_further(monkeypatch):
 def test_modes_beyond_the_cutoff_are_damped_alike_in_reduced_and_full_order_models():
     """A complete basis has the roots of the full order, whatever the cutoff of modal damping."""
     assembly = two_bars()
-    settings = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
+    settings = ReductionSettings(np.inf, np.inf, 0.0, 1e-3)
     prepared, modes, _ = prepare_with_basis(assembly, NOMINAL, settings)
     assert prepared.model.n == assembly.n_dof
     state = DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.05)
@@ -218,7 +218,7 @@ def test_modes_beyond_the_cutoff_are_damped_alike_in_reduced_and_full_order_mode
 def test_changed_component_modes_have_the_modal_damping_of_a_complete_basis():
     """Real modes with changed component modes are not sums of those without: they bend locally."""
     assembly = two_bars()
-    settings = BasisSettings(np.inf, np.inf, 0.0, 1e-3)
+    settings = ReductionSettings(np.inf, np.inf, 0.0, 1e-3)
     prepared, modes, _ = prepare_with_basis(assembly, NOMINAL, settings)
     cutoff = 1.5 * TOP
     damped = replace(prepared, model=replace(prepared.model, damped_to=2 * np.pi * cutoff))
@@ -291,7 +291,7 @@ def test_the_imbalance_of_a_working_point_bounds_what_it_moves_roots_by(bars):
 
 def test_a_sample_point_has_its_own_errors_and_others_lie_between():
     lam = np.array([1.0, 2.0, 3.0]) * 1j
-    samples = [Sample(lam, np.array(e)) for e in ([1e-6, 1e-4, 1e-5], [1e-4, 1e-6, 1e-5])]
+    samples = [ReductionErrors(lam, np.array(e)) for e in ([1e-6, 1e-4, 1e-5], [1e-4, 1e-6, 1e-5])]
     distance = np.array([[0.0, 1.0], [0.5, 0.5], [0.9, 0.1]])
     point = np.repeat(np.arange(3), 3)
     found = carried(np.tile(lam, 3) * 1.001, point, distance, samples).reshape(3, 3)
@@ -326,7 +326,9 @@ def test_errors_add_up_and_only_the_rungs_decides_on_status_and_sign(tmp_path, m
         object.__setattr__(one, "error_rung", np.full(5, 0.01))
         one.lam.real[:] = [5.0, 1e5, -5.0, -1e5, 0.005]
     write_chunks(tmp_path, plan, modes)
-    samples = [(i, Sample(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()]
+    samples = [
+        (i, ReductionErrors(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()
+    ]
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
     points, facts = build_tables(plan, tmp_path, Workers(), samples)
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
@@ -361,7 +363,9 @@ def test_full_order_solutions_widen_errors_and_never_narrow_them(tmp_path, monke
     write_chunks(tmp_path, plan, modes)
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
     columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
-    samples = [(i, Sample(m.lam, np.full(40, 1e-3) / np.abs(m.lam))) for i, m in modes.items()]
+    samples = [
+        (i, ReductionErrors(m.lam, np.full(40, 1e-3) / np.abs(m.lam))) for i, m in modes.items()
+    ]
     first = plan.tasks[0].point_id
     own = modes[0].lam
     for off, factor in ((1e-5, 1.0), (1e-3, 1.0), (7e-3, 7.0)):
@@ -396,7 +400,7 @@ def test_a_study_enriches_its_basis_once_where_it_errs_by_more_than_the_toleranc
     worst, is_enriched, monkeypatch
 ):
     plan = plan_of(BRAKE)
-    heavy = Sample(np.array([-50.0 + 100.0j, 100.0j]), np.array([1.0, worst]))
+    heavy = ReductionErrors(np.array([-50.0 + 100.0j, 100.0j]), np.array([1.0, worst]))
     monkeypatch.setattr(reduction, "make_samples", lambda *_: [(0, heavy)])
     kind = ComplexModes()
     better = kind.accurate(plan, {}, Workers())

@@ -39,11 +39,11 @@ from squealstudy.modes.sensitivity.reduced import (
 )
 from squealstudy.modes.sensitivity.state_derivatives import StateParameter, friction_change
 from squealstudy.modes.sensitivity.structural import (
-    Structure,
+    StructureBuilder,
     check_same_mesh,
     structural_sensitivities,
 )
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 from squealstudy.system.linearise import linearise
 
@@ -51,13 +51,15 @@ LARGE = 1e9  # Hz, above every mode of a minimal model
 FRICTION = StateParameter("friction")
 
 
-def minimal(name: str, friction: float, **state) -> tuple[PreparedModel, DesignState, Structure]:
+def minimal(
+    name: str, friction: float, **state
+) -> tuple[PreparedModel, DesignState, StructureBuilder]:
     """A minimal model, ready for sensitivities."""
     model = MODELS[name]
     values = model.defaults()
     operating = OperatingPoint(friction, 1.0, 0.5, ContactLaw.from_values("bilateral", {}))
-    prepared = prepare(model.build({}, values), operating, BasisSettings(LARGE, LARGE, 0.0))
-    structure = Structure(partial(model.build, {}), values, LARGE, LARGE)
+    prepared = prepare(model.build({}, values), operating, ReductionSettings(LARGE, LARGE, 0.0))
+    structure = StructureBuilder(partial(model.build, {}), values, LARGE, LARGE)
     return prepared, DesignState(operating, **state), structure
 
 
@@ -302,8 +304,8 @@ def test_stiffness_of_a_component_against_the_assembly_built_anew():
         stiffer = replace(upper, K=values["upper.stiffness"] * upper.K)
         return replace(plain, components=(stiffer, lower))
 
-    structure = Structure(build, {"upper.stiffness": 1.0}, LARGE, LARGE)
-    prepared = prepare(plain, BLOCKS_OPERATING, BasisSettings(LARGE, LARGE, 0.0))
+    structure = StructureBuilder(build, {"upper.stiffness": 1.0}, LARGE, LARGE)
+    prepared = prepare(plain, BLOCKS_OPERATING, ReductionSettings(LARGE, LARGE, 0.0))
     state = DesignState(
         replace(BLOCKS_OPERATING, curve=friction_curve(static_ratio=1.2)),
         {("upper", 8): 1.05, ("lower", 7): 0.97},

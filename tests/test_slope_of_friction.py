@@ -20,7 +20,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.fidelity.ladders import free_ladders
-from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.time_search import RunSearch
 from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient import slope_pilot as pilot_module
@@ -298,7 +298,7 @@ def test_the_slope_is_a_ladder_of_fidelity():
 
 def test_fidelity_chooses_the_slope_by_its_pilots():
     plan = belt([0.6, 0.9], duration=0.3, kick=1.0, more=FIDELITY)
-    search = RunSearch(Scene(plan.study, 1, lambda *_: None))
+    search = RunSearch(FidelityStudy(plan.study, 1, lambda *_: None))
     search.try_slopes(search.ladders["slope of friction"])
     softest, *_, last = search.tried["slope of friction"]
     assert 0 < softest.error < 0.2
@@ -309,6 +309,6 @@ def test_fidelity_chooses_the_slope_by_its_pilots():
 
 
 def test_a_variant_changes_a_speed_whose_name_the_file_quotes():
-    scene = Scene(belt([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
+    scene = FidelityStudy(belt([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
     changed = scene.variant({f"parameters.{NAME}": 1e-3}, None)
     assert [d.values[NAME] for d in changed.designs] == [1e-3]

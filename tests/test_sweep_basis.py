@@ -27,7 +27,7 @@ from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import collocate
-from squealstudy.modes.reanalysis.problem import in_band, light
+from squealstudy.modes.reanalysis.problem import in_band, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import (
     REACH,
     _first_points,
@@ -95,17 +95,17 @@ def compared(prepared, problem, theta, found, tolerance):
     for at, p in zip(theta, found, strict=True):
         exact = dense(prepared, problem.state_at(at))
         edge = np.abs(np.abs(exact)[:, None] / np.array(problem.band) - 1).min(axis=1)
-        clear = exact[light(exact) & (edge > 50 * tolerance)]
+        clear = exact[lightly_damped(exact) & (edge > 50 * tolerance)]
         distance = np.abs(clear[:, None] - p.lam[None])
         partner = distance.argmin(axis=1)
         assert len(set(partner)) == len(clear)  # none missed
         true.append(distance.min(axis=1) / np.abs(clear))
         estimate.append(p.error[partner] / np.abs(clear))
         nearest = np.abs(p.lam[:, None] - exact[None]).min(axis=1)
-        mine = light(p.lam) & (nearest > 20 * tolerance * np.abs(p.lam))
+        mine = lightly_damped(p.lam) & (nearest > 20 * tolerance * np.abs(p.lam))
         assert not mine.any()  # none made up
-        sure = 3 * tolerance * np.abs(exact)
-        assert (exact.real > sure).sum() <= (p.lam.real > 0).sum()
+        complete = 3 * tolerance * np.abs(exact)
+        assert (exact.real > complete).sum() <= (p.lam.real > 0).sum()
         assert (p.lam.real > 3 * tolerance * np.abs(p.lam)).sum() <= (exact.real > 0).sum()
     return np.concatenate(true), np.concatenate(estimate)
 
@@ -142,7 +142,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
         error = bounded(two_sided_error(map_problem, weights, full), pairs.lam)
         error += interpolated * np.abs(pairs.lam)
         exact = dense(prepared, friction_pressure(theta))
-        exact = exact[light(exact)]
+        exact = exact[lightly_damped(exact)]
         distance = np.abs(exact[:, None] - pairs.lam)
         true.append(distance.min(axis=1) / np.abs(exact))
         estimate.append(error[distance.argmin(axis=1)] / np.abs(exact))
@@ -168,7 +168,7 @@ def test_the_estimate_corrects_its_root(prepared, map_problem, map_basis):
     theta = np.array([0.3, -0.4])
     weights = map_problem.weights(theta)
     exact = dense(prepared, friction_pressure(theta))
-    exact = exact[light(exact)]
+    exact = exact[lightly_damped(exact)]
     pairs = map_basis.pairs(weights)
     partner = np.abs(exact[:, None] - pairs.lam).argmin(axis=1)
     pairs = pairs.take(partner)

@@ -16,9 +16,8 @@ import squealstudy
 from squealstudy.engine.store import CHUNKS, finished_points, read_chunks, write_rows
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.complex_modes import follow
+from squealstudy.kinds.complex_modes import study_tracks as follow
 from squealstudy.kinds.complex_modes.errors import ModeErrors
-from squealstudy.kinds.complex_modes.follow import Follower
 from squealstudy.kinds.complex_modes.rows import (
     SCHEMA,
     read_columns,
@@ -26,6 +25,7 @@ from squealstudy.kinds.complex_modes.rows import (
     solved_row,
     unstable_roots,
 )
+from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.stability import stability_names

@@ -18,7 +18,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.tracking.labels import TrackTree, expected_roots
 from squealstudy.modes.tracking.pairing import mac, pair_modes
-from squealstudy.modes.tracking.refinement import Modes, Refinement
+from squealstudy.modes.tracking.refinement import Modes, StepRefinement
 from squealstudy.modes.tracking.tree import levels, tracking_tree
 from squealstudy.system.linearise import linearise
 
@@ -398,7 +398,7 @@ def follow_line(solve, values, depth=4):
     tree = TrackTree(
         range(-1, len(values) - 1), [s.lam for s in states], np.asarray(values)[:, None]
     )
-    refinement = Refinement(lambda x: Modes(*solve(float(x[0]))), depth)
+    refinement = StepRefinement(lambda x: Modes(*solve(float(x[0]))), depth)
     pairings = {}
     for i in tree.children:
         before = pairings.get(i - 1)
@@ -461,7 +461,7 @@ def test_modes_too_far_apart_to_be_paired_are_found_by_smaller_steps():
 
     ends = [Modes(*drifting(x)) for x in (0.0, 1.0)]
     assert (pair_modes(*ends[0], *ends[1]).partner < 0).all()
-    pairing = Refinement(lambda x: Modes(*drifting(x[0]))).pair(*ends, np.zeros(1), np.ones(1))
+    pairing = StepRefinement(lambda x: Modes(*drifting(x[0]))).pair(*ends, np.zeros(1), np.ones(1))
     assert list(pairing.partner) == [0, 1]
     assert not pairing.ambiguous.any()
 
@@ -471,7 +471,7 @@ def test_a_sure_pairing_is_not_refined():
         raise AssertionError("no point was to be solved")
 
     states = [Modes(*hulten(mu, zeta=0.01)) for mu in (0.1, 0.12)]
-    pairing = Refinement(solve).pair(*states, np.array([0.1]), np.array([0.12]))
+    pairing = StepRefinement(solve).pair(*states, np.array([0.1]), np.array([0.12]))
     assert list(pairing.partner) == [0, 1]
 
 
@@ -480,7 +480,7 @@ def test_without_points_in_between_the_pairing_stays_as_it_is():
         raise ConvergenceError("not_converged", "no working point")
 
     states = [Modes(*hulten(mu)) for mu in (0.28, 0.4)]
-    refinement = Refinement(solve)
+    refinement = StepRefinement(solve)
     pairing = refinement.pair(*states, np.array([0.28]), np.array([0.4]))
     direct = pair_modes(*states[0], *states[1])
     assert all(np.array_equal(a, b) for a, b in zip(pairing, direct, strict=True))

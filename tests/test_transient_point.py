@@ -21,8 +21,8 @@ from squealstudy.motion.point import (
     perturbed,
     tangent,
 )
-from squealstudy.motion.reference_modes import Training, reference_modes, truncated, with_pod
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import Training, shared_modes, truncated, with_pod
 from squealstudy.motion.simulate import simulate
 from squealstudy.reduction.prepared import shape_column
 from squealstudy.reduction.working_point import working_point
@@ -35,7 +35,7 @@ NOMINAL_STATE = DesignState(NOMINAL, damping_ratio=0.005)
 
 @pytest.fixture(scope="module")
 def reference(brake, reduced):
-    return reference_modes(reduced[0], brake.point, DesignState(NOMINAL), KEYS)
+    return shared_modes(reduced[0], brake.point, DesignState(NOMINAL), KEYS)
 
 
 def changed_space(brake, reduced, state):

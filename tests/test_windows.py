@@ -24,7 +24,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import DENSE
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import collocate, interpolation
-from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.reanalysis.ritz import ritz_roots
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
@@ -427,7 +427,7 @@ def test_heavy_roots_are_bounded_by_their_first_order_distance():
     roots = ritz_roots(followed.patch, basis, theta, [problem.weights(t) for t in theta])
     first = interpolated_roots(followed.patch, theta)
     distance = np.abs(roots.lam[:, :, None] - first[:, None, :]).min(axis=2)
-    heavy = ~light(roots.lam)
+    heavy = ~lightly_damped(roots.lam)
     assert heavy.sum() > 300
     allowed = 2.1 * distance + 1e-8 * np.abs(roots.lam)  # roots are shifted once more
     assert (roots.error <= allowed)[heavy].all()
@@ -492,7 +492,7 @@ def test_errors_of_light_modes_only_decide():
     problem = damped_mode(lambda t: 0.6 + 0.3 * t[0], 0.3)
     windows, found = solved(problem, line(60), 1e-5)
     for p in found:
-        slight = light(p.lam)
+        slight = lightly_damped(p.lam)
         assert (p.error[slight] <= 1e-5 * np.abs(p.lam[slight])).all()
         assert windows.good(p)
-        assert not windows.good(p._replace(sure=False))  # another root may lie in the band
+        assert not windows.good(p._replace(complete=False))  # another root may lie in the band

@@ -11,7 +11,7 @@ import numpy as np
 
 from squealstudy.cli.run import fidelity
 from squealstudy.engine import store
-from squealstudy.engine.estimate import Estimate, estimate, run_seconds
+from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import (
     build_structure,
@@ -125,7 +125,7 @@ def _validity(plan: Plan) -> Rows:
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
     """What the next finer mesh changes; it is solved for this."""
-    from squealstudy.engine.estimate import mesh_error
+    from squealstudy.engine.forecast import mesh_error
 
     found = mesh_error(plan, jobs)
     mesh, finer = found.meshes

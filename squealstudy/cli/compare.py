@@ -12,7 +12,7 @@ from squealstudy.screen import grid, notes
 from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.wording import LEVELLED, figure, plural, with_unit
+from squealstudy.wording import SUSTAINED, figure, plural, with_unit
 
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
@@ -78,7 +78,7 @@ def _lives(rows: pd.DataFrame) -> str:
 def _unforeseen(table: pd.DataFrame) -> list[str]:
     """Sentences on motion that no predicted instability explains."""
     rows = table[(table["kind"] == VIBRATION).to_numpy()]
-    lasts = rows["class"].isin(LEVELLED).to_numpy(bool)
+    lasts = rows["class"].isin(SUSTAINED).to_numpy(bool)
     others = table[table["kind"].isin([BOTH, PREDICTED, TIME])]
     foreseen = rows["time_point_id"].isin(others["time_point_id"]).to_numpy(bool)
     waits = int((table["kind"] == UNFOLLOWED).sum())

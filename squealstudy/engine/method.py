@@ -14,7 +14,7 @@ from squealstudy.study.definition import Study, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
 
 
-class Method(NamedTuple):
+class RungChoice(NamedTuple):
     """A rung by its name, the tolerance it keeps, and why it was chosen.
 
     Attributes
@@ -52,8 +52,8 @@ class Method(NamedTuple):
         return [rung.name, self.tolerance, *outside]
 
 
-def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> Method:
-    """The method of a study.
+def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> RungChoice:
+    """Choose the rung of a study: as its file says, or the one of least total cost.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> Method:
     exact = exact_rung(scope.reduced).name
     if section.method == AUTO:
         name, reason = _cheapest(study, scope, exact)
-        return Method(name, section.tolerance, reason, exact)
+        return RungChoice(name, section.tolerance, reason, exact)
     if not study.kind.chooses_rung:
         raise study.error(
             ("modes", "method"),
@@ -79,7 +79,7 @@ def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> Method:
     if refusal := rung_named(section.method).refusal(scope):
         others = ", ".join(rung.name for rung in all_rungs() if not rung.refusal(scope))
         raise study.error(("modes", "method"), f"{refusal}: expected one of {others}")
-    return Method(section.method, section.tolerance, _who_says(study), exact)
+    return RungChoice(section.method, section.tolerance, _who_says(study), exact)
 
 
 def _who_says(study: Study) -> str:

@@ -20,9 +20,9 @@ from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import ModeKey, OperatingPoint
-from squealstudy.modes.full_order.finer_model import Reduction, with_finer_model
+from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
 from squealstudy.modes.point import angular_band
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import (
     PreparedFamily,
     PreparedModel,
@@ -257,7 +257,7 @@ class BuildTask:
     point: DesignPoint
     nominal: OperatingPoint
     training: tuple[OperatingPoint, ...]
-    settings: BasisSettings
+    settings: ReductionSettings
     top_hz: float | None
     scales: tuple[Mapping[ModeKey, float], ...]
     enriching: int
@@ -342,7 +342,7 @@ def _reduced(task: BuildTask) -> PreparedModel:
         if task.top_hz is not None:
             points = (task.nominal, *task.training)
             cutoff = task.settings.damped_to
-            made = Reduction(assembly, modes, points, task.top_hz, cutoff, task.scales)
+            made = ReductionRecord(assembly, modes, points, task.top_hz, cutoff, task.scales)
             prepared, _ = with_finer_model(prepared, basis, made, task.enriching)
         timings["finer_model_s"] = time.perf_counter() - started
     return replace(prepared, timings=timings)

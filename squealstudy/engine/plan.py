@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from squealstudy.engine.keys import content_hash, point_id, source_hash
-from squealstudy.engine.method import Method, choose_method
+from squealstudy.engine.method import RungChoice, choose_method
 from squealstudy.errors import StudyFileError
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
@@ -21,7 +21,7 @@ from squealstudy.models.operating import (
     OperatingPoint,
     contact_parameters,
 )
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import Study
 from squealstudy.study.design import DesignPoint, extreme_scales
 from squealstudy.study.family import file_digests
@@ -96,13 +96,13 @@ class Plan:
         return float(low), float(high)
 
     @cached_property
-    def settings(self) -> BasisSettings:
+    def settings(self) -> ReductionSettings:
         """Basis of the component-mode reduction, from the band and the [reduction] section."""
         section = self.study.definition.reduction
         if not has_mesh(self.study):
-            return BasisSettings(SMALL_MODEL, SMALL_MODEL, 0.0, section.tolerance)
+            return ReductionSettings(SMALL_MODEL, SMALL_MODEL, 0.0, section.tolerance)
         top = self.band_hz[1]
-        return BasisSettings(
+        return ReductionSettings(
             section.component_cutoff_factor * top,
             section.assembly_cutoff_factor * top,
             LOAD_FACTOR * top if section.enrichment else 0.0,
@@ -199,7 +199,7 @@ class Plan:
         )
 
     @cached_property
-    def method(self) -> Method:
+    def method(self) -> RungChoice:
         """How design points are solved; StudyFileError for one that cannot serve this study."""
         return choose_method(self.study, self.swept)
 

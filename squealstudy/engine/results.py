@@ -76,7 +76,7 @@ class Results:
 
     @classmethod
     def open(cls, path: str | Path) -> Results:
-        """Open a results directory.
+        """Open the results directory at a path.
 
         Raises
         ------
@@ -277,12 +277,12 @@ class Results:
 
     @property
     def parameters(self) -> list[str]:
-        """Parameter columns of `points`."""
+        """Names of the parameter columns of `points`."""
         return list(self.manifest["parameters"])
 
     @property
     def swept(self) -> list[str]:
-        """The parameters that vary by design."""
+        """Names of the parameters that vary over the design points."""
         return list(self.manifest.get("sweeps", []))
 
     @property
@@ -320,7 +320,7 @@ class Results:
     def rank(
         self, by: str = "share", top: int | None = None, where: str | None = None
     ) -> pd.DataFrame:
-        """The modes that matter most first.
+        """Unstable modes, the most important first, one row each.
 
         Unstable tracked modes (tables.mode_ranking.rank_modes), or the modes that carry
         the energy of a transient study (tables.energy_ranking.rank_energy), which has no

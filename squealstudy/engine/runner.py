@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunReport:
-    """What a run did.
+    """Numbers of points solved, failed and known, and seconds of a run.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from squealstudy.engine.keys import chunk_id
-from squealstudy.engine.workers import Chunk
+from squealstudy.engine.workers import ChunkRows
 from squealstudy.errors import ResultsError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _sync(path: Path) -> None:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write a table atomically."""
+    """Write a table to a Parquet file that is whole or absent."""
     write_atomic(path, lambda p: pq.write_table(table, p, compression="zstd"))
 
 
@@ -80,7 +80,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically."""
+    """Write a value to a JSON file that is whole or absent."""
     write_text(path, json.dumps(content, indent=2, default=str) + "\n")
 
 
@@ -121,12 +121,12 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
 
 
 def version_of(manifest: dict[str, Any]) -> str:
-    """The version of squealstudy that wrote it."""
+    """The version of squealstudy that wrote a manifest."""
     return str(manifest.get("versions", {}).get("squealstudy", "0"))
 
 
 def write_manifest(directory: Path, manifest: dict[str, Any]) -> None:
-    """Write the manifest atomically."""
+    """Write the manifest of a results directory, whole or not at all."""
     write_json(directory / MANIFEST, manifest)
 
 
@@ -135,7 +135,7 @@ def write_rows(directory: Path, rows: Sequence[dict[str, Any]], schema: pa.Schem
     _write_table(directory, pa.Table.from_pylist(list(rows), schema=schema))
 
 
-def write_chunk(directory: Path, chunk: Chunk) -> None:
+def write_chunk(directory: Path, chunk: ChunkRows) -> None:
     """Write what a worker found: the files beside the tables first, then its rows."""
     for name, content in chunk.files.items():
         if isinstance(content, pa.Table):

@@ -20,7 +20,7 @@ from squealstudy.engine.rows import FLAG, TEXT, Fields, points_table
 from squealstudy.engine.store import POINTS, write_parquet
 from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.models.operating import LIGHT_DAMPING
+from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
@@ -35,7 +35,7 @@ FAR_KICK = 10.0  # times the sliding speed
 CRITICAL = 1.0  # damping ratio from which on a mode does not oscillate
 CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
 OPEN_RULE = f"the contact is closed over {1 - MOSTLY_OPEN:.0%} of its area or more, open share"
-MODE_RULE = f"modal damping is light, a ratio of at most {LIGHT_DAMPING:g}"
+MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
 COMPONENT_RULE = "component modes are damped below critical"
 OSCILLATES_RULE = "modes of the band are damped below critical, damping ratio"
 KICK_RULE = (
@@ -117,7 +117,7 @@ def _broken(design: DesignPoint) -> list[str]:
     given: Mapping[str, float] = design.values  # noqa: PD011 - no data frame
     texts = [a.broken(given) for a in design.model.assumptions]
     for rule, most, parameters in (
-        (MODE_RULE, LIGHT_DAMPING, design.assembly_parameters()),
+        (MODE_RULE, LARGEST_MODAL_DAMPING, design.assembly_parameters()),
         (COMPONENT_RULE, np.nextafter(CRITICAL, 0.0), design.mode_parameters()),
     ):
         damped = [given[p.name] for p in parameters if p.quantity == "damping_ratio"]

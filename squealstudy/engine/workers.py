@@ -220,7 +220,7 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Chunk:
+class ChunkRows:
     """Rows that are written as one file, and what they took: seconds, MB of the worker."""
 
     table: pa.Table
@@ -230,10 +230,10 @@ class Chunk:
     peak_mb: float
 
 
-def solve_chunk(kind: Kind, task: Any) -> Chunk:
+def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
     """What a worker does with a task of a kind of study; nothing is written here."""
     started = time.perf_counter()
     found = kind.solve(task)
     table = pa.Table.from_pylist(list(found.rows), schema=kind.schema)
     wall_s = time.perf_counter() - started
-    return Chunk(table, found.files, found.known, wall_s, peak_memory_mb())
+    return ChunkRows(table, found.files, found.known, wall_s, peak_memory_mb())

@@ -12,8 +12,8 @@ from pydantic import TypeAdapter
 
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.engine.store import write_json
-from squealstudy.fidelity.ladders import Rung
-from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.ladders import Setting
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
@@ -21,7 +21,7 @@ WORTH = 2.0  # times its own cost that a try must promise to save
 SMALLER = 0.5  # of the cost of the points, that one rung down may save
 
 
-class Tried(NamedTuple):
+class TriedSetting(NamedTuple):
     """A rung as it did at the pilots.
 
     Attributes
@@ -52,12 +52,12 @@ class Combination:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The combination in words, for screens and the manifest."""
         return ", ".join(self.labels) or "no setting is free to choose"
 
 
 @dataclass(frozen=True)
-class Untried:
+class UntriedSetting:
     """A neighbour of the chosen setting whose error and cost are not known.
 
     Attributes
@@ -69,7 +69,7 @@ class Untried:
     text: str = ""
 
 
-Neighbour = Combination | Untried
+Neighbour = Combination | UntriedSetting
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Choice:
     Attributes
     ----------
     chosen : Combination
-    cheaper, dearer : Combination or Untried
+    cheaper, dearer : Combination or UntriedSetting
     reason : str
         Of the choice: the tolerance is met, or what stands against it.
     """
@@ -93,16 +93,16 @@ class Choice:
         """The same with settings that all combinations have."""
         return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
 
-    def with_untried(self, ladder: Sequence[Rung], tried: Collection[str]) -> Choice:
+    def with_untried(self, ladder: Sequence[Setting], tried: Collection[str]) -> Choice:
         """The same with the rungs beyond those tried of a ladder, where no neighbour is known."""
         labels = [rung.label for rung in ladder]
         at = [labels.index(label) for label in tried]
         below, above = min(at) - 1, max(at) + 1
         cheaper, dearer = self.cheaper, self.dearer
-        if cheaper == Untried() and below >= 0:
-            cheaper = Untried(labels[below])
-        if dearer == Untried() and above < len(labels):
-            dearer = Untried(labels[above])
+        if cheaper == UntriedSetting() and below >= 0:
+            cheaper = UntriedSetting(labels[below])
+        if dearer == UntriedSetting() and above < len(labels):
+            dearer = UntriedSetting(labels[above])
         return replace(self, cheaper=cheaper, dearer=dearer)
 
     def with_failures(self, failed: Collection[int]) -> Choice:
@@ -114,7 +114,7 @@ class Choice:
 
 
 def choose(
-    tried: Mapping[str, Sequence[Tried]],
+    tried: Mapping[str, Sequence[TriedSetting]],
     base_error: float,
     base_cost: float,
     tolerance: float,
@@ -151,8 +151,8 @@ def choose(
         chosen = min(front, key=lambda c: c.cost)
         reason = f"the budget of {budget:g} s buys not even the cheapest setting"
     at = front.index(chosen)
-    cheaper = front[at - 1] if at > 0 else Untried()
-    dearer = front[at + 1] if at + 1 < len(front) else Untried()
+    cheaper = front[at - 1] if at > 0 else UntriedSetting()
+    dearer = front[at + 1] if at + 1 < len(front) else UntriedSetting()
     return Choice(chosen, cheaper, dearer, reason)
 
 
@@ -170,7 +170,7 @@ def pays(points: float, trial: float) -> bool:
 
 
 def _combinations(
-    tried: Mapping[str, Sequence[Tried]], base_error: float, base_cost: float, fixed: float
+    tried: Mapping[str, Sequence[TriedSetting]], base_error: float, base_cost: float, fixed: float
 ) -> list[Combination]:
     found = []
     for rungs in itertools.product(*tried.values()):
@@ -198,7 +198,7 @@ def _front(combinations: Sequence[Combination]) -> list[Combination]:
 _CHOICE = TypeAdapter(Choice)
 
 
-def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
+def kept_choice(scene: FidelityStudy, make: Callable[[], Choice]) -> Choice:
     """The choice of a scene, read where an earlier run made it, made and kept where not."""
     path = _path(scene)
     if path.is_file():
@@ -208,7 +208,7 @@ def kept_choice(scene: Scene, make: Callable[[], Choice]) -> Choice:
     return choice
 
 
-def _path(scene: Scene) -> Path:
+def _path(scene: FidelityStudy) -> Path:
     ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
     content = [source_hash(CODE), scene.study.source.tables, ids, scene.tolerance, scene.jobs]
     return cache_directory() / "fidelity" / f"{content_hash(content)}.json"

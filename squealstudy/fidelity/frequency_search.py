@@ -12,12 +12,12 @@ from typing import Any
 from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.plan import Plan, has_mesh, reference_choice
 from squealstudy.errors import SquealstudyError
-from squealstudy.fidelity.choice import Choice, Tried, choose, pays
-from squealstudy.fidelity.ladders import FIRST, REDUCTION, Rung, free_ladders
-from squealstudy.fidelity.scene import MISSED, SPARE, Scene
+from squealstudy.fidelity.choice import Choice, TriedSetting, choose, pays
+from squealstudy.fidelity.ladders import FIRST, REDUCTION, Setting, free_ladders
+from squealstudy.fidelity.pilots import MISSED, SPARE, FidelityStudy
 from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
-from squealstudy.kinds.complex_modes.reduction import SAFETY
+from squealstudy.kinds.complex_modes.reduction_errors import SAFETY
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
@@ -27,7 +27,7 @@ METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 
 
-def search_modes(scene: Scene) -> Choice:
+def search_modes(scene: FidelityStudy) -> Choice:
     """The cheapest reduction within its share of the tolerance; the method follows its own.
 
     A smaller reduction is tried where the points that it would serve pay for its making.
@@ -36,7 +36,7 @@ def search_modes(scene: Scene) -> Choice:
     ladder = free_ladders(scene.study).get(REDUCTION)
     if ladder is None:
         label = "reduction as the file says" if has_mesh(scene.study) else search.method.name
-        tried = {"": [search.attempt(Rung(label, {})), *search.small_windows()]}
+        tried = {"": [search.attempt(Setting(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder)
         tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
@@ -53,11 +53,11 @@ def search_modes(scene: Scene) -> Choice:
 class ModeSearch:
     """Reductions tried at the pilots of a scene, by rung."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: FidelityStudy) -> None:
         self.scene = scene
         self.common = _method_changes(scene)
         self.points: list[int] = []  # the pilots, known from the first attempt on
-        self.tried: dict[int, Tried] = {}
+        self.tried: dict[int, TriedSetting] = {}
         self.making = 0.0  # seconds of the last reduction
         self.exact = exact_method(scene.study)
         self.truth: dict[str, Any] = {}  # settings that errors are measured against
@@ -65,13 +65,13 @@ class ModeSearch:
 
     @property
     def method_error(self) -> float:
-        """What reanalysis may add."""
+        """Relative error that the rung of reanalysis may add to that of the reduction."""
         if not self.method.rung.over_a_basis:
             return 0.0
         explicit = float(self.scene.study.definition.modes.tolerance)
         return METHOD * self.scene.tolerance if self.common else explicit
 
-    def attempt(self, rung: Rung) -> Tried:
+    def attempt(self, rung: Setting) -> TriedSetting:
         """Solve the pilots without reanalysis; the error is that against full order."""
         scene, changes = self.scene, {**self.common, **rung.changes}
         own = self.method.name
@@ -86,10 +86,10 @@ class ModeSearch:
         made = scene.measure(solved, self.points)
         self.making = made.reduction_seconds
         error = 0.0 if own == self.exact else self._error(made, solved)
-        return Tried(rung.label, rung.changes, error, self.study_seconds(made))
+        return TriedSetting(rung.label, rung.changes, error, self.study_seconds(made))
 
     @property
-    def small_rungs(self) -> tuple[Rung, ...]:
+    def small_rungs(self) -> tuple[Setting, ...]:
         """Methods of a minimal model, cheapest first, where the file leaves the choice.
 
         Beside the exact one those whose points are cheaper together.
@@ -98,9 +98,12 @@ class ModeSearch:
         if not free or self.method.name != self.exact or self.method.rung.unreduced:
             return ()
         together = [r.name for r in all_rungs() if r.shares_work and r.keeps_tolerance]
-        return (*(Rung(name, {"modes.method": name}) for name in together), Rung(self.exact, {}))
+        return (
+            *(Setting(name, {"modes.method": name}) for name in together),
+            Setting(self.exact, {}),
+        )
 
-    def small_windows(self) -> list[Tried]:
+    def small_windows(self) -> list[TriedSetting]:
         """Such methods over a sweep of a minimal model, where there are points enough to try them.
 
         Trying them is solving the study: of a few degrees of freedom that takes a moment.
@@ -122,7 +125,7 @@ class ModeSearch:
             error = METHOD * scene.tolerance + scene.error(made, exact)
             seconds = made.reduction_seconds + made.setup_seconds
             cost = seconds + made.seconds * points / scene.jobs
-            found.append(Tried(rung.label, rung.changes, error, cost))
+            found.append(TriedSetting(rung.label, rung.changes, error, cost))
         return found
 
     def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
@@ -164,7 +167,7 @@ class ModeSearch:
         """Of the tolerance, what the reduction may take."""
         return REDUCED * self.scene.tolerance
 
-    def climb(self, rungs: tuple[Rung, ...]) -> None:
+    def climb(self, rungs: tuple[Setting, ...]) -> None:
         """From the first rung up until one is good enough, or down while that pays."""
         number = FIRST
         self.tried[number] = self.attempt(rungs[number])
@@ -196,7 +199,7 @@ def exact_method(study: Study) -> str:
     return (exact_rung(reduced=True) if small else full_order_rung()).name
 
 
-def _method_changes(scene: Scene) -> Mapping[str, Any]:
+def _method_changes(scene: FidelityStudy) -> Mapping[str, Any]:
     """The tolerance of methods that have one; an explicit one stays."""
     if "modes.tolerance" in given_keys(scene.study):
         return {}

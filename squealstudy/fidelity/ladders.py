@@ -32,14 +32,14 @@ SATURATIONS = (1.0, 0.5, 0.25, 0.125)
 
 
 @dataclass(frozen=True)
-class Rung:
+class Setting:
     """One setting: values of dotted keys of the study file, and a few words."""
 
     label: str
     changes: Mapping[str, Any]
 
 
-Ladder = tuple[Rung, ...]  # settings of one kind, cheapest first
+Ladder = tuple[Setting, ...]  # settings of one kind, cheapest first
 
 
 def free_ladders(study: Study) -> dict[str, Ladder]:
@@ -58,7 +58,7 @@ def free_ladders(study: Study) -> dict[str, Ladder]:
 
 def _reductions() -> Ladder:
     return tuple(
-        Rung(
+        Setting(
             f"modes to {factor:g} x band, enrichment to {tolerance:g}",
             {
                 "reduction.component_cutoff_factor": factor,
@@ -74,7 +74,7 @@ def _reductions() -> Ladder:
 def _time_ladders(study: Study) -> dict[str, Ladder]:
     """Of a minimal model step and slope; a continued run keeps the contact points it has."""
     section = study.section
-    steps = tuple(Rung(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
+    steps = tuple(Setting(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = {STEP: steps} if len(steps) > 1 else {}
     if not set(IN_TIME_ONLY) & set(study.shown_parameters):
         ladders[SLOPE] = _saturations(study)
@@ -108,13 +108,13 @@ def training_step(study: Study) -> dict[str, float]:
 def _bases(study: Study) -> Ladder:
     top, training = float(study.definition.modes.band[1]), training_step(study)
     small = [
-        Rung(
+        Setting(
             f"modes to {factor * top:g} Hz and {vectors} POD vectors",
             {"transient.modes_below": factor * top, "transient.pod_vectors": vectors, **training},
         )
         for factor, vectors in BASES
     ]
-    return (*small, Rung("all modes", {}))
+    return (*small, Setting("all modes", {}))
 
 
 def _saturations(study: Study) -> Ladder:
@@ -122,11 +122,11 @@ def _saturations(study: Study) -> Ladder:
     own = REGULARISATION_SHARE * slowest_speed(study)
     speeds = [factor * own for factor in SATURATIONS]
     key = f"parameters.{REGULARISATION_SPEED.name}"
-    return tuple(Rung(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds)
+    return tuple(Setting(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds)
 
 
 def _contact_points() -> Ladder:
     return tuple(
-        Rung(f"{n} x {n} contact points a facet", {"model.contact_points": n})
+        Setting(f"{n} x {n} contact points a facet", {"model.contact_points": n})
         for n in CONTACT_POINTS
     )

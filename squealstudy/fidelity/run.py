@@ -16,10 +16,10 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import RunReport, run_study
 from squealstudy.engine.store import read_chunks, write_manifest
 from squealstudy.engine.workers import Progress
-from squealstudy.fidelity.choice import Choice, Neighbour, Untried, kept_choice
+from squealstudy.fidelity.choice import Choice, Neighbour, UntriedSetting, kept_choice
 from squealstudy.fidelity.frequency_search import exact_method, search_modes
 from squealstudy.fidelity.ladders import BASIS, free_ladders
-from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.time_search import ALL_MODES, QUIET, search_runs
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.definition import Study
@@ -35,13 +35,13 @@ class Resolved:
 
     Attributes
     ----------
-    scene : Scene
+    scene : FidelityStudy
     choice : Choice
     plan : Plan
         With the chosen settings.
     """
 
-    scene: Scene
+    scene: FidelityStudy
     choice: Choice
     plan: Plan
 
@@ -60,7 +60,7 @@ class Resolved:
 
 
 def _plain(one: Neighbour) -> dict[str, Any]:
-    if isinstance(one, Untried):
+    if isinstance(one, UntriedSetting):
         reason = "not tried" if one.text else "there is none"
         unknown = {"estimated_error": None, "seconds": None}
         return {"settings": one.text or None, **unknown, "reason": reason}
@@ -80,7 +80,7 @@ def resolve(study: Study, jobs: int, report: Progress, tolerance: float | None =
     SquealstudyError
         Where every pilot design point fails.
     """
-    scene = Scene(study, jobs, report, asked=tolerance)
+    scene = FidelityStudy(study, jobs, report, asked=tolerance)
     search = search_runs if scene.in_time else search_modes
     choice = kept_choice(scene, lambda: search(scene))
     return Resolved(scene, choice, scene.variant(choice.chosen.changes, None))
@@ -146,7 +146,7 @@ def _audited(found: Audit, passed: bool) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Audit:
-    """What the audit found.
+    """Errors that the audit of a finished study found, and at which points.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class Audit:
     against: str
 
 
-def drawn_points(scene: Scene, round_: int) -> tuple[int, ...]:
+def drawn_points(scene: FidelityStudy, round_: int) -> tuple[int, ...]:
     """Random design points, others in each round."""
     count = min(scene.section.audit, len(scene.plan.tasks))
     rng = np.random.default_rng([SEED, round_])
@@ -171,7 +171,11 @@ def drawn_points(scene: Scene, round_: int) -> tuple[int, ...]:
 
 
 def audit(
-    scene: Scene, plan: Plan, directory: Path, changes: Mapping[str, Any], points: Sequence[int]
+    scene: FidelityStudy,
+    plan: Plan,
+    directory: Path,
+    changes: Mapping[str, Any],
+    points: Sequence[int],
 ) -> Audit:
     """Hold the study's own rows of some points against better settings.
 
@@ -194,7 +198,7 @@ def audit(
 
 
 def _own_findings(
-    scene: Scene, plan: Plan, directory: Path, points: Sequence[int]
+    scene: FidelityStudy, plan: Plan, directory: Path, points: Sequence[int]
 ) -> dict[int, dict[str, Any]]:
     """What the finished study says of some of its points."""
     ids = {i: plan.tasks[i].point_id for i in points}
@@ -204,7 +208,7 @@ def _own_findings(
     return {i: read(rows[name]) for i, name in ids.items()}
 
 
-def _better(scene: Scene, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+def _better(scene: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     """Settings one rung up from the chosen ones, and in words."""
     if not scene.in_time:
         exact = exact_method(scene.study)

@@ -10,7 +10,7 @@ import numpy as np
 
 from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.plan import Plan
-from squealstudy.fidelity.choice import Choice, Tried, choose, pays
+from squealstudy.fidelity.choice import Choice, TriedSetting, choose, pays
 from squealstudy.fidelity.ladders import (
     BASIS,
     CONTACT,
@@ -21,7 +21,7 @@ from squealstudy.fidelity.ladders import (
     free_ladders,
     training_step,
 )
-from squealstudy.fidelity.scene import SPARE, Scene
+from squealstudy.fidelity.pilots import SPARE, FidelityStudy
 from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER
 from squealstudy.study.definition import given_keys
 
@@ -36,7 +36,7 @@ ALL_MODES = {
 QUIET = {"transient.save_every": 0}  # pilots keep no histories
 
 
-def search_runs(scene: Scene) -> Choice:
+def search_runs(scene: FidelityStudy) -> Choice:
     """The cheapest step, basis and contact points whose errors together meet the tolerance."""
     search = RunSearch(scene)
     for name, attempt in (
@@ -62,12 +62,12 @@ class RunSearch:
     Ladders are tried with the best of the others so far; their errors add up.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: FidelityStudy) -> None:
         self.scene = scene
         self.ladders = free_ladders(scene.study)
         self.share = SHARE * scene.tolerance
-        self.tried: dict[str, list[Tried]] = {}
-        self.kept: dict[str, Tried] = {}
+        self.tried: dict[str, list[TriedSetting]] = {}
+        self.kept: dict[str, TriedSetting] = {}
         self.always = _settled(scene)
         if scene.study.section.pod_vectors:
             self.always |= training_step(scene.study)
@@ -93,10 +93,10 @@ class RunSearch:
         for rung in small:
             made = self.measure(rung.changes)
             error = self.scene.error(made, truth)
-            found.append(Tried(rung.label, rung.changes, error, made.seconds))
+            found.append(TriedSetting(rung.label, rung.changes, error, made.seconds))
             if error <= self.share:
                 break
-        found.append(Tried(whole.label, whole.changes, 0.0, truth.seconds))
+        found.append(TriedSetting(whole.label, whole.changes, 0.0, truth.seconds))
         self._keep(BASIS, found)
 
     def try_contact_points(self, ladder: Ladder) -> None:
@@ -121,7 +121,9 @@ class RunSearch:
             at -= 1
             longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
             error = RICHARDSON * self.scene.error(longer, shorter)
-            found.insert(0, Tried(ladder[at].label, ladder[at].changes, error, longer.seconds))
+            found.insert(
+                0, TriedSetting(ladder[at].label, ladder[at].changes, error, longer.seconds)
+            )
         self._keep(STEP, found)
 
     def _pays(self, changes: Mapping[str, Any]) -> bool:
@@ -131,23 +133,23 @@ class RunSearch:
         trial = made.seconds * len(self.points) + made.setup_seconds
         return pays(study, trial)
 
-    def _refined(self, ladder: Ladder, factor: float) -> list[Tried]:
+    def _refined(self, ladder: Ladder, factor: float) -> list[TriedSetting]:
         """Rungs up to the first whose change to the next is within its share, and that next one.
 
         What is left after the last one tried is taken for a quarter of the change that led to it.
         """
-        found: list[Tried] = []
+        found: list[TriedSetting] = []
         coarse = self.measure(ladder[0].changes)
         for rung, finer in pairwise(ladder):
             fine = self.measure(finer.changes)
             error = factor * self.scene.error(coarse, fine)
-            found.append(Tried(rung.label, rung.changes, error, coarse.seconds))
+            found.append(TriedSetting(rung.label, rung.changes, error, coarse.seconds))
             coarse = fine
             if error <= self.share:
                 break
-        return [*found, Tried(finer.label, finer.changes, error / 4, coarse.seconds)]
+        return [*found, TriedSetting(finer.label, finer.changes, error / 4, coarse.seconds)]
 
-    def _keep(self, name: str, found: list[Tried]) -> None:
+    def _keep(self, name: str, found: list[TriedSetting]) -> None:
         """Go on with the cheapest of a ladder that is good enough, else with its best."""
         found = [t for t in found if np.isfinite(t.cost)]  # where no pilot ran there is none
         self.tried[name] = found
@@ -196,7 +198,7 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
     return chosen[:count]
 
 
-def _settled(scene: Scene) -> dict[str, Any]:
+def _settled(scene: FidelityStudy) -> dict[str, Any]:
     """Runs end once their outcome is known, where the file does not say when they end."""
     modal = scene.study.section.representation == "modal"
     if not modal or "transient.stop" in given_keys(scene.study):

@@ -19,7 +19,14 @@ from squealstudy.kernels.integrator_state import close_step, open_run, shown
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_correct import place, relax
 from squealstudy.kernels.newmark_forces import friction_change, pass_gradient, pass_one, residual
-from squealstudy.kernels.newmark_layout import X_START, Modal, Saved, Scheme, Settings, Work
+from squealstudy.kernels.newmark_layout import (
+    X_START,
+    ModalArrays,
+    SavedArrays,
+    Scheme,
+    StepSettings,
+    WorkArrays,
+)
 from squealstudy.kernels.newmark_step import (
     BIG,
     count_pass,
@@ -54,10 +61,12 @@ def predict(
 
 
 @fast_kernel
-def solve(B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work: Work) -> int:
+def solve(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, scheme: Scheme, work: WorkArrays
+) -> int:
     """Iterate to balance at the alpha point: DONE, or the reason why not."""
     counts, real, x = work.counts[0], work.real[0], work.x[0]
-    E = modal.steps[0, counts[at.LEVEL]]
+    E = modal.steps[0, counts[at.HALVING]]
     limit, limit_t = settings.tolerance**2, settings.tolerance_t**2
     while True:
         if scheme.gradient:
@@ -76,7 +85,7 @@ def solve(B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work:
             return at.DONE  # as it was evaluated: the gaps at its end are needed
         if not balanced and counts[at.ITERATION] >= settings.max_iterations:
             return at.NOT_CONVERGED
-        mock_up(modal, work, 0, counts[at.LEVEL])
+        mock_up(modal, work, 0, counts[at.HALVING])
         if not balanced:
             relax(settings, work, 0, E, e2)
             continue
@@ -86,7 +95,7 @@ def solve(B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work:
 
 
 @fast_kernel
-def add_work(modal: Modal, work: Work) -> None:
+def add_work(modal: ModalArrays, work: WorkArrays) -> None:
     """Work over an accepted sub-step with its forces and velocities at the alpha point."""
     x, modes, h = work.x[0], modal.modes[0], work.real[0, at.SUBSTEP]
     w_load = 0.0
@@ -97,7 +106,7 @@ def add_work(modal: Modal, work: Work) -> None:
         damped += modes[at.C, j] * v * v
     for m in range(modal.shapes.shape[0]):
         y = dot(modal.shapes[m], x[at.V_TRIAL])
-        damped += modal.tuned[0, 0, m] * y * y
+        damped += modal.component_terms[0, 0, m] * y * y
     speed = modal.laws[0, at.LAW_SPEED]
     belt = 0.0
     sliding = 0.0
@@ -133,7 +142,7 @@ def keep_state(x: np.ndarray, modes: np.ndarray, scheme: Scheme) -> None:
 
 
 @fast_kernel
-def accept(modal: Modal, settings: Settings, scheme: Scheme, work: Work) -> bool:
+def accept(modal: ModalArrays, settings: StepSettings, scheme: Scheme, work: WorkArrays) -> bool:
     """Close a sub-step; whether a whole step is done."""
     counts, real, point = work.counts[0], work.real[0], work.point[0]
     add_work(modal, work)
@@ -146,7 +155,7 @@ def accept(modal: Modal, settings: Settings, scheme: Scheme, work: Work) -> bool
 
 
 @fast_kernel
-def show(B: np.ndarray, modal: Modal, work: Work) -> None:
+def show(B: np.ndarray, modal: ModalArrays, work: WorkArrays) -> None:
     """Evaluate the accepted state, for output: the points stood at an alpha point."""
     x, point = work.x[0], work.point[0]
     copy(x[at.Q], x[at.Q_TRIAL])
@@ -159,7 +168,12 @@ def show(B: np.ndarray, modal: Modal, work: Work) -> None:
 
 @entry_kernel
 def alpha_method(
-    B: np.ndarray, modal: Modal, settings: Settings, scheme: Scheme, work: Work, saved: Saved
+    B: np.ndarray,
+    modal: ModalArrays,
+    settings: StepSettings,
+    scheme: Scheme,
+    work: WorkArrays,
+    saved: SavedArrays,
 ) -> None:
     """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 
@@ -168,9 +182,9 @@ def alpha_method(
     open_run(B, modal, settings, work, saved)
     counts = work.counts[0]
     while counts[at.STATUS] == at.RUNNING:
-        h = settings.h / (1 << counts[at.LEVEL])
+        h = settings.h / (1 << counts[at.HALVING])
         ratio = open_part(settings, work, 0, h)
-        predict(work.x[0], modal.modes[0], modal.steps[0, counts[at.LEVEL]], scheme, h, ratio)
+        predict(work.x[0], modal.modes[0], modal.steps[0, counts[at.HALVING]], scheme, h, ratio)
         reason = solve(B, modal, settings, scheme, work)
         if reason == at.DONE:
             if accept(modal, settings, scheme, work):

@@ -29,10 +29,10 @@ from squealstudy.kernels.newmark_layout import (
     P2_V,
     P3_Q,
     P3_V,
-    Modal,
-    Saved,
-    Settings,
-    Work,
+    ModalArrays,
+    SavedArrays,
+    StepSettings,
+    WorkArrays,
 )
 from squealstudy.kernels.newmark_output import add_work
 from squealstudy.kernels.newmark_step import count_pass, keep_points
@@ -71,9 +71,9 @@ def correct(x: np.ndarray, E: np.ndarray, quadratic: bool) -> None:
 @fast_kernel
 def one_step(
     B: np.ndarray,
-    modal: Modal,
-    settings: Settings,
-    work: Work,
+    modal: ModalArrays,
+    settings: StepSettings,
+    work: WorkArrays,
     E: np.ndarray,
     h: float,
     third: bool,
@@ -96,14 +96,14 @@ def one_step(
 
 
 @entry_kernel
-def exponential_steps(
+def predictor_corrector_steps(
     B: np.ndarray,
-    modal: Modal,
-    settings: Settings,
+    modal: ModalArrays,
+    settings: StepSettings,
     E: np.ndarray,
     parts: int,
-    work: Work,
-    saved: Saved,
+    work: WorkArrays,
+    saved: SavedArrays,
 ) -> None:
     """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 
@@ -158,7 +158,12 @@ def kick(x: np.ndarray, modes: np.ndarray, h: float) -> None:
 
 @entry_kernel
 def central_difference(
-    B: np.ndarray, modal: Modal, settings: Settings, lagged: bool, work: Work, saved: Saved
+    B: np.ndarray,
+    modal: ModalArrays,
+    settings: StepSettings,
+    lagged: bool,
+    work: WorkArrays,
+    saved: SavedArrays,
 ) -> None:
     """Integrate design 0 to its end or failure; arguments as of `newmark_batch`.
 

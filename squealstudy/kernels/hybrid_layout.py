@@ -36,14 +36,14 @@ W_LOAD, W_BELT, D_FRICTION, D_DAMPING = 0, 1, 2, 3
 
 
 class Sparse(NamedTuple):
-    """A compressed-row matrix."""
+    """A sparse matrix in compressed rows, for kernels."""
 
     indptr: np.ndarray
     indices: np.ndarray
     data: np.ndarray
 
 
-class Hybrid(NamedTuple):
+class HybridArrays(NamedTuple):
     """Constants of a run."""
 
     K: Sparse  # (n, n)
@@ -57,7 +57,7 @@ class Hybrid(NamedTuple):
     d: np.ndarray  # (k,) damping of the shapes, rad/s
 
 
-class Level(NamedTuple):
+class StepSize(NamedTuple):
     """What belongs to one size of step."""
 
     h: float
@@ -69,7 +69,7 @@ class Level(NamedTuple):
     floor2: float  # squared force metric that rounding leaves
 
 
-class State(NamedTuple):
+class HybridState(NamedTuple):
     """State of a run."""
 
     vectors: np.ndarray  # (N_VECTORS, n)

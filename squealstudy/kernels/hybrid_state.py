@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_contact import BIG, evaluate
-from squealstudy.kernels.hybrid_layout import Contact, Hybrid, Level, State
+from squealstudy.kernels.hybrid_layout import Contact, HybridArrays, HybridState, StepSize
 from squealstudy.kernels.hybrid_step import multiply
 from squealstudy.kernels.jit import kernel
 from squealstudy.kernels.newmark_output import contact_energy, contact_row, contact_work
@@ -15,7 +15,7 @@ from squealstudy.kernels.newmark_step import keep_points
 
 
 @kernel
-def start(model: Hybrid, state: State) -> bool:
+def start(model: HybridArrays, state: HybridState) -> bool:
     """Forces of the initial state in vectors Q and V; False where they are not finite."""
     rows, point, x = state.rows, state.point, state.vectors
     nc, k = point.shape[0], model.d.size
@@ -45,7 +45,7 @@ def start(model: Hybrid, state: State) -> bool:
 
 
 @kernel
-def commit(model: Hybrid, level: Level, state: State) -> None:
+def commit(model: HybridArrays, level: StepSize, state: HybridState) -> None:
     """Accept the step whose change of velocity is in row DV: state, work, histories of forces."""
     rows, point, x, modes = state.rows, state.point, state.vectors, state.modes
     h = level.h
@@ -90,13 +90,13 @@ def commit(model: Hybrid, level: Level, state: State) -> None:
 
 
 @kernel
-def potential_energy(model: Hybrid, state: State) -> float:
+def potential_energy(model: HybridArrays, state: HybridState) -> float:
     """Contact potential from the reference state beyond the tangent that is in K, J."""
     return contact_energy(model.points.T, model.law, state.point[:, its.X_START])
 
 
 @kernel
-def history_row(model: Hybrid, state: State, row: np.ndarray) -> None:
+def history_row(model: HybridArrays, state: HybridState, row: np.ndarray) -> None:
     """Fill the columns newmark_layout.HISTORY of contact and work."""
     contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
     row[its.WORK : its.WORK + 4] = state.work

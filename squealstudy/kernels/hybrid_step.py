@@ -20,7 +20,14 @@ from squealstudy.kernels.hybrid_contact import (
     friction_bound2,
     quadratic_form,
 )
-from squealstudy.kernels.hybrid_layout import Contact, Hybrid, Level, Limits, Sparse, State
+from squealstudy.kernels.hybrid_layout import (
+    Contact,
+    HybridArrays,
+    HybridState,
+    Limits,
+    Sparse,
+    StepSize,
+)
 from squealstudy.kernels.jit import fast_kernel, kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
@@ -31,9 +38,9 @@ DIFFERENCES = np.array([[1.0, -1, 0, 0, 0], [1, -2, 1, 0, 0], [1, -3, 3, -1, 0],
 
 @kernel
 def balance(
-    model: Hybrid,
-    level: Level,
-    state: State,
+    model: HybridArrays,
+    level: StepSize,
+    state: HybridState,
     dv: np.ndarray,
     limits: Limits,
 ) -> tuple[int, int, float, int, bool]:
@@ -73,24 +80,24 @@ def balance(
     )
     rows[at.FOUND] = rows[at.R]
     lack = r - rows[at.R_GUESS, :nb]
-    heavy, n_heavy = heavy_points(contact, level, lack, scale2, limits)
-    solve = 3 * n_heavy * dv.size > level.fill
+    corrected, n_corrected = points_to_correct(contact, level, lack, scale2, limits)
+    solve = 3 * n_corrected * dv.size > level.fill
     if solve:
-        heavy[:] = True
+        corrected[:] = True
     change = np.zeros(rows.shape[1])
     for i in range(nb):
-        if heavy[i // 3]:
+        if corrected[i // 3]:
             change[i] = lack[i]
             move(rows[at.Y_END, :nb], lack[i], level.G[i])
         else:  # what these forces lack acts in the next step
             r[i] = rows[at.R_GUESS, i]
     change_shapes(level, eliminated, change, rows, nb)
     carry(model, level, state, change, solve)
-    return outcome, evaluations, contraction, n_heavy, solve
+    return outcome, evaluations, contraction, n_corrected, solve
 
 
 @fast_kernel
-def predicted_velocities(model: Hybrid, level: Level, state: State) -> np.ndarray:
+def predicted_velocities(model: HybridArrays, level: StepSize, state: HybridState) -> np.ndarray:
     """B v (3 nc + k,) at the end of a step with the predicted forces; velocities of the modes."""
     rows, modes = state.rows, state.modes
     force = np.empty(model.omega2.size)
@@ -109,7 +116,9 @@ def predicted_velocities(model: Hybrid, level: Level, state: State) -> np.ndarra
 
 
 @fast_kernel
-def eliminate_shapes(model: Hybrid, level: Level, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+def eliminate_shapes(
+    model: HybridArrays, level: StepSize, r: np.ndarray, y: np.ndarray
+) -> np.ndarray:
     """Change of the shapes' forces (k,) that makes r = -d y while the contact forces stay.
 
     Their dampers are linear, so that they leave the contact iteration: `level.G` knows them.
@@ -124,7 +133,7 @@ def eliminate_shapes(model: Hybrid, level: Level, r: np.ndarray, y: np.ndarray) 
 
 @fast_kernel
 def change_shapes(
-    level: Level, eliminated: np.ndarray, change: np.ndarray, rows: np.ndarray, nb: int
+    level: StepSize, eliminated: np.ndarray, change: np.ndarray, rows: np.ndarray, nb: int
 ) -> None:
     """The part of the shapes in `change` (3 nc + k,) beside contact forces, and their forces."""
     k = eliminated.size
@@ -139,7 +148,9 @@ def change_shapes(
 
 
 @fast_kernel
-def carry(model: Hybrid, level: Level, state: State, change: np.ndarray, solve: bool) -> None:
+def carry(
+    model: HybridArrays, level: StepSize, state: HybridState, change: np.ndarray, solve: bool
+) -> None:
     """What a change of forces (3 nc + k,) does to the modes and to DV, or to the next RHS."""
     x = state.vectors
     force = np.empty(model.omega2.size)
@@ -155,8 +166,8 @@ def carry(model: Hybrid, level: Level, state: State, change: np.ndarray, solve: 
 
 
 @fast_kernel
-def heavy_points(
-    contact: Contact, level: Level, lack: np.ndarray, scale2: float, limits: Limits
+def points_to_correct(
+    contact: Contact, level: StepSize, lack: np.ndarray, scale2: float, limits: Limits
 ) -> tuple[np.ndarray, int]:
     """The fewest points (nc,) whose forces must be corrected, and their number.
 
@@ -174,27 +185,27 @@ def heavy_points(
         e2_t[i] = lack[3 * i + 1] ** 2 + lack[3 * i + 2] ** 2
     limit = limits.tolerance * limits.tolerance * scale2 + level.floor2
     limit_t = limits.tolerance_t * limits.tolerance_t * bounds2
-    heavy = np.zeros(nc, dtype=np.bool_)
+    corrected = np.zeros(nc, dtype=np.bool_)
     share = 1.0
     while True:
         count = 0
         light = 0.0
         light_t = 0.0
         for i in range(nc):
-            heavy[i] = e2[i] > share * limit or e2_t[i] > share * limit_t
-            if heavy[i]:
+            corrected[i] = e2[i] > share * limit or e2_t[i] > share * limit_t
+            if corrected[i]:
                 count += 1
             else:
                 light += e2[i]
                 light_t += e2_t[i]
         if (light <= limit and light_t <= limit_t) or share * nc < 1.0:
-            return heavy, count
+            return corrected, count
         share *= 0.5
 
 
 @fast_kernel
 def multiply(A: Sparse, x: np.ndarray, y: np.ndarray) -> None:
-    """Y = A x."""
+    """Write the product A x of a sparse matrix (m, n) with x (n,) into y (m,)."""
     for i in range(y.size):
         total = 0.0
         for k in range(A.indptr[i], A.indptr[i + 1]):
@@ -213,7 +224,7 @@ def spread(A: Sparse, factor: float, x: np.ndarray, y: np.ndarray) -> None:
 
 
 @fast_kernel
-def modal_force(model: Hybrid, r: np.ndarray, force: np.ndarray) -> None:
+def modal_force(model: HybridArrays, r: np.ndarray, force: np.ndarray) -> None:
     """Force = (B phi)^T r (m,)."""
     force[:] = 0.0
     for i in range(r.size):
@@ -224,7 +235,7 @@ def modal_force(model: Hybrid, r: np.ndarray, force: np.ndarray) -> None:
 
 
 @fast_kernel
-def free_rates(model: Hybrid, state: State, h: float) -> None:
+def free_rates(model: HybridArrays, state: HybridState, h: float) -> None:
     """Velocities of all modes at the end of a step without forces."""
     modes = state.modes
     for j in range(model.omega2.size):
@@ -239,7 +250,7 @@ def free_rates(model: Hybrid, state: State, h: float) -> None:
 
 
 @fast_kernel
-def move_rates(model: Hybrid, state: State, h: float, force: np.ndarray) -> None:
+def move_rates(model: HybridArrays, state: HybridState, h: float, force: np.ndarray) -> None:
     """Velocities of all modes at the end of a step += those of `force` (m,), from rest."""
     modes = state.modes
     for j in range(force.size):
@@ -276,7 +287,7 @@ def extrapolate(rows: np.ndarray, first: int, last: int, known: int) -> None:
 
 
 @kernel
-def predict(model: Hybrid, level: Level, state: State, known: int) -> None:
+def predict(model: HybridArrays, level: StepSize, state: HybridState, known: int) -> None:
     """Extrapolate the forces from `known` times and leave the right-hand side in row RHS."""
     rows, x = state.rows, state.vectors
     h = level.h

@@ -8,7 +8,14 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel
 from squealstudy.kernels.laws import potential
 from squealstudy.kernels.newmark_forces import pass_one
-from squealstudy.kernels.newmark_layout import SCALE, X_START, Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import (
+    SCALE,
+    X_START,
+    ModalArrays,
+    SavedArrays,
+    StepSettings,
+    WorkArrays,
+)
 from squealstudy.kernels.newmark_output import modal_energy, save, stored_energy
 from squealstudy.kernels.newmark_step import BIG, ROUND_OFF, close_passes, start
 from squealstudy.kernels.newmark_vector import dot
@@ -17,7 +24,9 @@ BLOW_UP = 100.0  # energy (here the kinetic) over all that was put in
 
 
 @fast_kernel
-def open_run(B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved) -> None:
+def open_run(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays
+) -> None:
     """Evaluate the initial state in the trial rows and accept it; the status where that fails."""
     pass_one(B, modal, work, 0)
     if not start(B, modal, settings, work, 0):
@@ -35,7 +44,7 @@ def open_run(B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved:
 
 
 @fast_kernel
-def released(modal: Modal, settings: Settings, work: Work) -> float:
+def released(modal: ModalArrays, settings: StepSettings, work: WorkArrays) -> float:
     """Energy [J] that the initial state may set free, and that of a step under all its forces."""
     real, law, points, point = work.real[0], modal.laws[0], modal.points[0], work.point[0]
     total = abs(real[at.STORED_START]) + modal_energy(work.x[0], modal.modes[0, at.W2])
@@ -52,7 +61,7 @@ def finite(x: np.ndarray) -> bool:
 
 
 @fast_kernel
-def shown(settings: Settings, step: int) -> bool:
+def shown(settings: StepSettings, step: int) -> bool:
     """Whether the state after `step` steps leaves the kernel."""
     if step == settings.n_steps:
         return True
@@ -60,7 +69,9 @@ def shown(settings: Settings, step: int) -> bool:
 
 
 @fast_kernel
-def close_step(modal: Modal, settings: Settings, work: Work, saved: Saved) -> None:
+def close_step(
+    modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays
+) -> None:
     """Judge, save and end after the accepted state of a whole step that was counted in STEP."""
     counts, real, v = work.counts[0], work.real[0], work.x[0, at.V]
     close_passes(counts)

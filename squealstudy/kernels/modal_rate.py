@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_forces import all_forces, pass_one, tangents
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_output import save, stored_energy
 
 
@@ -21,7 +21,9 @@ def take(y: np.ndarray, x: np.ndarray) -> None:
 
 
 @entry_kernel
-def modal_rate(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, dy: np.ndarray) -> None:
+def modal_rate(
+    y: np.ndarray, B: np.ndarray, modal: ModalArrays, work: WorkArrays, dy: np.ndarray
+) -> None:
     """Rate dy = f(y) of design 0, both (2 m,) with m modes."""
     x, modes, m = work.x[0], modal.modes[0], y.size // 2
     take(y, x)
@@ -33,7 +35,9 @@ def modal_rate(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, dy: np.nd
 
 
 @entry_kernel
-def point_tangents(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, D: np.ndarray) -> None:
+def point_tangents(
+    y: np.ndarray, B: np.ndarray, modal: ModalArrays, work: WorkArrays, D: np.ndarray
+) -> None:
     """Tangents of the contact points at y, as they stand in f.
 
     Parameters
@@ -51,10 +55,10 @@ def point_tangents(y: np.ndarray, B: np.ndarray, modal: Modal, work: Work, D: np
 def show_state(
     y: np.ndarray,
     B: np.ndarray,
-    modal: Modal,
-    settings: Settings,
-    work: Work,
-    saved: Saved,
+    modal: ModalArrays,
+    settings: StepSettings,
+    work: WorkArrays,
+    saved: SavedArrays,
     keep: bool,
 ) -> float:
     """Make y the accepted state of design 0, in a row of the histories if wanted.

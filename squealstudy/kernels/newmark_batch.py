@@ -12,7 +12,7 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_entry_kernel, fast_kernel, part_kernel
 from squealstudy.kernels.newmark_correct import place
 from squealstudy.kernels.newmark_forces import give_forces, pass_one, point_forces, take_points
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.newmark_vector import copy
 from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
@@ -47,7 +47,7 @@ def widen(narrow: np.ndarray, wide: np.ndarray) -> None:
 
 @fast_kernel
 def panel_of_eight(
-    panel: np.ndarray, first: int, modal: Modal, work: Work, designs: np.ndarray
+    panel: np.ndarray, first: int, modal: ModalArrays, work: WorkArrays, designs: np.ndarray
 ) -> None:
     """Add the forces of a panel of tiles (.., n, ROWS), its first point `first`, to lanes F.
 
@@ -70,7 +70,7 @@ def panel_of_eight(
 
 
 @part_kernel
-def pass_eight(B: np.ndarray, modal: Modal, work: Work, designs: np.ndarray) -> None:
+def pass_eight(B: np.ndarray, modal: ModalArrays, work: WorkArrays, designs: np.ndarray) -> None:
     """`pass_one` for up to LANES designs, B (nt, n, ROWS) read once."""
     for d in range(designs.size):
         to_lane(work.x[designs[d]], work.lanes, d)
@@ -108,7 +108,7 @@ def paused(counts: np.ndarray) -> bool:
 
 @fast_entry_kernel
 def newmark_batch(
-    B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays
 ) -> None:
     """Integrate all designs to their ends or failures; `work.counts` and `work.real` tell which.
 
@@ -144,10 +144,10 @@ def newmark_batch(
 @fast_entry_kernel
 def newmark_trace(
     B: np.ndarray,
-    modal: Modal,
-    settings: Settings,
-    work: Work,
-    saved: Saved,
+    modal: ModalArrays,
+    settings: StepSettings,
+    work: WorkArrays,
+    saved: SavedArrays,
     first: np.ndarray,
     squares: np.ndarray,
 ) -> int:

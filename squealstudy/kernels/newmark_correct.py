@@ -12,7 +12,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.newmark_forces import tangents
-from squealstudy.kernels.newmark_layout import Modal, Settings, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_stiff import mock_up
 from squealstudy.kernels.newmark_vector import copy, fill, move
 from squealstudy.kernels.tile import POINTS
@@ -31,9 +31,11 @@ def place(x: np.ndarray, E: np.ndarray) -> None:
 
 
 @fast_kernel
-def direction(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
+def direction(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int
+) -> bool:
     """Correction from the residual by the fixed Jacobian; False where that is singular."""
-    level = work.counts[k, at.LEVEL]
+    level = work.counts[k, at.HALVING]
     if not settings.dense:
         mock_up(modal, work, k, level)
         return True
@@ -67,7 +69,7 @@ def aitken(delta: np.ndarray, delta_old: np.ndarray, answer: np.ndarray, omega: 
 
 
 @fast_kernel
-def relax(settings: Settings, work: Work, k: int, E: np.ndarray, e2: float) -> None:
+def relax(settings: StepSettings, work: WorkArrays, k: int, E: np.ndarray, e2: float) -> None:
     """Add the correction in row DELTA to the trial pull, relaxed after Aitken; E as in `place`."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
     if counts[at.ITERATION] == 2 and real[at.E2_OLD] > real[at.FLOOR2]:
@@ -82,20 +84,20 @@ def relax(settings: Settings, work: Work, k: int, E: np.ndarray, e2: float) -> N
 
 @part_kernel
 def correct_fixed(
-    B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int, e2: float
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, e2: float
 ) -> bool:
     """One correction by the fixed Jacobian, relaxed after Aitken; False if it is singular."""
     if not direction(B, modal, settings, work, k):
         return False
-    relax(settings, work, k, modal.steps[k, work.counts[k, at.LEVEL]], e2)
+    relax(settings, work, k, modal.steps[k, work.counts[k, at.HALVING]], e2)
     return True
 
 
 @part_kernel
-def correct_newton(B: np.ndarray, modal: Modal, work: Work, k: int, e2: float) -> bool:
+def correct_newton(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int, e2: float) -> bool:
     """One correction by a fresh Jacobian; a step that made the residual grow is halved instead."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
-    level = counts[at.LEVEL]
+    level = counts[at.HALVING]
     if (
         counts[at.ITERATION] > 1
         and e2 > real[at.E2_OLD]
@@ -163,14 +165,14 @@ def lu_solve(A: np.ndarray, pivots: np.ndarray, x: np.ndarray) -> None:
 
 
 @fast_kernel
-def linear_jacobian(modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray) -> None:
+def linear_jacobian(modal: ModalArrays, k: int, level: int, row: np.ndarray, A: np.ndarray) -> None:
     """A of design k without contact beyond the reference tangent; `row` (3, n) is room."""
-    tuned, E = modal.tuned[k], modal.steps[k, level]
+    component_terms, E = modal.component_terms[k], modal.steps[k, level]
     for i in range(A.shape[0]):
         fill(A[i], 0.0)
         A[i, i] = 1.0
     for m in range(modal.shapes.shape[0]):
-        d, s, u, answer = tuned[0, m], tuned[1, m], modal.shapes[m], row[0]
+        d, s, u, answer = component_terms[0, m], component_terms[1, m], modal.shapes[m], row[0]
         for j in range(u.size):
             answer[j] = u[j] * (d * E[at.LAST_V, j] + s * E[at.LAST_Q, j])
         for i in range(A.shape[0]):
@@ -214,7 +216,7 @@ def point_row(B: np.ndarray, i: int, row: np.ndarray) -> None:
 
 @part_kernel
 def fixed_jacobian(
-    B: np.ndarray, modal: Modal, k: int, level: int, row: np.ndarray, A: np.ndarray
+    B: np.ndarray, modal: ModalArrays, k: int, level: int, row: np.ndarray, A: np.ndarray
 ) -> None:
     """The fixed Jacobian, contact factor and tangential mock-up in it (THEORY.md eq. (67)).
 
@@ -232,7 +234,7 @@ def fixed_jacobian(
 @part_kernel
 def true_jacobian(
     B: np.ndarray,
-    modal: Modal,
+    modal: ModalArrays,
     k: int,
     level: int,
     point: np.ndarray,

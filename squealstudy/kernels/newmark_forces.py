@@ -26,7 +26,7 @@ from squealstudy.kernels.laws import (
     mean_pressures,
     pressures,
 )
-from squealstudy.kernels.newmark_layout import X_START, Modal, Work
+from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
 from squealstudy.kernels.tile import POINTS, observe_one, spread_one
 
@@ -47,13 +47,13 @@ def balance(x: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
 
 
 @fast_kernel
-def residual(modal: Modal, work: Work, k: int) -> tuple[float, float]:
+def residual(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float]:
     """Force residual of design k into row DELTA; its square and the square of its scale."""
     x = work.x[k]
     e2, scale2 = balance(x, modal.modes[k])
     changed = False
     for m in range(modal.shapes.shape[0]):
-        d, s, u = modal.tuned[k, 0, m], modal.tuned[k, 1, m], modal.shapes[m]
+        d, s, u = modal.component_terms[k, 0, m], modal.component_terms[k, 1, m], modal.shapes[m]
         if d == 0.0 and s == 0.0:
             continue
         force = d * dot(u, x[at.V_TRIAL])
@@ -67,7 +67,7 @@ def residual(modal: Modal, work: Work, k: int) -> tuple[float, float]:
 
 
 @fast_kernel
-def all_forces(modal: Modal, work: Work, k: int) -> tuple[float, float]:
+def all_forces(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float]:
     """All forces beyond the free modes at the evaluated trial state of design k, into row DELTA.
 
     Their square and the square of their scale.
@@ -77,7 +77,7 @@ def all_forces(modal: Modal, work: Work, k: int) -> tuple[float, float]:
 
 
 @fast_kernel
-def friction_change(modal: Modal, work: Work, k: int) -> tuple[float, float]:
+def friction_change(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float]:
     """Squared change of the friction forces since the guess, and the square of their bounds.
 
     This is the balance in the tangential directions: points that stick hardly show in the forces
@@ -115,7 +115,7 @@ def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
 
 
 @fast_kernel
-def observe_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
+def observe_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> None:
     """Gaps and velocities of the points of a panel of tiles (.., n, ROWS) at a trial state."""
     x, tiles = work.x[k], work.tiles
     for t in range(panel.shape[0]):
@@ -124,7 +124,7 @@ def observe_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
 
 
 @fast_kernel
-def spread_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
+def spread_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> None:
     """Add the forces of the points of a panel, the first of them `first`, to row FORCE."""
     for t in range(panel.shape[0]):
         give_forces(work.point[k], work.tiles[t, 0], first + t * POINTS)
@@ -132,7 +132,7 @@ def spread_panel(panel: np.ndarray, first: int, work: Work, k: int) -> None:
 
 
 @fast_kernel
-def pass_one(B: np.ndarray, modal: Modal, work: Work, k: int) -> None:
+def pass_one(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> None:
     """Contact and friction forces in modal coordinates at the trial state of design k.
 
     Parameters
@@ -168,7 +168,7 @@ def gradient_forces(
 
 
 @fast_kernel
-def pass_gradient(B: np.ndarray, modal: Modal, work: Work) -> None:
+def pass_gradient(B: np.ndarray, modal: ModalArrays, work: WorkArrays) -> None:
     """As `pass_one` for design 0 with a midpoint in the trial rows."""
     fill(work.x[0, at.FORCE], 0.0)
     step = work.tiles.shape[0]

@@ -20,7 +20,7 @@ RUNNING, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, BLOWN_UP = 0, 1, 2, 3, 4, 5
 START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
 
 # columns of Work.counts
-STATUS, MODE, STEP, POSITION, LEVEL, ITERATION = 0, 1, 2, 3, 4, 5
+STATUS, MODE, STEP, POSITION, HALVING, ITERATION = 0, 1, 2, 3, 4, 5
 STEP_PASSES, PASSES, MAX_PASSES, HALVINGS, NEWTON_STEPS, SAVED = 6, 7, 8, 9, 10, 11
 PAUSE = 12  # the step after which the kernel returns; it must be later before the next call
 N_COUNT = 13
@@ -99,7 +99,7 @@ E_QQ, E_QV, E_VQ, E_VV, P1_Q, P1_V, P2_Q, P2_V, P3_Q, P3_V = range(10)
 N_COEFFICIENT = 10
 
 
-class Modal(NamedTuple):
+class ModalArrays(NamedTuple):
     """The design points; see motion.system for units. W2 contains N^T k_ref N."""
 
     points: np.ndarray  # (nb, 8, nc) rows POINT_*
@@ -107,7 +107,7 @@ class Modal(NamedTuple):
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
-    tuned: np.ndarray  # (nb, 2, m) d, s
+    component_terms: np.ndarray  # (nb, 2, m) d, s
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
@@ -115,7 +115,7 @@ class Modal(NamedTuple):
     own: np.ndarray  # (nc,) the larger diagonal entry of each point there
 
 
-class Settings(NamedTuple):
+class StepSettings(NamedTuple):
     """How to integrate."""
 
     h: float
@@ -132,7 +132,7 @@ class Settings(NamedTuple):
     changes: float  # share of the products of changes in works, see newmark_output.add_work
 
 
-class Work(NamedTuple):
+class WorkArrays(NamedTuple):
     """State of the iteration; rows Q, V at the end are the final state."""
 
     x: np.ndarray  # (nb, N_ROWS, n)
@@ -151,7 +151,7 @@ class Work(NamedTuple):
     small: np.ndarray  # (4 nc^2,) their compliance
 
 
-class Saved(NamedTuple):
+class SavedArrays(NamedTuple):
     """Decimated histories; as many rows as were saved are filled."""
 
     history: np.ndarray  # (nb, rows, len(HISTORY))

@@ -7,14 +7,16 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.laws import mu_at, potential
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
 
 OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure
 
 
 @fast_kernel
-def add_work(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
+def add_work(
+    modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float
+) -> None:
     """Work over an accepted sub-step h, with the new velocity in row V_TRIAL and the old one in V.
 
     Products of means are exact for average acceleration, whose energies balance; with the products
@@ -29,10 +31,10 @@ def add_work(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> 
         w_load += modes[at.LOAD, j] * total
         damped += modes[at.C, j] * (total * total + share * change * change)
     for m in range(modal.shapes.shape[0]):
-        if modal.tuned[k, 0, m] == 0.0:
+        if modal.component_terms[k, 0, m] == 0.0:
             continue
         y0, y1 = dot(modal.shapes[m], x[at.V]), dot(modal.shapes[m], x[at.V_TRIAL])
-        damped += modal.tuned[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
+        damped += modal.component_terms[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
     load, belt, sliding = contact_work(modal.points[k], modal.laws[k], work.point[k], share)
     real = work.real[k]
     real[at.W_LOAD] += 0.5 * h * (w_load + load)
@@ -81,13 +83,13 @@ def modal_energy(x: np.ndarray, w2: np.ndarray) -> float:
 
 
 @fast_kernel
-def stored_energy(modal: Modal, work: Work, k: int) -> float:
+def stored_energy(modal: ModalArrays, work: WorkArrays, k: int) -> float:
     """All stored energy of design k from the reference state, J, contact potential included."""
     x = work.x[k]
     total = modal_energy(x, modal.modes[k, at.W2])
     for m in range(modal.shapes.shape[0]):
         y = dot(modal.shapes[m], x[at.Q])
-        total += 0.5 * modal.tuned[k, 1, m] * y * y
+        total += 0.5 * modal.component_terms[k, 1, m] * y * y
     return total + contact_energy(modal.points[k], modal.laws[k], work.point[k, at.OUT_X])
 
 
@@ -155,7 +157,9 @@ def contact_row(
 
 
 @part_kernel
-def save(modal: Modal, settings: Settings, work: Work, saved: Saved, k: int) -> None:
+def save(
+    modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays, k: int
+) -> None:
     """Append the accepted state of design k to its histories."""
     counts, x = work.counts[k], work.x[k]
     number = counts[at.SAVED]

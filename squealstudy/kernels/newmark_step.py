@@ -19,7 +19,7 @@ from squealstudy.kernels.newmark_correct import (
     point_row,
 )
 from squealstudy.kernels.newmark_forces import all_forces, friction_change, residual
-from squealstudy.kernels.newmark_layout import Modal, Saved, Settings, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_output import add_work, save, stored_energy
 from squealstudy.kernels.newmark_vector import copy, dot, move
 
@@ -46,7 +46,7 @@ def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
 
 @fast_kernel
 def keep_state(x: np.ndarray) -> None:
-    """The trial state is accepted."""
+    """Accept the trial state: it becomes the state that the next step starts from."""
     for j in range(x.shape[1]):
         x[at.Q, j], x[at.V, j] = x[at.Q_TRIAL, j], x[at.V_TRIAL, j]
         x[at.PULL_OLD, j] = x[at.PULL, j]
@@ -62,7 +62,7 @@ def guess_friction(point: np.ndarray, h: float) -> None:
 
 
 @fast_kernel
-def open_part(settings: Settings, work: Work, k: int, h: float) -> float:
+def open_part(settings: StepSettings, work: WorkArrays, k: int, h: float) -> float:
     """Open a sub-step h; the ratio to the last one over which the pull is extrapolated, or 0."""
     counts, real = work.counts[k], work.real[k]
     known = settings.extrapolate and real[at.SUBSTEP_OLD] > 0.0
@@ -74,23 +74,23 @@ def open_part(settings: Settings, work: Work, k: int, h: float) -> float:
 
 
 @fast_kernel
-def part_done(settings: Settings, counts: np.ndarray) -> bool:
+def part_done(settings: StepSettings, counts: np.ndarray) -> bool:
     """Count an accepted sub-step; whether it ends a whole step."""
-    counts[at.POSITION] += 1 << (settings.max_halvings - counts[at.LEVEL])
+    counts[at.POSITION] += 1 << (settings.max_halvings - counts[at.HALVING])
     if counts[at.POSITION] < 1 << settings.max_halvings:
         return False
     counts[at.POSITION] = 0
-    counts[at.LEVEL] = 0
+    counts[at.HALVING] = 0
     counts[at.STEP] += 1
     return True
 
 
 @fast_kernel
-def halved(settings: Settings, counts: np.ndarray) -> bool:
+def halved(settings: StepSettings, counts: np.ndarray) -> bool:
     """Halve the sub-step after it failed; False where it is the shortest."""
-    if counts[at.LEVEL] == settings.max_halvings:
+    if counts[at.HALVING] == settings.max_halvings:
         return False
-    counts[at.LEVEL] += 1
+    counts[at.HALVING] += 1
     counts[at.HALVINGS] += 1
     return True
 
@@ -110,10 +110,10 @@ def close_passes(counts: np.ndarray) -> None:
 
 
 @part_kernel
-def begin(modal: Modal, settings: Settings, work: Work, k: int, h: float) -> None:
+def begin(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float) -> None:
     """Open a sub-step h from the accepted state, with a trial state."""
     ratio = open_part(settings, work, k, h)
-    predict(work.x[k], modal.steps[k, work.counts[k, at.LEVEL]], ratio)
+    predict(work.x[k], modal.steps[k, work.counts[k, at.HALVING]], ratio)
 
 
 @fast_kernel
@@ -130,7 +130,7 @@ def keep_points(point: np.ndarray, h: float) -> None:
 
 
 @fast_kernel
-def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
+def force_floor(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> float:
     """Square of the force that rounding leaves in sums over the contact points."""
     load = modal.modes[k, at.LOAD]
     total = dot(load, load)
@@ -145,7 +145,9 @@ def force_floor(B: np.ndarray, modal: Modal, work: Work, k: int) -> float:
 
 
 @part_kernel
-def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> bool:
+def start(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int
+) -> bool:
     """Pull of the initial state from the first evaluation; False if it is not finite."""
     x, real = work.x[k], work.real[k]
     e2, _ = all_forces(modal, work, k)
@@ -159,7 +161,7 @@ def start(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -
 
 
 @fast_kernel
-def fail(settings: Settings, counts: np.ndarray, reason: int) -> int:
+def fail(settings: StepSettings, counts: np.ndarray, reason: int) -> int:
     """After a failed iteration: halve, then a fresh Jacobian, then stop with the reason."""
     if not halved(settings, counts):
         if counts[at.MODE] == at.FIXED:
@@ -170,13 +172,15 @@ def fail(settings: Settings, counts: np.ndarray, reason: int) -> int:
 
 
 @part_kernel
-def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
+def accept(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int
+) -> int:
     """Close a sub-step: the last residual still corrects the state, at no evaluation's cost."""
     counts, real, x = work.counts[k], work.real[k], work.x[k]
     h = real[at.SUBSTEP]
     if counts[at.MODE] == at.FIXED and direction(B, modal, settings, work, k):
         move(x[at.PULL_TRIAL], real[at.OMEGA], x[at.DELTA])
-        place(x, modal.steps[k, counts[at.LEVEL]])
+        place(x, modal.steps[k, counts[at.HALVING]])
     add_work(modal, settings, work, k, h)
     keep_state(x)
     real[at.SUBSTEP_OLD] = h
@@ -191,7 +195,9 @@ def accept(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) 
 
 
 @part_kernel
-def iterate(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int) -> int:
+def iterate(
+    B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int
+) -> int:
     """Judge an evaluation and correct, accept or give up; what to do next."""
     counts, real = work.counts[k], work.real[k]
     counts[at.ITERATION] += 1
@@ -214,7 +220,12 @@ def iterate(B: np.ndarray, modal: Modal, settings: Settings, work: Work, k: int)
 
 @part_kernel
 def advance(
-    B: np.ndarray, modal: Modal, settings: Settings, work: Work, saved: Saved, k: int
+    B: np.ndarray,
+    modal: ModalArrays,
+    settings: StepSettings,
+    work: WorkArrays,
+    saved: SavedArrays,
+    k: int,
 ) -> None:
     """After an evaluation at the trial state of design k: its next trial state, or its end."""
     counts = work.counts[k]
@@ -231,4 +242,4 @@ def advance(
     if counts[at.STATUS] == at.DONE:
         work.real[k, at.STORED_END] = stored_energy(modal, work, k)
     if counts[at.STATUS] == at.RUNNING and then != GO_ON:
-        begin(modal, settings, work, k, settings.h / (1 << counts[at.LEVEL]))
+        begin(modal, settings, work, k, settings.h / (1 << counts[at.HALVING]))

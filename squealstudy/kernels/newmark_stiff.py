@@ -20,7 +20,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.laws import mu_at, stick_slope
-from squealstudy.kernels.newmark_layout import Modal, Work
+from squealstudy.kernels.newmark_layout import ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, move
 
 STIFF = 0.05  # contraction that a point alone may cause before it is treated
@@ -33,7 +33,7 @@ Z_1, Z_2, BOUND, OWN = 0, 1, 2, 3
 
 
 @fast_kernel
-def stiff_points(modal: Modal, work: Work, k: int, part: float) -> int:
+def stiff_points(modal: ModalArrays, work: WorkArrays, k: int, part: float) -> int:
     """List the stiff points of design k with their velocities at the next trial state.
 
     `part` of the whole step is taken; row ROOM holds what the modes' velocities change by.
@@ -91,7 +91,7 @@ def gather(H: np.ndarray, listed: np.ndarray, m: int, scale: float, small: np.nd
 
 
 @fast_kernel
-def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
+def sweep(modal: ModalArrays, work: WorkArrays, k: int, m: int) -> float:
     """One sweep over the m listed points; squared change of the forces over that of all sweeps."""
     free, small, point = work.free, work.small, work.point[k]
     change = 0.0
@@ -121,7 +121,7 @@ def sweep(modal: Modal, work: Work, k: int, m: int) -> float:
 
 
 @part_kernel
-def mock_up(modal: Modal, work: Work, k: int, level: int) -> None:
+def mock_up(modal: ModalArrays, work: WorkArrays, k: int, level: int) -> None:
     """Correct row DELTA, which holds the residual, for the stiff points; the friction expected."""
     if modal.own.size == 0:
         return

@@ -18,7 +18,7 @@ def dot(x: np.ndarray, y: np.ndarray) -> float:
 
 @fast_kernel
 def move(x: np.ndarray, factor: float, step: np.ndarray) -> None:
-    """X += factor step."""
+    """Add factor times step (n,) to x (n,) in place."""
     for j in range(x.size):
         x[j] += factor * step[j]
 
@@ -32,6 +32,6 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 
 @fast_kernel
 def fill(x: np.ndarray, value: float) -> None:
-    """X = value."""
+    """Set all entries of x (n,) to a value."""
     for j in range(x.size):
         x[j] = value

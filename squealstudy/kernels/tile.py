@@ -76,7 +76,7 @@ class _Writer:
         return ir.Constant(ir.IntType(64), i)
 
     def at(self, i: Any, stride: int, offset: int = 0) -> Any:
-        """The index i stride + offset."""
+        """Source of the index i stride + offset."""
         scaled = self.builder.mul(i, self.index(stride))
         return self.builder.add(scaled, self.index(offset))
 

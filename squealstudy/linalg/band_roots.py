@@ -24,7 +24,7 @@ LARGEST_DENSE = 2000  # degrees of freedom that LAPACK takes where most of the r
 
 @dataclass(frozen=True)
 class BandRoots:
-    """Roots of a band.
+    """Roots of a quadratic eigenproblem in a band, with right vectors and errors.
 
     Attributes
     ----------

@@ -123,7 +123,7 @@ class _InverseCompanion:
         return np.abs(self.sigma * theta + self.scale) <= radius * np.abs(theta)
 
     def roots(self, theta: np.ndarray) -> np.ndarray:
-        """Roots lambda, rad/s."""
+        """Roots lambda [rad/s] that belong to eigenvalues theta of the inverted form."""
         lam: np.ndarray = self.sigma + self.scale / theta
         return lam
 
@@ -154,12 +154,12 @@ class _Krylov:
 
     @property
     def vectors(self) -> np.ndarray:
-        """Orthonormal states (N, m)."""
+        """Orthonormal states of the Krylov space (N, m)."""
         return self._V[:, self._held : self._held + self.size]
 
     @property
     def hessenberg(self) -> np.ndarray:
-        """The operator in them (m, m)."""
+        """The operator in the orthonormal states of the space (m, m)."""
         return self._H[: self.size, : self.size]
 
     @property

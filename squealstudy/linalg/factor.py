@@ -129,7 +129,7 @@ class RefinedFactor(ABC):
 
 
 class SuperLUFactor(RefinedFactor):
-    """SuperLU, by `symmetric_lu`."""
+    """A sparse LU factorisation by SuperLU, pivots on the diagonal."""
 
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
@@ -148,7 +148,7 @@ class SuperLUFactor(RefinedFactor):
 
 
 class PardisoFactor(RefinedFactor):
-    """MKL PARDISO through pypardiso."""
+    """A sparse factorisation by MKL PARDISO (extra `mkl`)."""
 
     def __init__(self, A: sp.spmatrix) -> None:
         from pypardiso import PyPardisoSolver

@@ -30,7 +30,7 @@ class ShiftedFactor(Protocol):
     """Solves with Q(sigma) and with its conjugate transpose."""
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """Solution of Q(sigma) x = b, b (n,) or (n, k)."""
+        """Solution of Q(sigma) x = b."""
         ...
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
@@ -55,7 +55,7 @@ class QuadraticPencil:
         return int(self.M.shape[0])
 
     def apply(self, lam: complex, x: np.ndarray) -> np.ndarray:
-        """Q(lambda) x."""
+        """Q(lambda) x for one root and vector."""
         product: np.ndarray = lam**2 * (self.M @ x) + lam * (self.C @ x) + self.K @ x
         return product
 
@@ -89,11 +89,11 @@ class DenseShiftedFactor:
             raise ConvergenceError(SINGULAR, "the shift of an inverse iteration is a root")
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """See `ShiftedFactor`."""
+        """Solution of Q(sigma) x = b."""
         return la.lu_solve(self._lu, b, check_finite=False)
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """See `ShiftedFactor`."""
+        """Solution of Q(sigma)^H x = b."""
         return la.lu_solve(self._lu, b, trans=2, check_finite=False)
 
 
@@ -114,14 +114,14 @@ class SparseShiftedFactor:
             self._core = la.solve(core, np.diag(d))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """See `ShiftedFactor`."""
+        """Solution of Q(sigma) x = b."""
         x = self._lu.solve(np.asarray(b, dtype=complex))
         if len(self._core):
             x = x - self._X @ (self._core @ (self._U.T @ x))
         return x
 
     def solve_adjoint(self, b: np.ndarray) -> np.ndarray:
-        """See `ShiftedFactor`."""
+        """Solution of Q(sigma)^H x = b."""
         x = self._lu.solve(np.asarray(b, dtype=complex), trans="H")
         if len(self._core):
             x = x - self._Y @ (self._core.conj().T @ (self._U.T @ x))

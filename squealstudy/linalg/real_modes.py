@@ -140,7 +140,7 @@ class BlockKrylov:
 
     @property
     def vectors(self) -> np.ndarray:
-        """V (n, size)."""
+        """Orthonormal states of the space (n, size)."""
         return self._V[:, : self.size]
 
     @property

@@ -20,7 +20,7 @@ EPS = float(np.finfo(float).eps)
 BIN = 4.0  # ratio of moduli that share a scale of time
 ACCURATE = 1e-8  # relative error of a root below which no other attempt is made
 AT_ROUND_OFF = 10.0  # errors within this times that of round-off: no attempt would do better
-TOLD = 10.0  # errors of round-off that a root must be away from zero
+RESOLVED = 10.0  # errors of round-off that a root must be away from zero
 RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
 TINY = float(np.finfo(float).tiny)
 
@@ -52,7 +52,7 @@ class RootErrors(NamedTuple):
         The others are far below the band and cannot be told from zero.
         """
         size = np.abs(lam)
-        told: np.ndarray = (size > TOLD * self.round_off) | (size > RIGID_BELOW * top)
+        told: np.ndarray = (size > RESOLVED * self.round_off) | (size > RIGID_BELOW * top)
         return told
 
 

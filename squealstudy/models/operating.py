@@ -22,7 +22,7 @@ from squealstudy.laws import (
     friction_curve,
 )
 from squealstudy.laws.friction.exponential_fall import STATIC_RATIO
-from squealstudy.models.parameter import Assumption, Option
+from squealstudy.models.parameter import Assumption, ModelOption
 from squealstudy.parameter import Parameter
 
 FRICTION = Parameter(
@@ -83,11 +83,15 @@ def friction_laws() -> tuple[str, ...]:
     return FRICTION_CURVES.names
 
 
-CONTACT_OPTION = Option("contact_law", contact_laws, "pressure over the gap")
-FRICTION_OPTION = Option("friction_law", friction_laws, "friction over sliding speed and pressure")
+CONTACT_OPTION = ModelOption("contact_law", contact_laws, "pressure over the gap")
+FRICTION_OPTION = ModelOption(
+    "friction_law", friction_laws, "friction over sliding speed and pressure"
+)
 
 LARGEST_FRICTION = 2.0  # of dry contacts; brakes are below 1
-LIGHT_DAMPING = 0.2  # up to which modes that are damped apart from each other are an approximation
+LARGEST_MODAL_DAMPING = (
+    0.2  # up to which modes that are damped apart from each other are an approximation
+)
 
 
 def _static_friction(values: Mapping[str, float]) -> float:
@@ -104,7 +108,9 @@ FRICTION_RANGE = Assumption(
     LARGEST_FRICTION,
 )
 LIGHTLY_DAMPED = Assumption(
-    f"modal damping is light, a ratio of at most {LIGHT_DAMPING:g}", _damping_ratio, LIGHT_DAMPING
+    f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}",
+    _damping_ratio,
+    LARGEST_MODAL_DAMPING,
 )
 ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # of every model with contact
 

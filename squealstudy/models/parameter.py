@@ -14,7 +14,7 @@ Declared = tuple[Parameter | Callable[[], tuple[Parameter, ...]], ...]
 
 
 @dataclass(frozen=True)
-class Option:
+class ModelOption:
     """A choice that is no number to sweep: mesh density, contact law.
 
     Attributes
@@ -105,7 +105,7 @@ class ModelDefinition:
 
     name: str
     description: str
-    options: tuple[Option, ...]
+    options: tuple[ModelOption, ...]
     declared: Declared
     components: tuple[str, ...]
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]

@@ -32,7 +32,7 @@ class Point(Protocol):
         ...
 
 
-class Chart(Protocol):
+class Coordinates(Protocol):
     """Design points as coordinates in which modes vary smoothly: theta in [-1, 1]^d."""
 
     def theta(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
@@ -54,7 +54,7 @@ class Problem:
         The structure.
     swept : SweptProblem
         Terms and weights of the model over the box of all its design points.
-    chart : Chart
+    chart : Coordinates
         From design points to coordinates in that box and back.
     tolerance : float
         Largest error of lightly damped and of growing roots, relative to their moduli.
@@ -68,7 +68,7 @@ class Problem:
 
     prepared: PreparedModel | PreparedFamily
     swept: SweptProblem
-    chart: Chart
+    chart: Coordinates
     tolerance: float
     exact: Callable[[Any], PointModes]
     full_order: Callable[[Any], PointModes]

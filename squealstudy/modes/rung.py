@@ -16,7 +16,7 @@ from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyErro
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.tracking.refinement import Modes
 
 Found = tuple[int, PointModes | ConvergenceError]
@@ -209,7 +209,7 @@ def beyond_tolerance(rung: Rung, problem: Problem, modes: PointModes) -> str:
     """Why modes that a rung found do not keep the study's tolerance; '' where they do."""
     if modes.method != rung.name or not rung.keeps_tolerance or rung.exact:
         return ""
-    judged = light(modes.lam) | (modes.lam.real > 0)
+    judged = lightly_damped(modes.lam) | (modes.lam.real > 0)
     error = modes.error_rung[judged] / np.abs(modes.lam[judged])
     if (error <= problem.tolerance).all():
         return ""

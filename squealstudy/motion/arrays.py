@@ -53,7 +53,7 @@ def modal_arrays(
     designs: Sequence[MotionPoint],
     settings: MotionSettings,
     integrator: KernelIntegrator,
-) -> tuple[layout.Modal, bool]:
+) -> tuple[layout.ModalArrays, bool]:
     """The kernels' arrays, and whether the fixed Jacobian is dense."""
     n, m, h = padded(system.n), len(system.shapes), settings.step
     c = _stack([x.c for x in designs], system.n, "c")
@@ -63,7 +63,10 @@ def modal_arrays(
     modes[:, layout.W2, : system.n] = w2
     modes[:, layout.C, : system.n] = c
     modes[:, layout.LOAD, : system.n] = _stack([x.load for x in designs], system.n, "load")
-    tuned = [_stack([x.d for x in designs], m, "d"), _stack([x.s for x in designs], m, "s")]
+    component_terms = [
+        _stack([x.d for x in designs], m, "d"),
+        _stack([x.s for x in designs], m, "s"),
+    ]
     nc = len(system.area)
     points = np.zeros((len(designs), 8, -(-nc // POINTS) * POINTS))
     points[:, :, :nc] = [x.points(system) for x in designs]
@@ -71,13 +74,13 @@ def modal_arrays(
     steps = step_tables(modes, integrator, h)
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
     tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
-    modal = layout.Modal(
+    modal = layout.ModalArrays(
         points=points,
         laws=np.array([law_row(x.contact, x.friction, x.speed) for x in designs]),
         modes=modes,
         steps=steps,
         shapes=_padded_rows(system.shapes, n),
-        tuned=np.stack(tuned, axis=1),
+        component_terms=np.stack(component_terms, axis=1),
         fixed=fixed,
         sensors=_sensors(system, designs, n),
         tangential=tangential,
@@ -172,11 +175,11 @@ def _stack(rows: Sequence[np.ndarray | None], n: int, name: str) -> np.ndarray:
 
 def kernel_settings(
     settings: MotionSettings, integrator: KernelIntegrator, dense: bool
-) -> layout.Settings:
+) -> layout.StepSettings:
     """The kernels' settings; Newton converges quadratically and takes squares of tolerances."""
     fixed = isinstance(integrator, FixedJacobian)
     power = 1 if fixed else 2
-    return layout.Settings(
+    return layout.StepSettings(
         h=settings.step,
         n_steps=settings.n_steps,
         save_every=settings.save_every,
@@ -193,8 +196,8 @@ def kernel_settings(
 
 
 def work_arrays(
-    modal: layout.Modal, options: layout.Settings, B: np.ndarray, starts: np.ndarray
-) -> layout.Work:
+    modal: layout.ModalArrays, options: layout.StepSettings, B: np.ndarray, starts: np.ndarray
+) -> layout.WorkArrays:
     """Working arrays; pages of matrices that are never factored are never touched.
 
     `starts` (nb, 2, n) are initial deviations and velocities, also the first trial states.
@@ -209,7 +212,7 @@ def work_arrays(
     real[:, layout.STORED_END] = np.nan
     counts = np.zeros((nb, layout.N_COUNT), dtype=np.int64)
     counts[:, layout.PAUSE] = options.n_steps
-    return layout.Work(
+    return layout.WorkArrays(
         x=x,
         point=np.zeros((nb, layout.N_POINT, modal.points.shape[2])),
         lu=np.empty((n_matrices, n, n)),
@@ -227,11 +230,11 @@ def work_arrays(
     )
 
 
-def saved_arrays(modal: layout.Modal, n: int, settings: MotionSettings) -> layout.Saved:
+def saved_arrays(modal: layout.ModalArrays, n: int, settings: MotionSettings) -> layout.SavedArrays:
     """Room for the histories of n modes."""
     nb = len(modal.modes)
     rows = settings.n_steps // settings.save_every + 1 if settings.save_every else 0
-    return layout.Saved(
+    return layout.SavedArrays(
         history=np.empty((nb, rows, len(layout.HISTORY))),
         sensed=np.empty((nb, rows, 2, modal.sensors.shape[1])),
         q=np.empty((nb, rows if settings.save_q else 0, n)),

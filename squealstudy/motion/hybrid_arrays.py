@@ -21,7 +21,7 @@ BLOCK = 64  # right-hand sides a call of SuperLU
 ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
 
 
-def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.Hybrid:
+def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArrays:
     """Constants of a run; shapes that the design does not damp are left out.
 
     Damping has three parts::
@@ -50,7 +50,7 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.Hybrid:
     B = sp.vstack([model.N, model.T, model.T_perp], format="csr")
     B = B[np.arange(3 * nc).reshape(3, nc).T.ravel()]
     B = sp.vstack([B, model.shapes[damped]], format="csr")
-    return layout.Hybrid(
+    return layout.HybridArrays(
         K=_sparse(model.K),
         B=_sparse(B),
         B_modes=np.ascontiguousarray(B @ model.phi),
@@ -82,8 +82,8 @@ def uniform_damping(
 
 
 def initial_state(
-    model: HybridModel, hybrid: layout.Hybrid, q0: np.ndarray, v0: np.ndarray
-) -> layout.State:
+    model: HybridModel, hybrid: layout.HybridArrays, q0: np.ndarray, v0: np.ndarray
+) -> layout.HybridState:
     """State of a run before its first evaluation (hybrid_state.start)."""
     vectors = np.zeros((layout.N_VECTORS, model.n))
     vectors[layout.Q], vectors[layout.V] = q0, v0
@@ -91,7 +91,7 @@ def initial_state(
     amplitudes = model.phi.T @ (model.M @ np.stack([q0, v0], axis=1))
     modes[layout.ALPHA] = modes[layout.ALPHA_S] = amplitudes[:, 0]
     modes[layout.RATE] = modes[layout.RATE_S] = amplitudes[:, 1]
-    return layout.State(
+    return layout.HybridState(
         vectors=vectors,
         modes=modes,
         rows=np.zeros((layout.N_ROWS, len(hybrid.B.indptr) - 1)),
@@ -126,7 +126,9 @@ class StepSolver:
         ``singular_jacobian``.
     """
 
-    def __init__(self, M: sp.spmatrix, model: layout.Hybrid, h: float, forces: np.ndarray) -> None:
+    def __init__(
+        self, M: sp.spmatrix, model: layout.HybridArrays, h: float, forces: np.ndarray
+    ) -> None:
         K = sp.csr_matrix((model.K.data, model.K.indices, model.K.indptr), shape=M.shape)
         J = M + (0.5 * h * model.beta + 0.25 * h * h) * K
         try:
@@ -137,12 +139,14 @@ class StepSolver:
         self.level = self._condense(model, h, forces)
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """J^-1 b (n,)."""
+        """Solve J x = b for one right-hand side (n,)."""
         self.solves += 1
         x: np.ndarray = self._lu.solve(b)
         return x
 
-    def _condense(self, model: layout.Hybrid, h: float, forces: np.ndarray) -> layout.Level:
+    def _condense(
+        self, model: layout.HybridArrays, h: float, forces: np.ndarray
+    ) -> layout.StepSize:
         n, n_rows = len(model.K.indptr) - 1, len(model.B.indptr) - 1
         nb = 3 * len(model.points)
         B = sp.csr_matrix((model.B.data, model.B.indices, model.B.indptr), shape=(n_rows, n))
@@ -163,7 +167,7 @@ class StepSolver:
         floor2 = ROUND_OFF**2 * float(np.diag(condensed) @ forces**2)
         ordered = np.ascontiguousarray
         shapes = ordered(G[:, nb:])
-        return layout.Level(
+        return layout.StepSize(
             h=h,
             G=ordered(condensed),
             G_shapes=shapes,

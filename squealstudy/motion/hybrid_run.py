@@ -221,8 +221,8 @@ class Recorder:
     """
 
     model: HybridModel
-    hybrid: layout.Hybrid
-    state: layout.State
+    hybrid: layout.HybridArrays
+    state: layout.HybridState
     settings: MotionSettings
     modes: np.ndarray
     watching: np.ndarray
@@ -235,7 +235,7 @@ class Recorder:
         self._q: list[np.ndarray] = []
 
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
-        """Deviation and velocity (n,)."""
+        """Final deviation q [m] and velocity [m/s] in the model's coordinates, (n,) each."""
         x, lag = self.state.vectors, self._lag()
         moved = self.model.phi @ lag.T
         return x[layout.Q] + moved[:, 0], x[layout.V] + moved[:, 1]
@@ -272,7 +272,7 @@ class Recorder:
             self._q.append(self.motion()[0])
 
     def history(self) -> dict[str, np.ndarray]:
-        """Columns newmark_layout.HISTORY (rows,)."""
+        """The saved rows by column name (newmark_layout.HISTORY), (rows,) each."""
         rows = np.array(self._rows).reshape(-1, len(its.HISTORY))
         return {name: rows[:, i].copy() for i, name in enumerate(its.HISTORY)}
 

@@ -11,7 +11,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.laws import FrictionLaw
 from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import growing_modes
-from squealstudy.motion.reference_modes import ReferenceModes
+from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
@@ -77,7 +77,7 @@ def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> fl
 
 
 def motion_point(
-    reference: ReferenceModes,
+    reference: SharedModes,
     point: WorkingPoint,
     state: DesignState,
     friction: FrictionLaw,
@@ -90,7 +90,7 @@ def motion_point(
 
     Parameters
     ----------
-    reference : ReferenceModes
+    reference : SharedModes
         Made with all component modes that the state changes.
     point : WorkingPoint
         Of `state`.
@@ -124,7 +124,7 @@ def motion_point(
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
 
 
-def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.ndarray:
+def modal_damping_rates(reference: SharedModes, state: DesignState) -> np.ndarray:
     """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s.
 
     THEORY.md eq. (18). Modes and stiffness are those of the reference, for all design points.
@@ -141,7 +141,7 @@ def modal_damping_rates(reference: ReferenceModes, state: DesignState) -> np.nda
     return np.maximum(rates, 0.0)
 
 
-def shape_terms(reference: ReferenceModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
+def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
     """Damping [rad/s] and stiffness change [(rad/s)^2] of the system's shapes (m,)."""
     omega, keys = reference.component_frequencies, reference.component_modes
     dampers, changes = state.modal_dampers(omega), state.stiffness_changes(omega)

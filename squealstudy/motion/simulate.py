@@ -117,10 +117,10 @@ class KernelRun:
     """
 
     B: np.ndarray
-    modal: layout.Modal
-    options: layout.Settings
-    work: layout.Work
-    saved: layout.Saved
+    modal: layout.ModalArrays
+    options: layout.StepSettings
+    work: layout.WorkArrays
+    saved: layout.SavedArrays
     system: ModalSystem
     designs: Sequence[MotionPoint]
     settings: MotionSettings
@@ -156,7 +156,9 @@ class KernelRun:
     @property
     def arguments(
         self,
-    ) -> tuple[np.ndarray, layout.Modal, layout.Settings, layout.Work, layout.Saved]:
+    ) -> tuple[
+        np.ndarray, layout.ModalArrays, layout.StepSettings, layout.WorkArrays, layout.SavedArrays
+    ]:
         """The first arguments of kernels."""
         return self.B, self.modal, self.options, self.work, self.saved
 

@@ -93,7 +93,7 @@ class ModalSystem:
 
     @property
     def n(self) -> int:
-        """Number of modes."""
+        """Number of modal coordinates."""
         return int(self.N.shape[1])
 
     @cached_property

@@ -38,7 +38,7 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Text of an axis."""
+        """Text of an axis: name and unit of the quantity."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def scaled(self, values: pd.Series) -> np.ndarray:

@@ -34,7 +34,7 @@ class ComponentModes:
 
 
 @dataclass(frozen=True)
-class BasisSettings:
+class ReductionSettings:
     """What a basis keeps.
 
     Attributes
@@ -119,7 +119,7 @@ class ReducedModel:
 
 
 @dataclass(frozen=True)
-class Basis:
+class ComponentBasis:
     """Component blocks of T_R (THEORY.md eq. (24)) and what they were made from.
 
     Attributes
@@ -178,9 +178,9 @@ def reduce_cmt(
     assembly: Assembly,
     modes: Mapping[str, ComponentModes],
     nominal: WorkingPoint,
-    settings: BasisSettings,
+    settings: ReductionSettings,
     others: Sequence[WorkingPoint] = (),
-) -> tuple[ReducedModel, Basis]:
+) -> tuple[ReducedModel, ComponentBasis]:
     """Build the component-mode basis at a nominal working point and project on it.
 
     Parameters
@@ -189,7 +189,7 @@ def reduce_cmt(
     modes : mapping of component name -> ComponentModes
     nominal : WorkingPoint
         Whose contact tangents give the assembly modes.
-    settings : BasisSettings
+    settings : ReductionSettings
     others : sequence of WorkingPoint
         Contact states that the study will reach (the ends of its pressure range): the static
         response to their change of contact stiffness joins the enrichment.
@@ -213,7 +213,7 @@ def reduce_cmt(
         T, k = complete_basis(component.M, component.K, modes[component.name].phi, shapes)
         blocks.append(T)
         diagonals.append(k)
-    basis = Basis(blocks=tuple(blocks), omega=omega, phi=phi, factor=factor)
+    basis = ComponentBasis(blocks=tuple(blocks), omega=omega, phi=phi, factor=factor)
     return project(assembly, basis, diagonals, modes), basis
 
 
@@ -251,7 +251,7 @@ def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 def project(
     assembly: Assembly,
-    basis: Basis,
+    basis: ComponentBasis,
     diagonals: list[np.ndarray],
     modes: Mapping[str, ComponentModes],
 ) -> ReducedModel:

@@ -26,7 +26,7 @@ STATIC_SHARE = 0.1  # size of the static state beside all assembly modes togethe
 
 @dataclass(frozen=True)
 class HybridSettings:
-    """What a hybrid model keeps.
+    """Cutoffs and layers by which a hybrid model is made.
 
     Attributes
     ----------

@@ -17,10 +17,10 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
-    Basis,
-    BasisSettings,
+    ComponentBasis,
     ComponentModes,
     ReducedModel,
+    ReductionSettings,
     component_modes,
     reduce_cmt,
 )
@@ -79,7 +79,7 @@ def unit_shapes(coordinates: np.ndarray) -> np.ndarray:
 def prepare(
     assembly: Assembly,
     nominal: OperatingPoint,
-    settings: BasisSettings,
+    settings: ReductionSettings,
     others: Sequence[OperatingPoint] = (),
 ) -> PreparedModel:
     """Component modes, contact compliances, nominal working point and component-mode basis.
@@ -92,10 +92,10 @@ def prepare(
 def prepare_with_basis(
     assembly: Assembly,
     nominal: OperatingPoint,
-    settings: BasisSettings,
+    settings: ReductionSettings,
     others: Sequence[OperatingPoint] = (),
     space: ContactSpace | None = None,
-) -> tuple[PreparedModel, Mapping[str, ComponentModes], Basis]:
+) -> tuple[PreparedModel, Mapping[str, ComponentModes], ComponentBasis]:
     """The prepared model, its component modes and its basis.
 
     `others` are operating points at the ends of the study's pressure and contact-law ranges; one
@@ -111,7 +111,7 @@ def prepare_with_basis(
     with side_by_side() as pool:
         found = pool.submit(component_modes, assembly, settings.component_cutoff)
         if space is None:
-            stiffness = reference_stiffness(assembly, nominal)
+            stiffness = mean_contact_stiffness(assembly, nominal)
             space = pool.submit(
                 contact_space, assembly, stiffness, lambda: mode_shapes(assembly, found.result())
             ).result()
@@ -130,7 +130,7 @@ def with_shapes(
     assembly: Assembly,
     space: ContactSpace,
     model: ReducedModel,
-    basis: Basis,
+    basis: ComponentBasis,
     nominal: WorkingPoint,
 ) -> PreparedModel:
     """A reduced model with its real modes at the nominal working point, and where they move."""
@@ -146,7 +146,7 @@ def with_shapes(
 
 
 def shape_basis(
-    assembly: Assembly, model: ReducedModel, basis: Basis, tangent: np.ndarray
+    assembly: Assembly, model: ReducedModel, basis: ComponentBasis, tangent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
     K = contact_stiffness(model, tangent)
@@ -178,7 +178,7 @@ def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[Wo
     return found
 
 
-def reference_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float:
+def mean_contact_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float:
     """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m."""
     force = np.abs(nominal.brake_pressure * assembly.load + assembly.constant_load).sum()
     pressure = max(force / assembly.contact.area.sum(), 1e-300)

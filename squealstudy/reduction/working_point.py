@@ -262,7 +262,7 @@ def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> 
 
 
 @dataclass(frozen=True)
-class Anchor:
+class NewtonAnchor:
     """A design point theta (d,) and the inverse Jacobian (nc, nc) of its gap equations."""
 
     theta: np.ndarray
@@ -271,15 +271,15 @@ class Anchor:
 
 def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
-) -> Anchor:
+) -> NewtonAnchor:
     """An anchor at a working point; `space` is that of its component changes."""
     J = gap_jacobian(space, operating, point.contact_pressure, point.tangent)
-    return Anchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
+    return NewtonAnchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
 
 
 @dataclass(frozen=True)
 class WorkingPointField:
-    """Gaps interpolated between nodes.
+    """Gaps of working points interpolated over a box of design points.
 
     Attributes
     ----------
@@ -288,13 +288,13 @@ class WorkingPointField:
     node_gaps : ndarray (q, nc)
     cardinals : callable
         theta (b, d) -> (b, q).
-    anchors : tuple of Anchor
+    anchors : tuple of NewtonAnchor
     """
 
     space: ContactSpace
     node_gaps: np.ndarray
     cardinals: Cardinals
-    anchors: tuple[Anchor, ...]
+    anchors: tuple[NewtonAnchor, ...]
 
     def gaps(self, theta: np.ndarray) -> np.ndarray:
         """Interpolated gaps (b, nc) at theta (b, d), not polished."""

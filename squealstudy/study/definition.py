@@ -57,7 +57,7 @@ class Study:
 
     @property
     def name(self) -> str:
-        """Of the study and its results directory."""
+        """Name of the study, which its results directory has too."""
         return self.definition.study.name
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:

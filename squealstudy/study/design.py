@@ -96,7 +96,7 @@ class DesignPoint:
         return self.model.build(self.options, self.plain_values())
 
     def plain_values(self) -> dict[str, float]:
-        """The values of the model's own parameters."""
+        """Values of the model's own parameters, by name."""
         return {p.name: self.values[p.name] for p in self.model.parameters}
 
     def operating_point(self) -> OperatingPoint:
@@ -130,11 +130,11 @@ class DesignPoint:
         )
 
     def mode_parameters(self) -> list[ModeParameter]:
-        """The component-mode parameters among the values."""
+        """Parameters of component modes that have a value."""
         return [p for p in self._parsed() if p.component]
 
     def assembly_parameters(self) -> list[ModeParameter]:
-        """The assembly-mode parameters among the values."""
+        """Parameters of assembly modes that have a value."""
         return [p for p in self._parsed() if not p.component]
 
     def _parsed(self) -> list[ModeParameter]:

@@ -94,7 +94,7 @@ def file_digests(model: FamilyDefinition, source: SourceText) -> list[str]:
 
 
 def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
-    """Read all matrices.
+    """Read all matrices of a family from their files.
 
     Raises
     ------

@@ -35,17 +35,17 @@ class PlainParameter:
 
     @property
     def name(self) -> str:
-        """As in study files."""
+        """Name of the parameter as study files write it."""
         return self.parameter.name
 
     @property
     def default(self) -> float:
-        """SI units."""
+        """Value where a study gives none, in SI units."""
         return self.parameter.default
 
     @property
     def unit(self) -> str:
-        """Empty for a pure number."""
+        """Unit of the parameter; empty, both quantities are pure numbers."""
         return self.parameter.unit
 
     @property
@@ -85,12 +85,12 @@ class ModeParameter:
 
     @property
     def default(self) -> float:
-        """The value that changes nothing; of the assembly's modes, no damping."""
+        """Value where a study gives none, in SI units."""
         return 1.0 if self.quantity == FREQUENCY_SCALE else 0.0
 
     @property
     def unit(self) -> str:
-        """Both quantities are pure numbers."""
+        """Unit of the parameter; empty, both quantities are pure numbers."""
         return ""
 
     @property
@@ -111,7 +111,7 @@ StudyParameter = PlainParameter | ModeParameter
 
 
 def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
-    """The parameter that a name stands for.
+    """The parameter that a name of a study file stands for.
 
     Raises
     ------

@@ -96,7 +96,7 @@ class TermSection(Section):
 
 
 class StudySection(NamedSection):
-    """What the study is."""
+    """The [study] section: name, kind, description."""
 
     kind: str = Field(
         description="what is computed at each design point: complex modes, motion in time, or "
@@ -126,7 +126,7 @@ class ModelSection(Section):
 
     @property
     def options(self) -> dict[str, Any]:
-        """The other keys as given, unchecked."""
+        """Keys of [model] beside its name, as given and unchecked."""
         return dict(self.model_extra or {})
 
     @property
@@ -287,7 +287,7 @@ class ModesSection(Section):
 
 
 class ReductionSection(Section):
-    """What the component-mode basis keeps."""
+    """The [reduction] section: what a component-mode basis keeps."""
 
     component_cutoff_factor: float = Field(
         default=1.5,

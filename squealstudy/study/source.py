@@ -45,7 +45,7 @@ class SourceText:
 
     @cached_property
     def lines(self) -> KeyLines:
-        """Where its keys are."""
+        """Lines of the keys in the text."""
         return KeyLines(self.text)
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:

@@ -32,7 +32,7 @@ SCATTER = ("distribution", "mean", "std", "median", "sigma")
 
 @dataclass(frozen=True)
 class Sweep:
-    """One swept parameter.
+    """One swept parameter with its values or its range.
 
     Attributes
     ----------

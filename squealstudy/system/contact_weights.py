@@ -48,7 +48,7 @@ class ContactPoints(Protocol):
 
     @property
     def area(self) -> np.ndarray:
-        """Area (nc,), m2."""
+        """Areas of the contact points (nc,), m2."""
         ...
 
     @property

@@ -372,6 +372,6 @@ def reduced_energy_shares(
 
 
 def squared(X: np.ndarray) -> np.ndarray:
-    """|X|^2, without the root."""
+    """|X|^2 entry by entry, without a square root."""
     size: np.ndarray = X.real**2 + X.imag**2
     return size

@@ -44,11 +44,11 @@ class Term:
     dense: bool = False
 
     def seen_right(self, X: np.ndarray) -> np.ndarray:
-        """R X."""
+        """R X, or X itself where R is the identity."""
         return X if self.right is None else np.asarray(self.right @ X)
 
     def seen_left(self, Y: np.ndarray) -> np.ndarray:
-        """L Y."""
+        """L Y, or Y itself where L is the identity."""
         return Y if self.left is None else np.asarray(self.left @ Y)
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.root_pairs import partners
 from squealstudy.tables.mode_ranking import DIVERGENCE, unstable_groups
-from squealstudy.wording import LEVELLED
+from squealstudy.wording import SUSTAINED
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
 SAME = 1e-6  # relative, between values of a parameter
@@ -104,7 +104,7 @@ def compare(
         rows += [found | row for row in [*instabilities, *_vibration(time, own, instabilities)]]
     table = pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
     table["deviation"] = table["fitted_growth_rate"] / table["growth_rate"] - 1.0
-    told = table["class"].isin([*LEVELLED, STABLE])
+    told = table["class"].isin([*SUSTAINED, STABLE])
     table["expressed"] = table["expressed"].where(told)
     table.attrs = {
         "points": len(joined),
@@ -119,7 +119,7 @@ def _vibration(
 ) -> list[dict[str, object]]:
     """A row for a run whose motion no predicted instability explains, or none."""
     explained = any(row.get("expressed") is True for row in instabilities)
-    unexplained = run["class"] in LEVELLED and not explained
+    unexplained = run["class"] in SUSTAINED and not explained
     unforeseen = run["class"] in OPEN and not instabilities
     if not (unexplained or unforeseen):
         return []

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.root_pairs import partners
-from squealstudy.wording import LEVELLED, UNDECIDED
+from squealstudy.root_pairs import LIGHT_DAMPING, partners
+from squealstudy.wording import SUSTAINED, UNDECIDED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LIGHT = 0.05  # damping ratio of the modes that are judged
+
 PAIRED = 0.05  # relative distance within which two roots are one mode
 CLEARLY = 1e-4  # damping ratio beyond which a mode is unstable, or stable, for certain
 QUIET = 1e-3  # of the static torque: levels below are compared on this scale
 SLOW = 1.0  # 1/s: growth rates below are compared on this scale
 EARLY = 1e-2  # of the searched range: onsets below are compared on this scale
 FAINT = 1e-3  # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
-COMPARED = (*LEVELLED, UNDECIDED)  # classes whose levels over the same time say something
+COMPARED = (*SUSTAINED, UNDECIDED)  # classes whose levels over the same time say something
 
 
 class FoundError(NamedTuple):
@@ -75,7 +75,8 @@ def root_errors(
     Modes are paired by their distance in the complex plane, one to one.
     """
     lam, ref = _roots(found), _roots(truth)
-    light = ref[ref.real > -LIGHT * np.abs(ref)]  # the unstable ones too, however fast they grow
+    # the unstable ones too, however fast they grow
+    light = ref[ref.real > -LIGHT_DAMPING * np.abs(ref)]
     partner = partners(np.abs(light[:, None] - lam) / np.abs(light)[:, None], PAIRED)
     errors: list[FoundError] = []
     missed = 0

@@ -134,8 +134,8 @@ def line_crossings(
     run = np.cumsum(first | into | out)  # of points alike, from one change to the next
     highest = np.full(run[-1] + 1 if len(run) else 1, -np.inf)
     np.maximum.at(highest, run, zeta)
-    calm = highest[run[np.where(out[at], at, at - 1)]] <= ROUNDING * np.abs(growing)
-    undamped = (part == 0) & calm
+    undamped_before = highest[run[np.where(out[at], at, at - 1)]] <= ROUNDING * np.abs(growing)
+    undamped = (part == 0) & undamped_before
     part[undamped] = 1.0
     value = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))
     below = first[at] & (x1 == start[at]) & (group[at] > 0)

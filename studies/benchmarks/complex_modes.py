@@ -22,13 +22,13 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_modes
 from squealstudy.modes.point import solve_point, state_working_point
-from squealstudy.reduction.cmt import BasisSettings, component_modes
+from squealstudy.reduction.cmt import ReductionSettings, component_modes
 from squealstudy.reduction.prepared import prepare
 from squealstudy.root_pairs import paired_with_full_order
 
 BAND = (500.0, 8000.0)
 CUTOFF = 1.5 * BAND[1]
-SETTINGS = BasisSettings(CUTOFF, CUTOFF, 1.125 * BAND[1], 3e-5)
+SETTINGS = ReductionSettings(CUTOFF, CUTOFF, 1.125 * BAND[1], 3e-5)
 GROUP = ("caliper", 7), ("caliper", 8), ("caliper", 9)
 REPEATS = 5
 

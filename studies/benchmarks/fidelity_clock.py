@@ -11,7 +11,7 @@ from typing import Any
 from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
-from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.kinds.complex_modes.problems import swept_structures
 from squealstudy.kinds.transient.batch import training_path
 from squealstudy.study.kinds import kind_named
@@ -23,7 +23,9 @@ class Clock:
     def __init__(self) -> None:
         self.spent: dict[object, float] = {}
 
-    def study_seconds(self, scene: Scene, changes: Mapping[str, Any], made: Measurement) -> float:
+    def study_seconds(
+        self, scene: FidelityStudy, changes: Mapping[str, Any], made: Measurement
+    ) -> float:
         """Of all points of a study with `changes`, and of what they share."""
         plan = scene.variant(changes, None)
         return self.shared(plan) + made.seconds * len(scene.plan.tasks)

@@ -35,8 +35,8 @@ from squealstudy.engine.measurement import Measurement
 from squealstudy.errors import SquealstudyError
 from squealstudy.fidelity.choice import Choice
 from squealstudy.fidelity.frequency_search import search_modes
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.run import drawn_points
-from squealstudy.fidelity.scene import Scene
 from squealstudy.fidelity.time_search import QUIET, search_runs
 from squealstudy.paths import ENVIRONMENT
 from squealstudy.study.definition import load_study
@@ -105,14 +105,14 @@ def empty_cache() -> Iterator[None]:
         os.environ[ENVIRONMENT] = before
 
 
-def scene_of(options: argparse.Namespace) -> Scene:
+def scene_of(options: argparse.Namespace) -> FidelityStudy:
     study = load_study(options.scene)
     section = study.definition.fidelity.model_copy(update={"audit": options.points})
     definition = study.definition.model_copy(update={"fidelity": section})
-    return Scene(replace(study, definition=definition), 1, lambda stage, done, total: None)
+    return FidelityStudy(replace(study, definition=definition), 1, lambda stage, done, total: None)
 
 
-def chosen(scene: Scene) -> Choice:
+def chosen(scene: FidelityStudy) -> Choice:
     """The choice, and what making it took beside what the run uses again."""
     started, began = time.process_time(), time.perf_counter()
     choice = search_runs(scene) if scene.in_time else search_modes(scene)
@@ -147,7 +147,11 @@ def reference(
 
 
 def measure(
-    scene: Scene, setting: Setting, truth: Measurement, points: tuple[int, ...], clock: Clock
+    scene: FidelityStudy,
+    setting: Setting,
+    truth: Measurement,
+    points: tuple[int, ...],
+    clock: Clock,
 ) -> None:
     try:
         clock.shared(scene.variant(setting.changes, None))

@@ -8,7 +8,7 @@ from typing import Any
 from squealstudy.engine.plan import has_mesh
 from squealstudy.fidelity.frequency_search import exact_method
 from squealstudy.fidelity.ladders import REDUCTION, STEP, free_ladders
-from squealstudy.fidelity.scene import Scene
+from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.time_search import ALL_MODES, QUIET
 
 Changes = Mapping[str, Any]
@@ -18,14 +18,14 @@ STEPS = (16e-6, 8e-6, 4e-6, 2e-6)  # s
 BASES = ((1.0, 20), (1.0, 50), (2.0, 20), (2.0, 50))  # modes up to, over the band; POD vectors
 
 
-def hand_picks(scene: Scene, chosen: Changes) -> dict[str, Changes]:
+def hand_picks(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
     """Rungs beside the chosen ones, and what comes to mind without a ladder."""
     if scene.in_time:
         return _runs(scene, chosen)
     return _modes(scene, chosen)
 
 
-def most_accurate(scene: Scene, chosen: Changes) -> Changes:
+def most_accurate(scene: FidelityStudy, chosen: Changes) -> Changes:
     """Full order, or all modes at the smallest step to the end of the run."""
     if not scene.in_time:
         return {**chosen, "modes.method": exact_method(scene.study)}
@@ -35,7 +35,7 @@ def most_accurate(scene: Scene, chosen: Changes) -> Changes:
     return {**QUIET, **(ALL_MODES if has_mesh(scene.study) else {}), **contact, **smallest}
 
 
-def _modes(scene: Scene, chosen: Changes) -> dict[str, Changes]:
+def _modes(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
     tolerance = {"modes.tolerance": scene.tolerance}
     if not has_mesh(scene.study):
         return {m: {"modes.method": m, **tolerance} for m in METHODS}
@@ -62,7 +62,7 @@ def _modes(scene: Scene, chosen: Changes) -> dict[str, Changes]:
     return found
 
 
-def _runs(scene: Scene, chosen: Changes) -> dict[str, Changes]:
+def _runs(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
     found: dict[str, Changes] = {
         f"rung: {rung.label}": {**chosen, **rung.changes}
         for ladder in free_ladders(scene.study).values()

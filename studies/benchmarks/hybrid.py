@@ -36,14 +36,14 @@ from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.motion.growing_modes import growing_modes
 from squealstudy.motion.hybrid_arrays import uniform_damping
 from squealstudy.motion.hybrid_run import simulate_hybrid
-from squealstudy.motion.reference_modes import reference_modes
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import shared_modes
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import MotionPoint
-from squealstudy.reduction.cmt import BasisSettings, component_modes, reduce_cmt
+from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.hybrid import HybridSettings, assembly_stiffness, hybrid_model
-from squealstudy.reduction.prepared import mode_shapes, reference_stiffness
+from squealstudy.reduction.prepared import mean_contact_stiffness, mode_shapes
 from squealstudy.reduction.working_point import working_point
 
 ZETA = 0.005
@@ -73,7 +73,7 @@ def main() -> None:
     assembly = definition.build(chosen, definition.defaults())
     modes = component_modes(assembly, CUTOFF)
     shapes = mode_shapes(assembly, modes)
-    space = contact_space(assembly, reference_stiffness(assembly, NOMINAL), shapes)
+    space = contact_space(assembly, mean_contact_stiffness(assembly, NOMINAL), shapes)
     point = working_point(space, NOMINAL)
     if options.above:
         print_above(assembly, point)
@@ -82,9 +82,9 @@ def main() -> None:
     found = {}
     lam, u, v = 0j, np.zeros(0), np.zeros(0)
     for name, load_cutoff in (("modal", LOAD_CUTOFF), ("plain", 0.0)):
-        settings = BasisSettings(CUTOFF, CUTOFF, load_cutoff)
+        settings = ReductionSettings(CUTOFF, CUTOFF, load_cutoff)
         model, basis = reduce_cmt(assembly, modes, point, settings)
-        reference = reference_modes(model, point, DesignState(NOMINAL, damping_ratio=ZETA))
+        reference = shared_modes(model, point, DesignState(NOMINAL, damping_ratio=ZETA))
         growing = growing_modes(
             reference.C, reference.K, reference.system.omega2, (500.0, TOP), 1e-7
         )

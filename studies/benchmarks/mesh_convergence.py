@@ -33,7 +33,7 @@ from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, MEDIUM, Br
 from squealstudy.models.fem.solid import FULL, REDUCED
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import solve_point
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare
 
 TOP = 6e3  # Hz, of the free modes
@@ -181,7 +181,7 @@ def unstable(mesh: str) -> tuple[np.ndarray, np.ndarray]:
     assembly = brake.build(options, brake.defaults())
     built = time.perf_counter() - started
     cutoff = 1.5 * BAND[1]
-    settings = BasisSettings(cutoff, cutoff, 1.125 * BAND[1], 3e-5)
+    settings = ReductionSettings(cutoff, cutoff, 1.125 * BAND[1], 3e-5)
     prepared = prepare(assembly, NOMINAL, settings)
     seconds = time.perf_counter() - started
     print(

@@ -33,7 +33,7 @@ from scipy.stats import spearmanr
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import MODES
-from squealstudy.kinds.complex_modes.reference import (
+from squealstudy.kinds.complex_modes.full_order_check import (
     read_references,
     reference_roots,
 )
@@ -134,8 +134,8 @@ def judge(modes: pd.DataFrame, checks: dict[str, dict], widened: float) -> Judge
         pairs = paired_with_full_order(lam, *reference_roots(check))
         error = (own["error_rung"] + own["error_reduction"] / widened).to_numpy()[pairs.row]
         size = np.abs(pairs.full)
-        true.append((pairs.error / size)[pairs.told])
-        estimate.append((error / size)[pairs.told])
+        true.append((pairs.error / size)[pairs.resolved])
+        estimate.append((error / size)[pairs.resolved])
         grows = pairs.full.real > NEUTRAL * size
         label = own["stability"].to_numpy()[pairs.row]
         counts += [

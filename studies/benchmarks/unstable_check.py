@@ -29,7 +29,7 @@ from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import (
     Linearisation,
     in_band,
-    light,
+    lightly_damped,
 )
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
@@ -82,7 +82,7 @@ def compared(
         unstable += len(theirs)
         missed += unmatched(theirs, p.lam)
         spurious += unmatched(mine, lam)
-        slight = light(p.lam)
+        slight = lightly_damped(p.lam)
         true = np.abs(p.lam[slight][:, None] - lam).min(axis=1)
         relative = true / np.abs(p.lam[slight])
         errors.append(relative.max(initial=0.0))

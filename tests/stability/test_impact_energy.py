@@ -15,9 +15,9 @@ from squealstudy.laboratory.method_stability.impact_energy import (
     fly,
     peak_number,
 )
-from squealstudy.motion.doubts import BLOCKS, _drifting, energy_drift
 from squealstudy.motion.integrator import DRIFT_LIMIT
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.level_errors import BLOCKS, _drifting, energy_drift
 
 
 def at(number, shift=1.0):

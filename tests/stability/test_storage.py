@@ -12,8 +12,8 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
 from squealstudy.laboratory.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
-from squealstudy.motion import doubts
-from squealstudy.motion.doubts import storage_number
+from squealstudy.motion import level_errors as doubts
+from squealstudy.motion.level_errors import storage_number
 from squealstudy.study.definition import parse_study
 
 

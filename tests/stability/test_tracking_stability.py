@@ -9,7 +9,7 @@ from squealstudy.laboratory.method_stability import tracking
 from squealstudy.laboratory.method_stability.contract import CONVERGED, RECOVERED, WRONG, checked
 from squealstudy.laboratory.method_stability.tracking import TRACKING, exchanged, veering
 from squealstudy.modes.tracking.pairing import pair_modes
-from squealstudy.modes.tracking.refinement import Refinement
+from squealstudy.modes.tracking.refinement import StepRefinement
 
 
 def test_the_modes_veer():
@@ -38,7 +38,7 @@ def test_refinement_recovers(ratio):
     knobs = checked(TRACKING.knobs, values)
     a, b = (veering(np.array([x]), knobs) for x in (-0.01, 0.01))
     assert exchanged(pair_modes(a.lam, a.shapes, b.lam, b.shapes), a, b) == 1.0
-    off = Refinement(lambda x: veering(x, knobs), depth=0)
+    off = StepRefinement(lambda x: veering(x, knobs), depth=0)
     assert exchanged(off.pair(a, b, np.array([-0.01]), np.array([0.01])), a, b) == 1.0
 
 

@@ -28,7 +28,7 @@ from squealstudy.study.sampling import count_points
 
 
 @dataclass(frozen=True)
-class Cell:
+class GridCell:
     """A box of the virtual grid, from its lowest node over `stride` nodes in each direction."""
 
     corner: Node
@@ -40,19 +40,19 @@ class Cell:
         for shift in itertools.product(offsets, repeat=len(self.corner)):
             yield tuple(c + s for c, s in zip(self.corner, shift, strict=True))
 
-    def halves(self) -> list[Cell]:
-        """The cells of half the stride."""
+    def halves(self) -> list[GridCell]:
+        """The 2^d cells of half the stride that fill this one."""
         half = self.stride // 2
         shifts = itertools.product((0, half), repeat=len(self.corner))
         return [
-            Cell(tuple(c + s for c, s in zip(self.corner, shift, strict=True)), half)
+            GridCell(tuple(c + s for c, s in zip(self.corner, shift, strict=True)), half)
             for shift in shifts
         ]
 
 
 @dataclass(frozen=True)
 class BoundaryGrid:
-    """The virtual grid of a boundary design.
+    """The finest grid that a boundary design may reach, of which it solves some nodes.
 
     Attributes
     ----------
@@ -96,10 +96,10 @@ class BoundaryGrid:
         """Nodes of the coarse grid, the first parameter varying fastest."""
         return _ordered(itertools.product(*(range(0, n, self.stride) for n in self.shape)))
 
-    def coarse_cells(self) -> list[Cell]:
+    def coarse_cells(self) -> list[GridCell]:
         """Cells of the coarse grid."""
         corners = itertools.product(*(range(0, n - 1, self.stride) for n in self.shape))
-        return [Cell(tuple(corner), self.stride) for corner in corners]
+        return [GridCell(tuple(corner), self.stride) for corner in corners]
 
 
 def refine(

@@ -14,8 +14,12 @@ import pyarrow.parquet as pq
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import MODES
-from squealstudy.kinds.complex_modes.reduction import Sample, carried_errors, is_reduced
-from squealstudy.kinds.complex_modes.reference import reference_roots
+from squealstudy.kinds.complex_modes.full_order_check import reference_roots
+from squealstudy.kinds.complex_modes.reduction_errors import (
+    ReductionErrors,
+    carried_errors,
+    is_reduced,
+)
 from squealstudy.kinds.complex_modes.rows import ModeColumns, light_or_growing
 from squealstudy.root_pairs import paired_with_full_order
 
@@ -38,7 +42,7 @@ class ModeErrors(NamedTuple):
 
     @property
     def total(self) -> np.ndarray:
-        """Against the full-order model."""
+        """Estimated error of each mode against the full-order model (N,), rad/s."""
         total: np.ndarray = self.rung + self.reduction
         return total
 
@@ -46,7 +50,7 @@ class ModeErrors(NamedTuple):
 def mode_errors(
     plan: Plan,
     columns: ModeColumns,
-    samples: Sequence[tuple[int, Sample]],
+    samples: Sequence[tuple[int, ReductionErrors]],
     references: Mapping[str, Mapping[str, Any]],
 ) -> tuple[ModeErrors, dict[str, Any]]:
     """Errors of all modes, and facts for the manifest.
@@ -93,7 +97,7 @@ def widening(
             own = slice(ends[point], ends[point + 1])
             pairs = paired_with_full_order(columns.lam[own], *reference_roots(reference))
             true = pairs.error - columns.error_rung[own][pairs.row]
-            told = pairs.told & (true > 0)
+            told = pairs.resolved & (true > 0)
             estimate = reduction[own][pairs.row]
             ratios.append(true[told] / np.maximum(estimate[told], np.finfo(float).tiny))
     found = np.concatenate(ratios)

@@ -25,7 +25,7 @@ from squealstudy.kinds.complex_modes.problems import (
     problem_of,
     swept_structures,
 )
-from squealstudy.kinds.complex_modes.reduction import is_reduced, sample_points
+from squealstudy.kinds.complex_modes.reduction_errors import is_reduced, sample_points
 from squealstudy.kinds.complex_modes.rows import read_roots
 from squealstudy.kinds.complex_modes.solve_tasks import (
     SolveTask,
@@ -86,7 +86,7 @@ class ComplexModes(ModelKind):
         """
         if plan.enriched or plan.study.definition.reduction.model_fields_set:
             return plan
-        from squealstudy.kinds.complex_modes.reduction import make_samples
+        from squealstudy.kinds.complex_modes.reduction_errors import make_samples
 
         samples = make_samples(plan, failures, workers)
         worst = max((sample.worst for _, sample in samples), default=0.0)
@@ -147,9 +147,9 @@ class ComplexModes(ModelKind):
         self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Solve the chosen points at full order, those not checked before; all their errors."""
-        from squealstudy.kinds.complex_modes.reference import (
+        from squealstudy.kinds.complex_modes.full_order_check import (
             REFERENCES,
-            ReferenceTask,
+            FullOrderTask,
             check_reference,
             read_references,
         )
@@ -159,7 +159,7 @@ class ComplexModes(ModelKind):
         wanted = [t for t in chosen if t.point_id not in present]
         found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
         tasks = [
-            ReferenceTask(t, lam, plan.settings, plan.band_hz)
+            FullOrderTask(t, lam, plan.settings, plan.band_hz)
             for t in wanted
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
@@ -173,8 +173,8 @@ class ComplexModes(ModelKind):
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
         from squealstudy.kinds.complex_modes.errors import audited
-        from squealstudy.kinds.complex_modes.reduction import make_samples
-        from squealstudy.kinds.complex_modes.reference import read_references
+        from squealstudy.kinds.complex_modes.full_order_check import read_references
+        from squealstudy.kinds.complex_modes.reduction_errors import make_samples
         from squealstudy.kinds.complex_modes.tables import build_tables
 
         if plan.study.definition.modes.track:  # which solves points in between

@@ -16,18 +16,18 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, prepared_model
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
-from squealstudy.engine.method import Method
+from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import onset_parameter, read_chunks, write_rows
 from squealstudy.engine.workers import Workers, memory_above
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.followed import follow_modes
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
 from squealstudy.kinds.complex_modes.problems import problem_of
 from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns, settled
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
+from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
@@ -215,8 +215,8 @@ class LinePlan(Plan):
         return name
 
     @cached_property
-    def method(self) -> Method:
-        """As the whole plan's points are solved."""
+    def method(self) -> RungChoice:
+        """The rung by which the whole plan's points are solved."""
         return self.whole.method
 
     @cached_property

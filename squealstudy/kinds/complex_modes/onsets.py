@@ -11,9 +11,9 @@ import pyarrow as pa
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import ONSET_PARAMETER
 from squealstudy.engine.workers import Workers
-from squealstudy.kinds.complex_modes.between import FAILED, OnsetTask, refine_onsets
-from squealstudy.kinds.complex_modes.follow import LEAST_BUDGET, MOST_BUDGET, Follower
+from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.rows import damping_ratios
+from squealstudy.kinds.complex_modes.study_tracks import LEAST_BUDGET, MOST_BUDGET, Follower
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes

@@ -1,6 +1,6 @@
 """The structures of a study as problems for rungs, and what a worker keeps ready of them.
 
-`Chart` has their design points as coordinates theta in [-1, 1]^d in which modes vary smoothly.
+`ParameterBox` has their design points as coordinates theta in [-1, 1]^d, smooth for modes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from squealstudy.engine.cache import (
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.complex_modes.reference import solve_unreduced
+from squealstudy.kinds.complex_modes.full_order_check import solve_unreduced
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
@@ -32,7 +32,7 @@ from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem
 from squealstudy.modes.reanalysis.sweep_basis import Report, SweepBasis, build_sweep_basis
 from squealstudy.modes.rung import Rung
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import FREQUENCY_SCALE
@@ -53,20 +53,20 @@ class SweptStructure:
     ----------
     key : str
         Of the prepared model in the cache.
-    chart : Chart
+    chart : ParameterBox
         The box.
     band_hz : (low, high)
     tolerance : float
         Of the study's modes.
-    settings : BasisSettings
+    settings : ReductionSettings
         Of the reduction.
     """
 
     key: str
-    chart: Chart
+    chart: ParameterBox
     band_hz: tuple[float, float]
     tolerance: float
-    settings: BasisSettings
+    settings: ReductionSettings
 
     @cached_property
     def path(self) -> Path:
@@ -217,7 +217,7 @@ LOGARITHMIC = ("pressure", "contact.lambda", "contact.p0", "contact.stiffness")
 
 
 def scaling_of(name: str, smallest: float) -> str:
-    """How a parameter becomes a coordinate."""
+    """Name of the scaling by which a parameter becomes a coordinate."""
     if name == "sliding_speed":
         return "reciprocal"
     if name.endswith(f".{FREQUENCY_SCALE}"):
@@ -226,7 +226,7 @@ def scaling_of(name: str, smallest: float) -> str:
 
 
 @dataclass(frozen=True)
-class Chart:
+class ParameterBox:
     """The box of a study's design points of one structure.
 
     Attributes
@@ -280,7 +280,7 @@ class Chart:
         return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
 
 
-def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> Chart:
+def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> ParameterBox:
     """The chart of some designs of one structure over the swept parameters that vary in them."""
     varied = [n for n in names if len({d.values[n] for d in designs}) > 1]
     scalings = [scaling_of(n, min(d.values[n] for d in designs)) for n in varied]
@@ -289,7 +289,7 @@ def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> Chart:
         x = SCALINGS[scaling][0](np.array([d.values[name] for d in designs], dtype=float))
         low.append(float(x.min()))
         high.append(float(x.max()))
-    return Chart(
+    return ParameterBox(
         design=designs[0],
         names=tuple(varied),
         scalings=tuple(scalings),

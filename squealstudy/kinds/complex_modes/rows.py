@@ -20,7 +20,7 @@ from squealstudy.engine.rows import HEAD, head
 from squealstudy.engine.store import INACCURATE, read_tables
 from squealstudy.errors import ResultsError
 from squealstudy.modes.point import PointModes
-from squealstudy.root_pairs import LIGHT
+from squealstudy.root_pairs import LIGHT_DAMPING
 
 POINT_FIELDS = (
     *HEAD,
@@ -140,7 +140,7 @@ def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.nd
 
 def light_or_growing(lam: np.ndarray) -> np.ndarray:
     """Which roots (m,) errors are judged by: |damping ratio| < LIGHT, or growing."""
-    judged: np.ndarray = (np.abs(lam.real) < LIGHT * np.abs(lam)) | (lam.real > 0)
+    judged: np.ndarray = (np.abs(lam.real) < LIGHT_DAMPING * np.abs(lam)) | (lam.real > 0)
     return judged
 
 
@@ -217,7 +217,7 @@ class ShapeFile:
         return flat.reshape(count, -1)
 
     def remove(self) -> None:
-        """Delete the file."""
+        """Delete the file of shapes."""
         self.path.unlink(missing_ok=True)
 
 
@@ -350,7 +350,7 @@ class _ShapeWriter:
             self._sizes.append(self._file.write(value.as_buffer()))
 
     def discard(self) -> None:
-        """Close and delete."""
+        """Close the unfinished file and delete it."""
         self._file.close()
         self._path.unlink()
 

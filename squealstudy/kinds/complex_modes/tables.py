@@ -16,10 +16,9 @@ from squealstudy.engine.store import MODES, ONSETS, write_parquet
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
-from squealstudy.kinds.complex_modes.followed import follow_modes
+from squealstudy.kinds.complex_modes.full_order_check import read_references
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
-from squealstudy.kinds.complex_modes.reduction import Sample
-from squealstudy.kinds.complex_modes.reference import read_references
+from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import (
     POINT_FIELDS,
     ModeColumns,
@@ -28,6 +27,7 @@ from squealstudy.kinds.complex_modes.rows import (
     settled,
     uncertain_roots,
 )
+from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.tables.stability import stability_names
 
@@ -45,7 +45,7 @@ def build_tables(
     plan: Plan,
     directory: Path,
     workers: Workers,
-    samples: Sequence[tuple[int, Sample]] = (),
+    samples: Sequence[tuple[int, ReductionErrors]] = (),
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Read all chunks, track the modes, write the tables; the points' table, and what was done.
 

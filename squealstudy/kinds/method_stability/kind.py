@@ -22,7 +22,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run
 from squealstudy.laboratory.method_stability.cases import CASES
-from squealstudy.laboratory.method_stability.contract import Case, checked
+from squealstudy.laboratory.method_stability.contract import StabilityCase, checked
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText, validate
 from squealstudy.tables.method_quality import agreement
@@ -137,7 +137,7 @@ class MethodStability(Kind):
         return table, agreement(table)
 
 
-def _checked(study: StabilityFile) -> tuple[Case, tuple[str, str], tuple[np.ndarray, ...]]:
+def _checked(study: StabilityFile) -> tuple[StabilityCase, tuple[str, str], tuple[np.ndarray, ...]]:
     """Case, names and values of both knobs; StudyFileError for what they cannot be."""
     section, given = study.definition.method_stability, study.definition.knob
     if section.case not in CASES:
@@ -160,7 +160,9 @@ def _checked(study: StabilityFile) -> tuple[Case, tuple[str, str], tuple[np.ndar
     return case, (first, second), axes
 
 
-def _allow(study: StabilityFile, case: Case, values: Values, keys: tuple[str | int, ...]) -> None:
+def _allow(
+    study: StabilityFile, case: StabilityCase, values: Values, keys: tuple[str | int, ...]
+) -> None:
     try:
         checked(case.knobs, values)
     except ParameterError as error:

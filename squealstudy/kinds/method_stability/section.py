@@ -33,7 +33,7 @@ class KnobSection(Section):
         return self
 
     def axis(self) -> np.ndarray:
-        """The values (n,)."""
+        """Values of the knob along the axis (n,)."""
         if self.start is None or self.stop is None:
             return np.array(self.values, dtype=float)
         spaced = np.geomspace if self.scale == "log" else np.linspace

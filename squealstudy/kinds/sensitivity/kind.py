@@ -21,7 +21,7 @@ from squealstudy.engine.store import POINTS, SENSITIVITIES
 from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity.parameters import (
-    Asked,
+    RequestedParameter,
     asked_parameters,
     error_at_name,
     mode_choice,
@@ -33,11 +33,11 @@ from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, solved_ro
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import (
-    Structure,
+    StructureBuilder,
     check_structural,
     structural_sensitivities,
 )
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
@@ -89,7 +89,7 @@ class Sensitivities(ModelKind):
     def tasks(
         self, plan: Plan, points: Sequence[DesignPoint], workers: Workers
     ) -> list[SensitivityTask]:
-        """Chunks of consecutive points."""
+        """Tasks of consecutive design points, one a chunk."""
         asked = request(plan)
         return [SensitivityTask(asked, tuple(part)) for part in split_chunks(points, workers.jobs)]
 
@@ -101,7 +101,7 @@ class Sensitivities(ModelKind):
     def build_tables(
         self, plan: Plan, directory: Path, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points and sensitivities."""
+        """Write the tables of points and of sensitivities from the chunk files."""
         section = plan.study.section
         return build_tables(plan, directory), {"sensitivity": section.model_dump(mode="json")}
 
@@ -114,7 +114,7 @@ class Sensitivities(ModelKind):
                 return None
 
 
-def _check_state(point: DesignPoint, asked: Sequence[Asked]) -> None:
+def _check_state(point: DesignPoint, asked: Sequence[RequestedParameter]) -> None:
     """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
     model = load_prepared(point.structure).model
     for parameter in state_parameters(asked, component_frequencies(model)):
@@ -123,10 +123,10 @@ def _check_state(point: DesignPoint, asked: Sequence[Asked]) -> None:
             raise ParameterError(parameter.name, f"the assembly has modes 1 to {model.n} here")
 
 
-def request(plan: Plan) -> Request:
+def request(plan: Plan) -> SensitivityRequest:
     """What the study asks of every design point."""
     definition = plan.study.definition
-    return Request(
+    return SensitivityRequest(
         asked_parameters(plan.study, plan.designs[0]),
         mode_choice(plan.study.section, definition.modes.stability_tolerance),
         plan.study.section.change,
@@ -136,35 +136,35 @@ def request(plan: Plan) -> Request:
 
 
 @dataclass(frozen=True)
-class Request:
+class SensitivityRequest:
     """What is asked of every design point.
 
     Attributes
     ----------
-    asked : tuple of Asked
+    asked : tuple of RequestedParameter
     choice : ModeChoice
     change : float
         Relative finite change.
     band_hz : (low, high)
-    settings : BasisSettings
+    settings : ReductionSettings
     """
 
-    asked: tuple[Asked, ...]
+    asked: tuple[RequestedParameter, ...]
     choice: ModeChoice
     change: float
     band_hz: tuple[float, float]
-    settings: BasisSettings
+    settings: ReductionSettings
 
 
 @dataclass(frozen=True)
 class SensitivityTask:
     """Design points that one worker solves and writes together."""
 
-    request: Request
+    request: SensitivityRequest
     points: tuple[DesignPoint, ...]
 
 
-def _row(point: DesignPoint, request: Request) -> dict[str, Any]:
+def _row(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
     started = time.perf_counter()
     try:
         found, modes = design_sensitivities(point, request)
@@ -175,7 +175,7 @@ def _row(point: DesignPoint, request: Request) -> dict[str, Any]:
 
 
 def design_sensitivities(
-    point: DesignPoint, request: Request
+    point: DesignPoint, request: SensitivityRequest
 ) -> tuple[WorkingPoint, list[ModeSensitivities]]:
     """Working point and sensitivities of one design point; SquealstudyError."""
     prepared = prepared_model(point.structure)
@@ -190,9 +190,9 @@ def design_sensitivities(
     return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
 
 
-def design_structure(design: DesignPoint, settings: BasisSettings) -> Structure:
+def design_structure(design: DesignPoint, settings: ReductionSettings) -> StructureBuilder:
     """How the assembly of a design is built."""
-    return Structure(
+    return StructureBuilder(
         partial(design.model.build, design.options),
         design.plain_values(),
         settings.component_cutoff,
@@ -200,7 +200,7 @@ def design_structure(design: DesignPoint, settings: BasisSettings) -> Structure:
     )
 
 
-def point_seconds(point: DesignPoint, request: Request) -> float:
+def point_seconds(point: DesignPoint, request: SensitivityRequest) -> float:
     """Expected seconds: modes, a few parameters of the state and one of the structure, scaled.
 
     Raises

@@ -33,7 +33,7 @@ RIGID = 1e-4  # of the highest frequency of a component mode that is held: zero 
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedParameter:
     """A parameter asked for, or every elastic mode of a component (`every`)."""
 
     name: str
@@ -42,11 +42,11 @@ class Asked:
 
     @property
     def structural(self) -> bool:
-        """Whether it changes the assembly."""
+        """Whether the parameter changes masses or stiffnesses of the assembly."""
         return self.parameter.structural
 
 
-def asked_parameters(study: Study, design: DesignPoint) -> tuple[Asked, ...]:
+def asked_parameters(study: Study, design: DesignPoint) -> tuple[RequestedParameter, ...]:
     """The parameters of the [sensitivity] section, or the default ones.
 
     Raises
@@ -72,7 +72,7 @@ def asked_parameters(study: Study, design: DesignPoint) -> tuple[Asked, ...]:
     return tuple(found)
 
 
-def _asked(name: str, study: Study, operating: OperatingPoint) -> Asked:
+def _asked(name: str, study: Study, operating: OperatingPoint) -> RequestedParameter:
     every = EVERY in name
     parameter = parse_parameter(name.replace(EVERY, ONE), study.model)
     if every and not (isinstance(parameter, ModeParameter) and parameter.component):
@@ -86,7 +86,7 @@ def _asked(name: str, study: Study, operating: OperatingPoint) -> Asked:
         if name in {p.name for p in known} - set(law.names):
             its = ", ".join(law.names) or "no parameters"
             raise ParameterError(name, f"the {law.kind} {sort} has {its}, not '{name}'")
-    return Asked(name, parameter, every)
+    return RequestedParameter(name, parameter, every)
 
 
 def _default_names(study: Study, operating: OperatingPoint) -> Iterator[str]:
@@ -109,7 +109,7 @@ def mode_choice(section: SensitivitySection, stability_tolerance: float) -> Mode
 
 
 def state_parameters(
-    asked: Sequence[Asked], omega: Mapping[ModeKey, float]
+    asked: Sequence[RequestedParameter], omega: Mapping[ModeKey, float]
 ) -> list[StateParameter]:
     """Parameters of the design state, families expanded to the elastic modes of the basis.
 
@@ -132,7 +132,7 @@ def state_parameters(
     return list(found.values())
 
 
-def _expanded(item: Asked, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:
+def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:
     if item.structural:
         return
     parameter = item.parameter
@@ -156,8 +156,8 @@ def _expanded(item: Asked, omega: Mapping[ModeKey, float]) -> Iterator[StatePara
     yield StateParameter(item.name, component, parameter.modes, quantity, maximum)
 
 
-def structural_names(asked: Sequence[Asked]) -> list[str]:
-    """The parameters that change the assembly."""
+def structural_names(asked: Sequence[RequestedParameter]) -> list[str]:
+    """Names of the requested parameters that change the assembly."""
     return [item.name for item in asked if item.structural]
 
 

@@ -21,14 +21,14 @@ from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator
-from squealstudy.motion.reference_modes import (
-    ReferenceModes,
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import (
+    SharedModes,
     Training,
-    reference_modes,
+    shared_modes,
     truncated,
     with_pod,
 )
-from squealstudy.motion.settings import MotionSettings
 from squealstudy.study.design import DesignPoint
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
@@ -36,7 +36,7 @@ TRAINING_KEYS = {"step", "duration", "friction"}
 
 
 @dataclass(frozen=True)
-class BasisChoice:
+class MotionBasis:
     """Which of the reference's modes are kept, and what repairs them.
 
     Attributes
@@ -53,7 +53,7 @@ class BasisChoice:
     training: Path | None = None
 
 
-ALL_MODES = BasisChoice()
+ALL_MODES = MotionBasis()
 
 
 def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
@@ -62,16 +62,16 @@ def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
     return tuple(sorted(keys))
 
 
-def full_choice(plan: Plan, prepared_key: str) -> BasisChoice:
-    """The basis that the study asks for."""
+def full_choice(plan: Plan, prepared_key: str) -> MotionBasis:
+    """The basis that the study file asks for."""
     section = plan.study.section
     training = training_path(plan, prepared_key) if section.pod_vectors else None
-    return BasisChoice(section.modes_below, section.pod_vectors, training)
+    return MotionBasis(section.modes_below, section.pod_vectors, training)
 
 
-def truncated_choice(plan: Plan) -> BasisChoice:
+def truncated_choice(plan: Plan) -> MotionBasis:
     """The same without POD vectors, for which no run is needed."""
-    return BasisChoice(plan.study.section.modes_below)
+    return MotionBasis(plan.study.section.modes_below)
 
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
@@ -97,7 +97,7 @@ class BatchTask:
         Of the study's [parameters]: where the shared reference modes are made.
     component_modes : tuple of (component, mode)
         All that any design point of the study changes.
-    basis : BasisChoice
+    basis : MotionBasis
     band_hz : (low, high)
         Where growing modes are followed.
     tolerance : float
@@ -112,7 +112,7 @@ class BatchTask:
     integrator: Integrator
     operating: OperatingPoint
     component_modes: tuple[ModeKey, ...]
-    basis: BasisChoice
+    basis: MotionBasis
     band_hz: tuple[float, float]
     tolerance: float
     start: StartState | None
@@ -124,7 +124,7 @@ class BatchTask:
         return self.section.representation == "hybrid"
 
     @property
-    def reference(self) -> ReferenceModes:
+    def reference(self) -> SharedModes:
         """The modes that the points share."""
         key = self.points[0].structure
         return shared_reference(key, self.operating, self.component_modes, self.basis)
@@ -145,7 +145,7 @@ class BatchTask:
 def batch_task(
     plan: Plan,
     points: tuple[DesignPoint, ...],
-    basis: BasisChoice | None = None,
+    basis: MotionBasis | None = None,
     integrator: Integrator | None = None,
 ) -> BatchTask:
     """What a worker needs to know of a batch; basis and integrator of the study by default."""
@@ -169,8 +169,8 @@ def shared_reference(
     prepared_key: str,
     operating: OperatingPoint,
     component_modes: tuple[ModeKey, ...],
-    basis: BasisChoice,
-) -> ReferenceModes:
+    basis: MotionBasis,
+) -> SharedModes:
     """Modes of the structure at the nominal working point, no component mode changed.
 
     Raises
@@ -188,7 +188,7 @@ def shared_reference(
     prepared = prepared_model(prepared_key)
     state = DesignState(operating)
     point = state_working_point(prepared, state)
-    return reference_modes(prepared.model, point, state, component_modes)
+    return shared_modes(prepared.model, point, state, component_modes)
 
 
 def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:

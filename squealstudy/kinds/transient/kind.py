@@ -128,7 +128,7 @@ class Transient(ModelKind):
         return preparation.warnings(plan)
 
     def begin(self, plan: Plan) -> None:
-        """Compile the kernels."""
+        """Compile the kernels before workers start."""
         section = plan.study.section
         if section.representation == "modal":
             begin_warming(section.storage == "single")

@@ -30,7 +30,7 @@ from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.kinds.transient.worker import set_up
 from squealstudy.models.operating import REGULARISATION_SPEED
 from squealstudy.motion.point import perturbed
-from squealstudy.motion.reference_modes import Training
+from squealstudy.motion.shared_modes import Training
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import (
     CLOSING_LIMIT,

@@ -244,7 +244,7 @@ class TransientSection(Section):
 
     @property
     def balance(self) -> float:
-        """The tolerance that runs, the default resolved."""
+        """Tolerance of the force balance in each step, the default resolved."""
         if self.tolerance is not None:
             return self.tolerance
         return SLOW_TOLERANCE if self.representation == "hybrid" else self.integrator.tolerance

@@ -32,14 +32,14 @@ from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE, DesignState
 from squealstudy.modes.point import state_working_point
-from squealstudy.motion.doubts import doubts
 from squealstudy.motion.hybrid_run import simulate_hybrid
+from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import history_frame, summarise
 from squealstudy.motion.point import friction_law, motion_point, perturbed
-from squealstudy.motion.reference_modes import ReferenceModes
 from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
@@ -243,7 +243,7 @@ def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
     return hybrid_model(assembly, point, task.operating, settings, damped)
 
 
-def common_modes(reference: ReferenceModes, model: HybridModel) -> np.ndarray:
+def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
     """Sign (m,) by which each hybrid mode is the reference's mode of the same number.
 
     Raises

@@ -163,7 +163,7 @@ def _measuring(study: PrecisionFile) -> Measuring:
 
 
 def quantities(study: PrecisionFile) -> tuple[str, ...]:
-    """What errors are judged by."""
+    """Quantities in which errors are measured, by name."""
     return study.definition.work_precision.quantities or _measuring(study).judged
 
 

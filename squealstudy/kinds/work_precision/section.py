@@ -77,7 +77,7 @@ class WorkPrecisionSection(Section):
 
 
 class ReferenceSection(Section):
-    """What is taken as true."""
+    """The [reference] section: settings that errors are measured against."""
 
     name: str = Field(default="reference", description="as it is called in tables and pictures")
     set: Changes = Field(

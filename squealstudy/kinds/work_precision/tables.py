@@ -53,7 +53,7 @@ def measurement_tables(
     over: int,
     measuring: Measuring,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Measurements and errors.
+    """Write the tables of measurements and of their errors.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class Adaptive(OneByOne):
         extra = {"jac": equations.jacobian} if self.implicit else {}
         case.work.real[0, layout.W_LOAD : layout.STORED_START] = np.nan
         case.work.real[0, layout.STORED_START] = shown(case, y0, 0)
-        course = Course(case, y0)
+        course = SolverRun(case, y0)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
             try:
@@ -113,13 +113,13 @@ class Equations:
     def __init__(self, case: KernelRun) -> None:
         system, U = case.system, case.system.shapes
         self.case, self.n = case, system.n
-        modes, (d, s) = case.modal.modes[0, :, : self.n], case.modal.tuned[0]
+        modes, (d, s) = case.modal.modes[0, :, : self.n], case.modal.component_terms[0]
         self.K = np.diag(modes[layout.W2]) + U.T @ (s[:, None] * U)
         self.C = np.diag(modes[layout.C]) + U.T @ (d[:, None] * U)
         self.D = np.zeros((6, len(system.area)))
 
     def rate(self, _t: float, y: np.ndarray) -> np.ndarray:
-        """Right-hand side (2 n,)."""
+        """Time derivative of the state [q, v] (2 n,)."""
         dy = np.empty(2 * self.n)
         modal_rate(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, dy)
         return dy
@@ -168,7 +168,7 @@ def shown(case: KernelRun, y: np.ndarray, step: int) -> float:
     return float(show_state(y, *case.arguments, keep))
 
 
-class Course:
+class SolverRun:
     """How far a solver came."""
 
     def __init__(self, case: KernelRun, y0: np.ndarray) -> None:

@@ -96,7 +96,7 @@ def generalised(rho_inf: float, gradient: bool) -> Scheme:
     return Scheme(alpha_m, alpha_f, 0.25 * gap * gap, gap - 0.5, gradient)
 
 
-def with_answers(modal: layout.Modal, scheme: Scheme, h: float) -> layout.Modal:
+def with_answers(modal: layout.ModalArrays, scheme: Scheme, h: float) -> layout.ModalArrays:
     """The same with the answers of q_f and v_f to the pull, and the points' compliance to it."""
     share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
     steps = modal.steps.copy()

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.explicit_methods import central_difference, exponential_steps
+from squealstudy.kernels.explicit_methods import central_difference, predictor_corrector_steps
 from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.laboratory.integrators.fixed_step import OwnKernel
 from squealstudy.motion.arrays import aligned_zeros
@@ -73,4 +73,4 @@ def _exponential(case: KernelRun, parts: int) -> None:
     E[0] = propagators(w2, c, h)
     if parts > 0:
         E[1] = propagators(w2, c, h / parts)
-    exponential_steps(case.B, case.modal, case.options, E, parts, case.work, case.saved)
+    predictor_corrector_steps(case.B, case.modal, case.options, E, parts, case.work, case.saved)

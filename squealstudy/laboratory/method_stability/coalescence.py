@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from squealstudy.laboratory.method_stability.contract import (
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     alarm,
     judged,
 )
@@ -48,7 +48,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest relative error of a root over the tolerance."""
     problem = flutter_problem(knobs["damping_ratio"])
     to = np.array([knobs["anchor"] + knobs["step"]])
@@ -157,7 +157,7 @@ class SmallProblem(DenseProblem):
         return self._parts[1]
 
 
-COALESCENCE = Case(
+COALESCENCE = StabilityCase(
     name="coalescence",
     title="second-order perturbation beside a lock-in",
     boundary="step over distance to coalescence where S r^3 / 16 is the tolerance, 1 at most",

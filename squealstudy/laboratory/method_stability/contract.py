@@ -35,7 +35,7 @@ class Knob:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
+class CaseResult:
     """What a method did at one setting of the knobs.
 
     Attributes
@@ -66,19 +66,19 @@ class Cell:
     flagged: bool = False
 
 
-def judged(wrong: bool, alarm: str, **numbers: float) -> Cell:
+def judged(wrong: bool, alarm: str, **numbers: float) -> CaseResult:
     """A cell of a method that converged, to a wrong answer or not.
 
     `alarm` is what its own estimates said of the answer, empty where they said nothing;
     `numbers` are the other attributes of the cell by name.
     """
     outcome = WRONG if wrong else CONVERGED
-    return Cell(outcome=outcome, by=alarm, flagged=bool(alarm), **numbers)
+    return CaseResult(outcome=outcome, by=alarm, flagged=bool(alarm), **numbers)
 
 
-def failed(by: str, **numbers: float) -> Cell:
+def failed(by: str, **numbers: float) -> CaseResult:
     """A cell of a method that said that it failed, and `by` what word."""
-    return Cell(outcome=FAILED, by=by, flagged=True, **numbers)
+    return CaseResult(outcome=FAILED, by=by, flagged=True, **numbers)
 
 
 def alarm(name: str, value: float, limit: float) -> str:
@@ -87,7 +87,7 @@ def alarm(name: str, value: float, limit: float) -> str:
 
 
 @dataclass(frozen=True)
-class Case:
+class StabilityCase:
     """One method on its minimal model.
 
     Attributes
@@ -108,14 +108,14 @@ class Case:
     title: str
     boundary: str
     settings: tuple[Knob, ...]
-    measure: Callable[[Mapping[str, float]], Cell]
+    measure: Callable[[Mapping[str, float]], CaseResult]
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
-        """By name."""
+        """Parameters of the case, by name."""
         return {knob.name: knob for knob in self.settings}
 
-    def evaluate(self, values: Mapping[str, float]) -> Cell:
+    def evaluate(self, values: Mapping[str, float]) -> CaseResult:
         """One cell; knobs that are not named keep their defaults.
 
         Raises

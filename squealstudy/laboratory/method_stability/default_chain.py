@@ -17,12 +17,12 @@ from squealstudy.laboratory.method_stability.contract import (
     RECOVERED,
     SLOW,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
+    StabilityCase,
     failed,
 )
-from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
+from squealstudy.motion.level_errors import energy_drift
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -40,7 +40,7 @@ SAME = 0.05  # relative distance from which on a final state is another one
 ENERGY = "energy drift"
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest number of passes a step over what it has before it is halved.
 
     `error` is the distance to Newton's method at the same step; where a step had to be halved,
@@ -62,7 +62,7 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
     if error > SAME:
         outcome, by = WRONG, ENERGY if flagged else by
-    return Cell(
+    return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=measured,
@@ -80,7 +80,7 @@ def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionS
 
 
 def run(state: ContactState, settings: MotionSettings) -> Motion:
-    """Integrate from the state."""
+    """Integrate the case from its initial state by the default integrator."""
     return simulate(state.system, [state.design], settings)[0]
 
 
@@ -133,7 +133,7 @@ def distance(state: ContactState, a: Motion, b: Motion) -> float:
     return float(np.linalg.norm(change) / size)
 
 
-DEFAULT_CHAIN = Case(
+DEFAULT_CHAIN = StabilityCase(
     name="default_chain",
     title="default chain of helps, six modes and eight points",
     boundary=f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}",

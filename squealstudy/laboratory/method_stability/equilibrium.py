@@ -24,9 +24,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     SLOW,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     failed,
 )
 from squealstudy.laws import contact_law
@@ -60,7 +60,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the number of Newton iterations over those allowed.
 
     `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
@@ -83,7 +83,7 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     slow = found.iterations > SLOW_FROM
     outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
     diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
-    return Cell(
+    return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=found.iterations / MAX_ITERATIONS,
@@ -149,7 +149,7 @@ def equilibrium_gap(lam: float, load: float, friction: float) -> float:
     return float(brentq(lambda z: z - free - push * np.exp(-z), turn, free, xtol=1e-13) / lam)
 
 
-WORKING_POINT = Case(
+WORKING_POINT = StabilityCase(
     name="working_point",
     title="steady sliding of one contact point that friction presses on",
     boundary="largest friction at which the closed form has an equilibrium",

@@ -18,16 +18,16 @@ import numpy as np
 from squealstudy.laboratory.integrators.explicit import CentralDifference
 from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     alarm,
     failed,
     judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrator import DRIFT_LIMIT
+from squealstudy.motion.level_errors import energy_drift
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -50,7 +50,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the growth of the amplitude a step, 1 where it is bounded."""
     with np.errstate(all="ignore"):
         result = swing(knobs)
@@ -103,7 +103,7 @@ def rate(result: Motion) -> float:
     return max(1.0, float((end / before) ** (0.5 * PARTS / len(energy))))
 
 
-EXPLICIT = Case(
+EXPLICIT = StabilityCase(
     name="explicit",
     title="central differences, one mode and a stuck point",
     boundary="h omega = 2, less with a stuck point: (h omega)^2 + 2 or 4 h c_s = 4",

@@ -25,8 +25,8 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     SLOW,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
+    StabilityCase,
     failed,
 )
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
@@ -46,7 +46,7 @@ NO_REFERENCE = "newton found no end of the step"
 
 def measure(
     state_of: Callable[[Mapping[str, float]], ContactState], knobs: Mapping[str, float]
-) -> Cell:
+) -> CaseResult:
     """`measured` is the factor by which the kernel's iteration changes a small error."""
     state, h, factor = state_of(knobs), knobs["step"], knobs["contact_factor"]
     settings = plain_settings(h, factor)
@@ -62,7 +62,9 @@ def measure(
         return failed(NOT_CONVERGED, predicted=predicted, measured=measured, cost=cost)
     error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
     outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
-    return Cell(outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost)
+    return CaseResult(
+        outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost
+    )
 
 
 @dataclass(frozen=True)
@@ -175,8 +177,10 @@ def rate(e: np.ndarray) -> float:
     return float((e[last] / e[middle]) ** (1.0 / (last - middle)))
 
 
-def _case(name: str, title: str, state_of: Callable[[Mapping[str, float]], ContactState]) -> Case:
-    return Case(
+def _case(
+    name: str, title: str, state_of: Callable[[Mapping[str, float]], ContactState]
+) -> StabilityCase:
+    return StabilityCase(
         name=name,
         title=title,
         boundary="spectral radius of I - J^-1 J_true at the end of the step = 1",

@@ -17,18 +17,18 @@ from scipy.optimize import brentq
 from squealstudy.laboratory.integrators.alpha_methods import DiscreteGradient
 from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     alarm,
     failed,
     judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.motion.doubts import energy_drift
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.level_errors import energy_drift
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -56,7 +56,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest energy of a free flight over that at the start."""
     # the contact force of the discrete gradient is its potential's difference: exact
     predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / LIMIT
@@ -104,7 +104,7 @@ def fly(knobs: Mapping[str, float]) -> Motion:
     return simulate(free, [design], settings)[0]
 
 
-IMPACT_ENERGY = Case(
+IMPACT_ENERGY = StabilityCase(
     name="impact_energy",
     title="energy of an impact oscillator under average acceleration",
     boundary="h omega_peak = 1.26, omega_peak^2 the largest tangent stiffness met over mass",

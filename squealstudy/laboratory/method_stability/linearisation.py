@@ -15,9 +15,9 @@ import scipy.linalg as la
 
 from squealstudy.laboratory.method_stability.coalescence import SmallProblem, distance
 from squealstudy.laboratory.method_stability.contract import (
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     alarm,
     judged,
 )
@@ -36,7 +36,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest relative error of a root over 1e-6.
 
     The estimate is that of points that are solved exactly: how far their residuals may have
@@ -97,7 +97,7 @@ def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) ->
     return float((bounded(moved, lam) / np.maximum(np.abs(lam), 1e-300)).max())
 
 
-LINEARISATION = Case(
+LINEARISATION = StabilityCase(
     name="linearisation",
     title="companion form of eight uncoupled modes",
     boundary="round-off of the largest matrix entry moves the smallest root by 1e-6",

@@ -14,9 +14,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     RECOVERED,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     failed,
 )
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
@@ -43,7 +43,7 @@ class Component(NamedTuple):
     rest: np.ndarray
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the number of lost directions, or |M - I| over what is allowed of it.
 
     `error` is the largest part of a trace that the basis lacks, relative to the traces: up to
@@ -67,7 +67,7 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
     wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
     outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
-    return Cell(
+    return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=max(float(lost), off / ORTHONORMAL),
@@ -92,7 +92,7 @@ def chain() -> Component:
     return Component(M, K.tocsr(), modes[:, :HELD], mixed[:, :TRACES])
 
 
-ORTHONORMALISATION = Case(
+ORTHONORMALISATION = StabilityCase(
     name="orthonormalisation",
     title="near-dependent traces made M-orthonormal",
     boundary="smallest relative singular value = tolerance, 1.5e-8 at least",

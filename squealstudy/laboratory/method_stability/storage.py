@@ -16,16 +16,16 @@ import numpy as np
 
 from squealstudy.laboratory.method_stability.contact_models import pressed
 from squealstudy.laboratory.method_stability.contract import (
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     alarm,
     failed,
     judged,
 )
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.motion.doubts import STORAGE_LIMIT, storage_number
 from squealstudy.motion.integrators.newmark import Newmark
+from squealstudy.motion.level_errors import STORAGE_LIMIT, storage_number
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
@@ -43,7 +43,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is what `storage_number` says, `error` the largest one of the force."""
     single = knobs["single"] >= 0.5
     system, design = light_touch(knobs["lambda"])
@@ -88,7 +88,7 @@ def predict(knobs: Mapping[str, float]) -> float:
     return float(knobs["lambda"] * 2 * UNIT * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT)
 
 
-STORAGE = Case(
+STORAGE = StabilityCase(
     name="storage",
     title="contact force by an observation matrix in single precision",
     boundary="lambda 2 u |n1 n2| a = 1e-3, u = 2^-24",

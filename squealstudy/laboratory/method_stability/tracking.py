@@ -16,13 +16,13 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     RECOVERED,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
 )
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
-from squealstudy.modes.tracking.refinement import Modes, Refinement
+from squealstudy.modes.tracking.refinement import Modes, StepRefinement
 
 OMEGA = 2 * np.pi * 1000.0
 KEPT = 0.95  # MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less
@@ -36,7 +36,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the best alternative of the direct pairing: 1 where it is as good.
 
     `error` is the share of modes with the other's label, `cost` the points solved between.
@@ -45,14 +45,14 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     ends = [np.array([knobs["step"] * (knobs["middle"] + x)]) for x in (-0.5, 0.5)]
     a, b = (veering(x, knobs) for x in ends)
     direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes)
-    refinement = Refinement(lambda x: veering(x, knobs))
+    refinement = StepRefinement(lambda x: veering(x, knobs))
     refined = refinement.pair(a, b, *ends)
     measured = 1.0 / float(np.maximum(direct.trust.min(), 1e-300))
     error = exchanged(refined, a, b)
     flagged = bool(refined.ambiguous.any())
     outcome = WRONG if error else RECOVERED if exchanged(direct, a, b) else CONVERGED
     by = "refinement" if outcome == RECOVERED else "ambiguous" if flagged else ""
-    return Cell(
+    return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=measured,
@@ -64,7 +64,7 @@ def measure(knobs: Mapping[str, float]) -> Cell:
 
 
 def veering(x: np.ndarray, knobs: Mapping[str, float]) -> Modes:
-    """Both modes at x (1,), by frequency."""
+    """Roots and shapes of both modes at x (1,), ascending in frequency."""
     tilt, coupling = SLOPE * float(x[0]), SLOPE * knobs["width"] / 2
     K = OMEGA**2 * np.array([[1.0 + tilt, coupling], [coupling, 1.0 - tilt]])
     C = 2 * knobs["damping_ratio"] * OMEGA * np.eye(2)
@@ -82,7 +82,7 @@ def exchanged(pairing: Pairing, a: Modes, b: Modes) -> float:
     return float(np.mean(wrong))
 
 
-TRACKING = Case(
+TRACKING = StabilityCase(
     name="tracking",
     title="labels of two modes across a veering",
     boundary="step = width of the veering",

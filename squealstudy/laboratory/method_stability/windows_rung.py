@@ -28,9 +28,9 @@ from squealstudy.laboratory.method_stability.contract import (
     CONVERGED,
     RECOVERED,
     WRONG,
-    Case,
-    Cell,
+    CaseResult,
     Knob,
+    StabilityCase,
     failed,
 )
 from squealstudy.modes.reanalysis.patch import Box
@@ -53,7 +53,7 @@ KNOBS = (
 )
 
 
-def measure(knobs: Mapping[str, float]) -> Cell:
+def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest estimate over the tolerance; `error` that of the roots.
 
     `recovered` is a design point that the windows left to another rung.
@@ -70,10 +70,10 @@ def measure(knobs: Mapping[str, float]) -> Cell:
     error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
     estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
     rungs = sorted({p.method for p in own.values()} - {RUNG.name})
-    flagged = not (estimate <= tolerance and all(p.sure for p in own.values()))
+    flagged = not (estimate <= tolerance and all(p.complete for p in own.values()))
     outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
     by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
-    return Cell(
+    return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=estimate / tolerance,
@@ -122,7 +122,7 @@ def predict(away: float) -> float:
     return min(eps / (2 * np.sqrt(2 * away)), np.sqrt(eps) / 2)
 
 
-WINDOWS_RUNG = Case(
+WINDOWS_RUNG = StabilityCase(
     name="windows",
     title="reanalysis by windows beside a lock-in",
     boundary="4 round-offs over twice the root of (2 distance) = 2 tolerances",

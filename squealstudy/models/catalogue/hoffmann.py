@@ -32,7 +32,7 @@ from squealstudy.models.operating import (
     contact_parameters,
     friction_parameters,
 )
-from squealstudy.models.parameter import Declared, ModelDefinition, Option, structural
+from squealstudy.models.parameter import Declared, ModelDefinition, ModelOption, structural
 from squealstudy.parameter import Parameter
 
 STIFFNESS = structural(
@@ -87,7 +87,7 @@ HOFFMANN = ModelDefinition(
     description="mass on two inclined springs and a belt (Hoffmann et al. 2002): "
     "flutter above mu 0.75; 2 DOF",
     options=(
-        Option(CONTACT_OPTION.name, bilateral_first, CONTACT_OPTION.description),
+        ModelOption(CONTACT_OPTION.name, bilateral_first, CONTACT_OPTION.description),
         FRICTION_OPTION,
     ),
     declared=PARAMETERS,

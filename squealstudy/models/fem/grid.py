@@ -12,7 +12,7 @@ from squealstudy.errors import ModelError
 
 
 @dataclass(frozen=True)
-class Block:
+class GridBlock:
     """A cylindrical box: (low, high) in r [m], theta [rad] and z [m], of one material name."""
 
     r: tuple[float, float]
@@ -33,7 +33,7 @@ class CylindricalMesh:
         Cell centres in (r, theta, z).
     material : ndarray (n_cells,) of str
         Material name of each cell.
-    blocks : tuple of Block
+    blocks : tuple of GridBlock
         Of which the solid is the union.
     lines : tuple of ndarray
         Of the grid, in r [m], theta [rad] and z [m].
@@ -44,7 +44,7 @@ class CylindricalMesh:
     mesh: MeshHex2
     centres: np.ndarray
     material: np.ndarray
-    blocks: tuple[Block, ...]
+    blocks: tuple[GridBlock, ...]
     lines: tuple[np.ndarray, np.ndarray, np.ndarray]
     numbers: np.ndarray
 
@@ -113,7 +113,7 @@ def graded_lines(
 
 
 def cylindrical_mesh(
-    r: np.ndarray, theta: np.ndarray, z: np.ndarray, blocks: Sequence[Block]
+    r: np.ndarray, theta: np.ndarray, z: np.ndarray, blocks: Sequence[GridBlock]
 ) -> CylindricalMesh:
     """Mesh the union of `blocks` on the lines r [m], theta [rad], z [m].
 

@@ -11,7 +11,7 @@ from skfem import CellBasis
 from skfem.quadrature import get_quadrature
 
 from squealstudy.errors import ModelError
-from squealstudy.models.fem.grid import Block
+from squealstudy.models.fem.grid import GridBlock
 from squealstudy.models.fem.solid import Solid
 
 
@@ -173,7 +173,7 @@ def corresponding_rows(solid: Solid) -> sp.csr_matrix:
     return sp.kron(sp.diags(weight) @ shape_functions(solid, xyz), sp.eye(3)).tocsr()
 
 
-def _block_points(solid: Solid, block: Block) -> tuple[np.ndarray, np.ndarray]:
+def _block_points(solid: Solid, block: GridBlock) -> tuple[np.ndarray, np.ndarray]:
     """Points (p, 3) [m] at the middles of equal parts of a block, and their volumes (p,) [m3]."""
     x, y, z = solid.grid.mesh.doflocs
     r, height = np.hypot(x, y), (z.min(), z.max())

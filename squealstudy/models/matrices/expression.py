@@ -109,7 +109,7 @@ class Expression:
         return self._read[1]
 
     def value(self, values: Mapping[str, float]) -> float:
-        """The number at these parameter values.
+        """Value of the expression at given values of its parameters.
 
         Raises
         ------

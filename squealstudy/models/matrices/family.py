@@ -23,7 +23,7 @@ NEEDED = ("M", "K")
 
 @dataclass(frozen=True)
 class FamilyTerm:
-    """One summand a(p) A.
+    """One summand a(p) A of a family of matrices: coefficient times matrix.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class MatrixFamily:
 
     @property
     def n(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom."""
         return int(self.terms[0].matrix.shape[0])
 
     @cached_property

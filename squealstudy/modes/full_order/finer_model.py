@@ -23,7 +23,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import PointModes, solve_point, state_working_point
-from squealstudy.reduction.cmt import Basis, ComponentModes, ReducedModel, project
+from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReducedModel, project
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 from squealstudy.root_pairs import partner_distances
@@ -40,7 +40,7 @@ ROUND_OFF = 1e-6  # of singular values: Gram matrices tell no smaller ones from 
 
 
 @dataclass(frozen=True)
-class Reduction:
+class ReductionRecord:
     """What a prepared model was made from.
 
     Attributes
@@ -67,7 +67,7 @@ class Reduction:
 
     @property
     def states(self) -> list[DesignState]:
-        """Where residual loads are taken."""
+        """Design states at which the loads left by reduced modes are computed."""
         strong = [replace(p, friction=max(p.friction, STRONG)) for p in self.points]
         none = [replace(p, friction=0.0) for p in self.points]
         changed = [DesignState(strong[0], scale) for scale in self.scales]
@@ -75,15 +75,15 @@ class Reduction:
 
 
 def with_finer_model(
-    prepared: PreparedModel, basis: Basis, made: Reduction, rounds: int = 0
-) -> tuple[PreparedModel, Basis]:
+    prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord, rounds: int = 0
+) -> tuple[PreparedModel, ComponentBasis]:
     """A prepared model, of this basis or of one that is enriched, with its finer model.
 
     Parameters
     ----------
     prepared : PreparedModel
-    basis : Basis
-    made : Reduction
+    basis : ComponentBasis
+    made : ReductionRecord
     rounds : int
         0: the basis stays. 1: the leading static responses, which cover most of its error, join it,
         all of them make the finer model. 2: first all of them join, then the leading ones of what
@@ -111,19 +111,21 @@ def with_finer_model(
 
 
 def _in_basis(
-    prepared: PreparedModel, model: ReducedModel, basis: Basis, made: Reduction
+    prepared: PreparedModel, model: ReducedModel, basis: ComponentBasis, made: ReductionRecord
 ) -> PreparedModel:
     """The same structure in another basis."""
     phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
     return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
 
 
-def _responses(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
+def _responses(prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord) -> np.ndarray:
     """Nearly static responses (n_dof, DIRECTIONS) to residual loads."""
     return basis.factor.solve_once(residual_loads(prepared, basis, made))
 
 
-def residual_loads(prepared: PreparedModel, basis: Basis, made: Reduction) -> np.ndarray:
+def residual_loads(
+    prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord
+) -> np.ndarray:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
     Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
@@ -197,8 +199,8 @@ class _ResidualSums:
             load = change * x[self._model.mode_coordinate(*key)]
             self._changed[key] = self._changed.get(key, 0.0) + load
 
-    def loads(self, basis: Basis, made: Reduction) -> np.ndarray:
-        """The loads (n_dof, DIRECTIONS)."""
+    def loads(self, basis: ComponentBasis, made: ReductionRecord) -> np.ndarray:
+        """The summed loads on all degrees of freedom (n_dof, DIRECTIONS), N."""
         assembly, c = made.assembly, made.assembly.contact
         stiffness = assembly.K_el + assembly.K_springs()
         total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
@@ -255,10 +257,10 @@ def finer_modes(
 def extended_basis(
     assembly: Assembly,
     modes: Mapping[str, ComponentModes],
-    basis: Basis,
+    basis: ComponentBasis,
     added: np.ndarray,
     share: float,
-) -> tuple[ReducedModel, Basis]:
+) -> tuple[ReducedModel, ComponentBasis]:
     """The basis and the model with what `added` has outside of it, component by component.
 
     Parameters
@@ -266,7 +268,7 @@ def extended_basis(
     assembly : Assembly
     modes : mapping of component name -> ComponentModes
         The first coordinates of each component, which stay what they are.
-    basis : Basis
+    basis : ComponentBasis
     added : ndarray (n_dof, k)
         Displacements of the assembly.
     share : float

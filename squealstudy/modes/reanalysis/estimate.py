@@ -74,7 +74,7 @@ class EstimatedRoots(NamedTuple):
     method : str
         Name of the rung that found them.
     full : bool
-    sure : bool
+    complete : bool
         No other root may lie in the band, as far as the estimates tell.
     """
 
@@ -85,7 +85,7 @@ class EstimatedRoots(NamedTuple):
     residual: np.ndarray
     method: str
     full: bool = True
-    sure: bool = True
+    complete: bool = True
 
 
 Outcome = EstimatedRoots | ConvergenceError  # of a design point: roots, or why it has none

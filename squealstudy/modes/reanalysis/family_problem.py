@@ -131,15 +131,15 @@ class FamilyProblem(SweptProblem):
         return _symmetric_sum(even or terms, self.family.n)
 
     def energy_root(self, X: np.ndarray) -> np.ndarray:
-        """F X."""
+        """F X with F^T F = K0, the symmetric stiffness at the middle of the box, (n, m)."""
         return self._cholesky.root(X)
 
     def from_energy(self, Z: np.ndarray) -> np.ndarray:
-        """F^-1 Z."""
+        """F^-1 Z, the inverse of `energy_root`, (n, m)."""
         return self._cholesky.from_root(Z)
 
     def flexibility(self, r: np.ndarray) -> np.ndarray:
-        """K0^-1 r."""
+        """Static response K0^-1 r to complex loads r (n, m)."""
         return self._cholesky.solve(r)
 
     def mass_product(self, X: np.ndarray) -> np.ndarray:

@@ -39,7 +39,7 @@ class Box:
 
     @property
     def middle(self) -> np.ndarray:
-        """Its centre (d,)."""
+        """Centre of the box (d,)."""
         middle: np.ndarray = (self.low + self.high) / 2
         return middle
 
@@ -55,7 +55,7 @@ class Box:
         return there
 
     def halves(self, axis: int) -> tuple[Box, Box]:
-        """Both halves along a direction."""
+        """The two boxes that a cut across direction `axis` leaves."""
         cut_low, cut_high = self.high.copy(), self.low.copy()
         cut_low[axis] = cut_high[axis] = self.middle[axis]
         return Box(self.low, cut_low), Box(cut_high, self.high)
@@ -79,7 +79,7 @@ class Patch:
         Gauged right and left bases at the nodes.
     S, T : ndarray (q, sum of k^2) complex
         Gauged matrices of each block, flattened one after another.
-    blocks : tuple of Block
+    blocks : tuple of ModeBlock
     mixings : tuple of Mixing
         Of each node with the middle.
     reach : (low, high)
@@ -93,13 +93,13 @@ class Patch:
     Y: np.ndarray
     S: np.ndarray
     T: np.ndarray
-    blocks: tuple[Block, ...]
+    blocks: tuple[ModeBlock, ...]
     mixings: tuple[Mixing, ...]
     reach: tuple[float, float]
 
     @property
     def m(self) -> int:
-        """Number of modes followed."""
+        """Number of modes followed over the patch."""
         return int(self.X.shape[2])
 
     def cardinals(self, theta: np.ndarray) -> np.ndarray:
@@ -110,8 +110,8 @@ class Patch:
 def make_patch(
     box: Box,
     grid: Interpolation,
-    middle: Solved,
-    nodes: Sequence[Solved],
+    middle: NodeModes,
+    nodes: Sequence[NodeModes],
     band: tuple[float, float],
 ) -> Patch | np.ndarray:
     """A patch, or where modes cannot be followed how much they mix along each direction (d,).
@@ -135,11 +135,11 @@ def make_patch(
 
 
 def _within_reach(
-    blocks: Sequence[Block],
+    blocks: Sequence[ModeBlock],
     grid: Interpolation,
-    nodes: Sequence[Solved],
+    nodes: Sequence[NodeModes],
     band: tuple[float, float],
-) -> list[Block]:
+) -> list[ModeBlock]:
     """Blocks of which a mode is in the band anywhere in the box, not at the nodes alone.
 
     The mean root of a block is interpolated over the box; its roots keep the distance from their
@@ -174,9 +174,9 @@ def _wanted(lam: np.ndarray, band: tuple[float, float], margin: float) -> np.nda
 
 
 def _all_followed(
-    blocks: Sequence[Block],
-    middle: Solved,
-    nodes: Sequence[Solved],
+    blocks: Sequence[ModeBlock],
+    middle: NodeModes,
+    nodes: Sequence[NodeModes],
     band: tuple[float, float],
 ) -> bool:
     """Whether every mode in the band or near it, at the middle and at every node, is in a block."""
@@ -192,8 +192,8 @@ def _all_followed(
 def _assembled(
     box: Box,
     grid: Interpolation,
-    blocks: Sequence[Block],
-    nodes: Sequence[Solved],
+    blocks: Sequence[ModeBlock],
+    nodes: Sequence[NodeModes],
     mixings: Sequence[Mixing],
     reach: tuple[float, float],
 ) -> Patch:
@@ -230,7 +230,7 @@ def mixing_by_direction(grid: Interpolation, mixings: Sequence[Mixing]) -> np.nd
     return slope
 
 
-class Solved(NamedTuple):
+class NodeModes(NamedTuple):
     """A node: all pairs in reduced coordinates and the damping matrix C (r, r)."""
 
     pairs: Eigenpairs
@@ -253,7 +253,7 @@ class Mixing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Block:
+class ModeBlock:
     """Modes that are followed together: indices at the middle, and at each node."""
 
     middle: np.ndarray
@@ -261,11 +261,11 @@ class Block:
 
     @property
     def size(self) -> int:
-        """Number of modes."""
+        """Number of modes that the block follows together."""
         return len(self.middle)
 
 
-def mixing(middle: Solved, node: Solved) -> Mixing:
+def mixing(middle: NodeModes, node: NodeModes) -> Mixing:
     """Biorthogonal products in the state space of the companion form.
 
     A left state vector is [(lam + C)^H y; y], a right one [x; lam x].
@@ -277,7 +277,7 @@ def mixing(middle: Solved, node: Solved) -> Mixing:
     return Mixing(right, left)
 
 
-def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[Block]:
+def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[ModeBlock]:
     """Groups of modes whose participations in each other exceed the threshold.
 
     Returns only groups of as many modes at every node as in the middle; the others are no
@@ -303,7 +303,7 @@ def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[Block]:
     for group in range(count):
         sizes = {len(at[group]) for at in members}
         if len(sizes) == 1 and sizes != {0}:
-            blocks.append(Block(members[0][group], tuple(at[group] for at in members[1:])))
+            blocks.append(ModeBlock(members[0][group], tuple(at[group] for at in members[1:])))
     return blocks
 
 
@@ -323,7 +323,7 @@ class Subspace(NamedTuple):
     T: np.ndarray
 
 
-def gauged(block: Block, number: int, node: Solved, mixed: Mixing) -> Subspace:
+def gauged(block: ModeBlock, number: int, node: NodeModes, mixed: Mixing) -> Subspace:
     """The block's subspaces at a node, normalised by their products with the middle's modes.
 
     X S^2 + C X S + K X = 0 and T^2 Y^H + T Y^H C + Y^H K = 0.

@@ -93,7 +93,7 @@ def _vandermonde(xi: np.ndarray, powers: tuple[tuple[int, ...], ...]) -> np.ndar
 
 
 @dataclass(frozen=True)
-class Expansion:
+class ExpandedWeights:
     """The weights of one term of the system, w = shapes c.
 
     Attributes
@@ -120,7 +120,7 @@ class CollocatedSystem:
     Attributes
     ----------
     r : int
-    expansions : tuple of Expansion
+    expansions : tuple of ExpandedWeights
         Of each term; without shapes that of a mass which is the identity at every design point.
     stacks : tuple of three ndarray (q, r * r)
         Matrices of each power of lambda: L^T diag(shape) R of all shapes of its terms, in order.
@@ -129,7 +129,7 @@ class CollocatedSystem:
     """
 
     r: int
-    expansions: tuple[Expansion, ...]
+    expansions: tuple[ExpandedWeights, ...]
     stacks: tuple[np.ndarray, ...]
     unit_mass: bool
 
@@ -183,10 +183,10 @@ def collocate(
     for number, term in enumerate(system.terms):
         left, right = term.seen_left(W), term.seen_right(V)
         if term.order == MASS and unit:
-            expansions.append(Expansion(MASS, np.zeros((1, 0))))
+            expansions.append(ExpandedWeights(MASS, np.zeros((1, 0))))
             continue
         shapes = _shapes([s[number] for s in samples], tolerance)
-        expansions.append(Expansion(term.order, shapes))
+        expansions.append(ExpandedWeights(term.order, shapes))
         if len(shapes) == 1:
             stacks[term.order] += [left.T @ right] * shapes.shape[1]
         else:

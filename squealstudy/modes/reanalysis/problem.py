@@ -12,7 +12,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.root_pairs import LIGHT
+from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.system.parametric import ParametricSystem, Weights
 
 
@@ -80,7 +80,7 @@ class SweptProblem(ABC):
 
     @abstractmethod
     def from_energy(self, Z: np.ndarray) -> np.ndarray:
-        """F^-1 Z."""
+        """F^-1 Z, the inverse of `energy_root`, (n, m)."""
 
     @abstractmethod
     def flexibility(self, r: np.ndarray) -> np.ndarray:
@@ -107,22 +107,22 @@ class DenseProblem(SweptProblem):
         return factor
 
     def energy_root(self, X: np.ndarray) -> np.ndarray:
-        """F X."""
+        """F X with F^T F = K0, the symmetric stiffness at the middle of the box, (n, m)."""
         product: np.ndarray = self._factor @ X
         return product
 
     def from_energy(self, Z: np.ndarray) -> np.ndarray:
-        """F^-1 Z."""
+        """F^-1 Z, the inverse of `energy_root`, (n, m)."""
         solved: np.ndarray = la.solve_triangular(self._factor, Z)
         return solved
 
     def flexibility(self, r: np.ndarray) -> np.ndarray:
-        """K0^-1 r."""
+        """Static response K0^-1 r to complex loads r (n, m)."""
         solved: np.ndarray = la.cho_solve((self._factor, False), r)
         return solved
 
     def mass_product(self, X: np.ndarray) -> np.ndarray:
-        """The mass is the identity."""
+        """M0 X: X itself, the mass is the identity."""
         return X
 
 
@@ -133,8 +133,8 @@ def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndar
     return kept
 
 
-def light(lam: np.ndarray) -> np.ndarray:
+def lightly_damped(lam: np.ndarray) -> np.ndarray:
     """Which roots are lightly damped, |zeta| < 5 %."""
     size = np.abs(lam)
-    kept: np.ndarray = np.abs(lam.real) < LIGHT * size
+    kept: np.ndarray = np.abs(lam.real) < LIGHT_DAMPING * size
     return kept

@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.modes.reanalysis.patch import Patch
-from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.system.parametric import Weights
 
 NEAREST = 1e-13  # relative distance below which two followed roots are one
-FIRST_ORDER = 2.0  # on the distance of a heavy root to its first-order approximation
+FIRST_ORDER = 2.0  # on the distance of a heavily_damped root to its first-order approximation
 MOST_AMPLIFIED = 20.0  # dynamic over static response of a mode beyond the band
 
 
-class Roots(NamedTuple):
+class RitzRoots(NamedTuple):
     """Roots of a batch of design points.
 
     Attributes
@@ -71,7 +71,7 @@ def _eigenvalues(blocks: np.ndarray) -> np.ndarray:
 
 def ritz_roots(
     patch: Patch, basis: SweepBasis, theta: np.ndarray, weights: Sequence[Weights]
-) -> Roots:
+) -> RitzRoots:
     """Roots, vectors and errors of a batch of design points.
 
     Parameters
@@ -99,8 +99,8 @@ def ritz_roots(
     ry = Y * conj**2 + CY * conj + KY
     shift = np.einsum("brm,brm->bm", Y.conj(), rx)  # Rayleigh's functional: second order too
     error = _error(patch, basis, lam, X, Y, rx, ry)
-    error = np.minimum(error, _error_of_heavy(patch, cardinals, lam))
-    return Roots(lam=lam - shift, X=X, Y=Y, error=error, residual=_backward(C, K, lam, X, rx))
+    error = np.minimum(error, _error_of_heavily_damped(patch, cardinals, lam))
+    return RitzRoots(lam=lam - shift, X=X, Y=Y, error=error, residual=_backward(C, K, lam, X, rx))
 
 
 def _products(patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray) -> _Batch:
@@ -193,21 +193,21 @@ def _error(
     return total
 
 
-def _error_of_heavy(patch: Patch, cardinals: np.ndarray, lam: np.ndarray) -> np.ndarray:
+def _error_of_heavily_damped(patch: Patch, cardinals: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Another estimate (b, m) for heavily damped roots, infinite for light ones.
 
     Overdamped roots run through decades and collide: the second-order error through others is then
     far above the true one. Their distance to the roots of the interpolated matrices, which are
     wrong by the first order, bounds it better.
     """
-    error, heavy = np.full(lam.shape, np.inf), ~light(lam)
-    flat, offset = cardinals @ patch.S if heavy.any() else np.zeros(0), 0
+    error, heavily_damped = np.full(lam.shape, np.inf), ~lightly_damped(lam)
+    flat, offset = cardinals @ patch.S if heavily_damped.any() else np.zeros(0), 0
     for start, k in patch.slices:
         own = slice(start, start + k)
-        if heavy[:, own].any():
+        if heavily_damped[:, own].any():
             first = _eigenvalues(flat[:, offset : offset + k * k].reshape(-1, k, k))
             distance = np.abs(lam[:, own, None] - first[:, None, :]).min(axis=2)
-            error[:, own] = np.where(heavy[:, own], FIRST_ORDER * distance, np.inf)
+            error[:, own] = np.where(heavily_damped[:, own], FIRST_ORDER * distance, np.inf)
         offset += k * k
     return error
 

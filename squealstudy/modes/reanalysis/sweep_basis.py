@@ -17,7 +17,12 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
 from squealstudy.modes.reanalysis.polynomials import CollocatedSystem, collocate
-from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band, light
+from squealstudy.modes.reanalysis.problem import (
+    Linearisation,
+    SweptProblem,
+    in_band,
+    lightly_damped,
+)
 from squealstudy.system.parametric import Weights
 
 REACH = 1.15  # modes of the band widened by this join the basis
@@ -181,7 +186,7 @@ def _all_seen(
     if not len(exact.lam):
         return True
     distance = np.abs(exact.lam[:, None] - found).min(axis=1)
-    missed = light(exact.lam) & (distance > LACKING * tolerance * np.abs(exact.lam))
+    missed = lightly_damped(exact.lam) & (distance > LACKING * tolerance * np.abs(exact.lam))
     return not missed.any()
 
 
@@ -267,7 +272,7 @@ def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray)
     except ConvergenceError:
         return 0.0
     pairs = basis.pairs(weights)
-    pairs = pairs.take(in_band(pairs.lam, problem.band, SEEN) & light(pairs.lam))
+    pairs = pairs.take(in_band(pairs.lam, problem.band, SEEN) & lightly_damped(pairs.lam))
     if not len(pairs.lam):
         return 0.0
     error = bounded(two_sided_error(problem, weights, basis.expand(weights, pairs)), pairs.lam)

@@ -53,7 +53,7 @@ class Perturbation(Rung):
 
 
 @dataclass(frozen=True)
-class Anchor:
+class ExactPoint:
     """A design point whose modes are known.
 
     Attributes
@@ -69,7 +69,7 @@ class Anchor:
     pairs: Eigenpairs
 
 
-def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> Anchor:
+def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> ExactPoint:
     """Solve a design point exactly.
 
     Second-order terms run through the modes with band[0] / reach <= |lam| <= reach band[1]: all
@@ -83,11 +83,11 @@ def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> Ancho
         np.hstack([X, X[:, paired].conj()]),
         np.hstack([Y, Y[:, paired].conj()]),
     )
-    return Anchor(np.asarray(theta), weights, both)
+    return ExactPoint(np.asarray(theta), weights, both)
 
 
 def perturbed_roots(
-    problem: SweptProblem, anchor: Anchor, theta: np.ndarray, order: int
+    problem: SweptProblem, anchor: ExactPoint, theta: np.ndarray, order: int
 ) -> Outcome:
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
@@ -111,7 +111,7 @@ def perturbed_roots(
 
 
 def perturbed_pairs(
-    system: ParametricSystem, anchor: Anchor, weights: Weights, order: int, own: np.ndarray
+    system: ParametricSystem, anchor: ExactPoint, weights: Weights, order: int, own: np.ndarray
 ) -> Eigenpairs:
     """Pairs `own` (indices) of the anchor, moved to other weights through all of its pairs.
 
@@ -145,11 +145,11 @@ class _Change(NamedTuple):
     weights: Weights
 
     def apply(self, X: np.ndarray) -> np.ndarray:
-        """Times X (n, m)."""
+        """Product of the changed matrix with X (n, m)."""
         return self.system.apply(self.weights, np.ones(X.shape[1]), X)
 
     def adjoint(self, Y: np.ndarray) -> np.ndarray:
-        """Its transpose times Y (n, m)."""
+        """Product of its transpose with Y (n, m)."""
         return self.system.apply_adjoint(self.weights, np.ones(Y.shape[1]), Y)
 
 

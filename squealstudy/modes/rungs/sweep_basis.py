@@ -23,7 +23,7 @@ from squealstudy.modes.reanalysis.estimate import (
     solve_alone,
 )
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, light
+from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.modes.rung import Found, Offer, Rung, Scope
 from squealstudy.modes.tracking.refinement import Modes
@@ -109,14 +109,14 @@ class InBasis:
     basis: SweepBasis
     tolerance: float
 
-    def good(self, found: Outcome) -> bool:
+    def within_tolerance(self, found: Outcome) -> bool:
         """Whether the light roots of a point are within the tolerance; failed points are."""
         if isinstance(found, ConvergenceError):
             return True
-        if not found.sure:
+        if not found.complete:
             return False
-        slight = light(found.lam)
-        error = found.error[slight] / np.abs(found.lam[slight])
+        judged = lightly_damped(found.lam)
+        error = found.error[judged] / np.abs(found.lam[judged])
         return bool((error <= self.tolerance).all())
 
     def alone(self, theta: np.ndarray) -> Outcome:
@@ -131,7 +131,7 @@ class InBasis:
             return found
         error = found.error + self.basis.interpolated * np.abs(found.lam)
         found = found._replace(error=error)
-        return found if self.good(found) else self.exact(theta, found.at)
+        return found if self.within_tolerance(found) else self.exact(theta, found.at)
 
     def exact(self, theta: np.ndarray, at: Linearisation) -> EstimatedRoots:
         """One design point in the full problem."""

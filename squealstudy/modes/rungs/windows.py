@@ -22,10 +22,16 @@ from squealstudy.modes.reanalysis.estimate import (
     bounded,
     two_sided_error,
 )
-from squealstudy.modes.reanalysis.patch import Box, Patch, Solved, make_patch, mixing_by_direction
+from squealstudy.modes.reanalysis.patch import (
+    Box,
+    NodeModes,
+    Patch,
+    make_patch,
+    mixing_by_direction,
+)
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.modes.reanalysis.problem import Linearisation, in_band, light
-from squealstudy.modes.reanalysis.ritz import Roots, ritz_roots
+from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
+from squealstudy.modes.reanalysis.ritz import RitzRoots, ritz_roots
 from squealstudy.modes.rung import Found, Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
@@ -125,14 +131,14 @@ class Windows(InBasis):
         spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
         looked_at, others = rows[spread], rows[~spread]
         first = list(self._points(patch, theta, looked_at))
-        exceeding = sum(not self.good(found) for _, found in first)
+        exceeding = sum(not self.within_tolerance(found) for _, found in first)
         if exceeding > max(min(MOST_EXCEEDING * len(first), most), 1):
             return rows
         yield from (self._mended(*solved, theta) for solved in first)
         allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
         for start in range(0, len(others), BATCH):
             for row, found in self._points(patch, theta, others[start : start + BATCH]):
-                exceeding += not self.good(found)
+                exceeding += not self.within_tolerance(found)
                 yield self._mended(row, found, theta)
             if exceeding > allowed:
                 return others[start + BATCH :]
@@ -140,7 +146,7 @@ class Windows(InBasis):
 
     def _mended(self, row: int, found: Outcome, theta: np.ndarray) -> Solution:
         """A point of a patch, solved by itself where it exceeds the tolerance."""
-        return row, found if self.good(found) else self.alone(theta[row])
+        return row, found if self.within_tolerance(found) else self.alone(theta[row])
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
         """A patch over a box, or how much its modes mix along each direction."""
@@ -154,7 +160,7 @@ class Windows(InBasis):
         self.counts["nodes"] += len(weights)
         C = self.basis.small.matrices(weights)[0]
         pairs = [self.basis.pairs(w) for w in weights]
-        middle, *nodes = (Solved(p, c) for p, c in zip(pairs, C, strict=True))
+        middle, *nodes = (NodeModes(p, c) for p, c in zip(pairs, C, strict=True))
         made = make_patch(box, grid, middle, nodes, self.problem.band)
         if isinstance(made, np.ndarray):
             return made
@@ -163,7 +169,7 @@ class Windows(InBasis):
         slope = mixing_by_direction(grid, made.mixings)
         return FollowedPatch(patch=made, starts=local, floor=floor, slope=slope)
 
-    def _floor(self, patch: Patch, weights: list[Weights], nodes: list[Solved]) -> np.ndarray:
+    def _floor(self, patch: Patch, weights: list[Weights], nodes: list[NodeModes]) -> np.ndarray:
         """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.
 
         (2, m), each per condition of the root, |x| |y|: near coalescence, where single errors
@@ -175,10 +181,10 @@ class Windows(InBasis):
             pairs = node.pairs.take(chosen)
             error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
             error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
-            slight = np.where(light(pairs.lam), error, 0.0)
+            judged = np.where(lightly_damped(pairs.lam), error, 0.0)
             for start, k in patch.slices:
                 own = slice(start, start + k)
-                largest = [[slight[own].max()], [error[own].max()]]
+                largest = [[judged[own].max()], [error[own].max()]]
                 worst[:, own] = np.maximum(worst[:, own], largest)
         return worst
 
@@ -202,11 +208,15 @@ class Windows(InBasis):
             for k, (row, at) in enumerate(known):
                 yield row, self._one(at, roots, k, patch.floor)
 
-    def _one(self, at: Linearisation, roots: Roots, k: int, floor: np.ndarray) -> EstimatedRoots:
+    def _one(
+        self, at: Linearisation, roots: RitzRoots, k: int, floor: np.ndarray
+    ) -> EstimatedRoots:
         lam, band = roots.lam[k], self.problem.band
-        real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~light(lam)
+        real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~lightly_damped(lam)
         lam = np.where(real, lam.real, lam)
-        of_basis = np.where(light(lam), floor[0], floor[1]) * conditions(roots.X[k], roots.Y[k])
+        of_basis = np.where(lightly_damped(lam), floor[0], floor[1]) * conditions(
+            roots.X[k], roots.Y[k]
+        )
         own = bounded(roots.error[k], lam) + self.basis.interpolated * np.abs(lam)
         inside = in_band(lam, band, 1.0)
         kept = np.flatnonzero(inside)
@@ -214,7 +224,7 @@ class Windows(InBasis):
         # far from the band the roots of the basis are artefacts: its own error is no doubt of them
         doubtful = ~inside & _may_be_inside(lam, own, band, self.tolerance)
         near = (np.abs(lam) + own >= band[0]) & (np.abs(lam) - own <= band[1])
-        doubtful |= near & ~light(lam) & _may_be_real(lam, own)
+        doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, own)
         return EstimatedRoots(
             at=at,
             lam=lam[kept],
@@ -223,7 +233,7 @@ class Windows(InBasis):
             residual=roots.residual[k][kept],
             method=WindowsRung.name,
             full=False,
-            sure=not doubtful.any(),
+            complete=not doubtful.any(),
         )
 
 

@@ -13,7 +13,7 @@ OFFSET = 1e-6  # of the shift beside the root: Q(sigma) stays regular, the root 
 
 
 @dataclass(frozen=True)
-class ModeFamily:
+class ModeNeighbourhood:
     """A mode (first) and the roots nearest to it.
 
     Attributes
@@ -46,7 +46,9 @@ class ModeFamily:
         return 2.0 * float(np.abs(self.lam[0])) / size if size > 0 else float("inf")
 
 
-def mode_family(pencil: QuadraticPencil, lam: complex, count: int = NEIGHBOURS) -> ModeFamily:
+def mode_family(
+    pencil: QuadraticPencil, lam: complex, count: int = NEIGHBOURS
+) -> ModeNeighbourhood:
     """The mode whose root is nearest `lam`, with its neighbours.
 
     Raises
@@ -65,7 +67,7 @@ def mode_family(pencil: QuadraticPencil, lam: complex, count: int = NEIGHBOURS) 
         relative_residual(pencil, first, X[:, 0]),
         relative_residual(adjoint, np.conj(first), Y[:, 0]),
     )
-    return ModeFamily(lam=roots.lam, X=X, Y=Y, norm=norm, residual=residual)
+    return ModeNeighbourhood(lam=roots.lam, X=X, Y=Y, norm=norm, residual=residual)
 
 
 def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> float:
@@ -75,7 +77,9 @@ def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> f
     return float(np.linalg.norm(parts[0] + parts[1] + parts[2])) / max(size, 1e-300)
 
 
-def biorthogonality(pencil: QuadraticPencil, first: ModeFamily, second: ModeFamily) -> float:
+def biorthogonality(
+    pencil: QuadraticPencil, first: ModeNeighbourhood, second: ModeNeighbourhood
+) -> float:
     """|y_1^H ((lambda_1 + lambda_2) M + C) x_2| / sqrt(|norm_1 norm_2|): 0 for different modes."""
     x, y = second.X[:, 0], first.Y[:, 0]
     total = first.lam[0] + second.lam[0]

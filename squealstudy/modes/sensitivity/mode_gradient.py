@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.modes.sensitivity.mode_family import ModeFamily
+from squealstudy.modes.sensitivity.mode_family import ModeNeighbourhood
 from squealstudy.system.linearise import ContactStructure, StructureWeights
 from squealstudy.system.parametric import DAMPING, Columns, ParametricSystem, Term
 
@@ -52,7 +52,7 @@ class ModeGradient:
 
     Parameters
     ----------
-    family : ModeFamily
+    family : ModeNeighbourhood
     structure : ContactStructure
         In the coordinates of the family.
     real : RealModes or None
@@ -65,7 +65,7 @@ class ModeGradient:
     """
 
     def __init__(
-        self, family: ModeFamily, structure: ContactStructure, real: RealModes | None
+        self, family: ModeNeighbourhood, structure: ContactStructure, real: RealModes | None
     ) -> None:
         self.family, self._N, self._real = family, structure.N, real
         self._X, self._Y = Columns(family.X), Columns(family.Y)
@@ -140,11 +140,11 @@ class DampingGradient:
         self._F, self._H = damping_factors(omega, zeta)
 
     def by_stiffness(self, dK: np.ndarray) -> complex:
-        """By phi^T dK_sym phi (m, m)."""
+        """Change of y^H lambda C_d x by a change of stiffness, given as phi^T dK phi (m, m)."""
         return complex((self._pairs * self._F * dK).sum())
 
     def by_mass(self, dM: np.ndarray) -> complex:
-        """By phi^T dM phi (m, m)."""
+        """Change of y^H lambda C_d x by a change of mass, given as phi^T dM phi (m, m)."""
         return complex((self._pairs * self._H * dM).sum())
 
     def by_rows(self, rows: np.ndarray) -> np.ndarray:

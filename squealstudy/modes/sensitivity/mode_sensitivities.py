@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
-from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeFamily
+from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeNeighbourhood
 
 QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid
 UNSEEN = 1e-9  # of |lambda|: second-order changes below are not seen
@@ -78,7 +78,7 @@ class ModeSensitivities:
 
     Attributes
     ----------
-    family : ModeFamily
+    family : ModeNeighbourhood
     biorthogonality : float
         Largest product with the left vector of another chosen mode; 0 is right.
     energies : ndarray (n_components + 1,)
@@ -86,14 +86,14 @@ class ModeSensitivities:
     sensitivities : tuple of Sensitivity
     """
 
-    family: ModeFamily
+    family: ModeNeighbourhood
     biorthogonality: float
     energies: np.ndarray
     sensitivities: tuple[Sensitivity, ...]
 
     @property
     def lam(self) -> complex:
-        """The root, rad/s."""
+        """Root of the mode whose sensitivities these are, rad/s."""
         return complex(self.family.lam[0])
 
     def near_coalescence(self, sensitivity: Sensitivity) -> bool:
@@ -103,12 +103,12 @@ class ModeSensitivities:
 
 
 def with_more(mode: ModeSensitivities, more: Sequence[Sensitivity]) -> ModeSensitivities:
-    """The same mode with further sensitivities."""
+    """A copy of the mode with further sensitivities."""
     return replace(mode, sensitivities=(*mode.sensitivities, *more))
 
 
 def change_products(
-    family: ModeFamily, KX: np.ndarray, CX: np.ndarray, MX: np.ndarray
+    family: ModeNeighbourhood, KX: np.ndarray, CX: np.ndarray, MX: np.ndarray
 ) -> np.ndarray:
     """Products y_i^H (K + lambda_j C + lambda_1 lambda_j M) x_j (k, k) with a change of matrices.
 
@@ -122,7 +122,7 @@ def change_products(
 
 
 def slope_and_validity(
-    family: ModeFamily, products: np.ndarray, size: float, mass: complex = 0.0
+    family: ModeNeighbourhood, products: np.ndarray, size: float, mass: complex = 0.0
 ) -> tuple[complex, float]:
     """Derivative of the first root, and the range in which it says more than the curvature.
 
@@ -163,7 +163,7 @@ class FiniteChange:
 
 
 def followed_root(
-    base: QuadraticPencil, family: ModeFamily, changed: QuadraticPencil
+    base: QuadraticPencil, family: ModeNeighbourhood, changed: QuadraticPencil
 ) -> FiniteChange:
     """The family's first mode in a changed pencil.
 
@@ -185,7 +185,7 @@ def followed_root(
 
 def followed_roots(
     base: QuadraticPencil,
-    families: Sequence[ModeFamily],
+    families: Sequence[ModeNeighbourhood],
     changed: Callable[[], QuadraticPencil],
 ) -> tuple[list[FiniteChange | None], str]:
     """The first mode of every family in a changed design, or why that has none of them."""

@@ -19,7 +19,11 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.operating import DAMPING, DesignState, ModeKey
 from squealstudy.modes.point import linearised_point
-from squealstudy.modes.sensitivity.mode_family import ModeFamily, biorthogonality, mode_family
+from squealstudy.modes.sensitivity.mode_family import (
+    ModeNeighbourhood,
+    biorthogonality,
+    mode_family,
+)
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     ModeSensitivities,
@@ -46,7 +50,7 @@ class ChosenModes:
     state: DesignState
     point: WorkingPoint
     system: LinearisedModel
-    families: tuple[ModeFamily, ...]
+    families: tuple[ModeNeighbourhood, ...]
 
 
 def solve_families(

@@ -73,7 +73,7 @@ class StateDerivatives:
         self.structure = reduced_structure(prepared.model)
         changes = state.stiffness_changes(self.structure.frequencies)
         columns = {shape_column(prepared.model, *key): dk for key, dk in changes.items()}
-        self.motion = WorkingPointMotion(
+        self.motion = WorkingPointDerivatives(
             space=prepared.space, stiffness_changes=columns, operating=state.operating, point=point
         )
 
@@ -152,7 +152,7 @@ class StateDerivatives:
         )
 
 
-class WorkingPointMotion:
+class WorkingPointDerivatives:
     """Derivatives of the gaps at one working point, from one factorisation of dF/dg.
 
     Parameters
@@ -255,7 +255,7 @@ class StateParameter:
     maximum: float = math.inf
 
     def value(self, state: DesignState) -> float:
-        """Value in a state.
+        """Value of the parameter in a design state.
 
         Raises
         ------
@@ -289,7 +289,7 @@ class StateParameter:
         return state.frequency_scale.get(key, 1.0) * omega[key] / (2 * math.pi)
 
     def moved(self, state: DesignState, value: float) -> DesignState:
-        """The state with this parameter at `value`."""
+        """A copy of the design state with this parameter at `value`."""
         if self.modes:
             return self._moved_modes(state, value)
         if self.name == DAMPING.name:

@@ -48,7 +48,7 @@ Build = Callable[[Mapping[str, float]], Assembly]
 
 
 @dataclass(frozen=True)
-class Structure:
+class StructureBuilder:
     """How the assembly of a design point is built, and what its bases keep.
 
     Attributes
@@ -92,7 +92,7 @@ class Structure:
         return working_point(space, state.operating, start)
 
 
-def check_structural(structure: Structure, names: Sequence[str]) -> None:
+def check_structural(structure: StructureBuilder, names: Sequence[str]) -> None:
     """Raise ParameterError for the first parameter that moves the mesh."""
     base = structure.assembly()
     for name in names:
@@ -101,7 +101,7 @@ def check_structural(structure: Structure, names: Sequence[str]) -> None:
 
 
 def structural_sensitivities(
-    design: ChosenModes, structure: Structure, names: Sequence[str], change: float
+    design: ChosenModes, structure: StructureBuilder, names: Sequence[str], change: float
 ) -> list[list[Sensitivity]]:
     """Sensitivities of every chosen mode of a design point, one list a mode.
 
@@ -200,7 +200,9 @@ def structural_products(
     return products
 
 
-def _changed_pencil(design: ChosenModes, structure: Structure, step: Step) -> QuadraticPencil:
+def _changed_pencil(
+    design: ChosenModes, structure: StructureBuilder, step: Step
+) -> QuadraticPencil:
     """Of the assembly built with the changed value, about its own working point."""
     state, k_c = design.state, design.prepared.space.k_c
     assembly = structure.assembly({step.name: step.value + step.size})

@@ -12,8 +12,8 @@ import numpy as np
 
 from squealstudy.modes.tracking.pairing import (
     DOUBTFUL,
-    FREQUENCY_WINDOW,
     LOST,
+    PAIR_FREQUENCY,
     Pairing,
     broken,
     pair_modes,
@@ -270,7 +270,7 @@ def _may_join(
     a = np.flatnonzero(~np.isin(labels_a, labels_b))
     b = np.flatnonzero(~np.isin(labels_b, labels_a))
     ratio = np.abs(lam_a[a])[:, None] / np.abs(lam_b[b])
-    i, j = np.nonzero(np.abs(np.log(ratio)) < LOST * FREQUENCY_WINDOW)
+    i, j = np.nonzero(np.abs(np.log(ratio)) < LOST * PAIR_FREQUENCY)
     return _ordered(labels_a[a[i]], labels_b[b[j]])
 
 

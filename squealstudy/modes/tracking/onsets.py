@@ -25,7 +25,7 @@ STEADY = 0.5  # largest change of the slope between neighbouring pairs of points
 
 
 class Onset(NamedTuple):
-    """A refined onset.
+    """Value of the parameter at which a mode turns unstable, and what finding it took.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Onset(NamedTuple):
     evaluations: int
 
 
-class Samples:
+class SolvedLine:
     """Modes at the values of a parameter between two design points, each solved once.
 
     Parameters
@@ -68,11 +68,11 @@ class Samples:
 
     @property
     def values(self) -> list[float]:
-        """Where modes are known, ascending."""
+        """Values of the parameter at which modes are known, ascending."""
         return sorted(self._found)
 
     def at(self, x: float) -> Modes:
-        """Modes at a value."""
+        """Modes at a value of the parameter, solved where they are not known yet."""
         if x not in self._found:
             self._found[x] = self._solve(x)
         return self._found[x]
@@ -86,12 +86,12 @@ class FollowedMode:
 
     Parameters
     ----------
-    samples : Samples
+    samples : SolvedLine
     at_low, at_high : int or None
         Place of the mode at both ends; None to follow it from the other end alone.
     """
 
-    def __init__(self, samples: Samples, at_low: int | None, at_high: int | None) -> None:
+    def __init__(self, samples: SolvedLine, at_low: int | None, at_high: int | None) -> None:
         self._samples = samples
         ends = {samples.low: at_low, samples.high: at_high}
         self._place = {x: place for x, place in ends.items() if place is not None}
@@ -109,7 +109,7 @@ class FollowedMode:
         return sorted(values, key=lambda x: min(abs(x - known) for known in self._known))
 
     def damping_ratio(self, x: float) -> float:
-        """-Re lambda/|lambda|."""
+        """Damping ratio -Re lambda/|lambda| of the mode at a value of the parameter."""
         lam = self.root(x)
         return -lam.real / max(abs(lam), 1e-300)
 
@@ -128,7 +128,7 @@ class FollowedMode:
 
 
 def refine_onset(
-    samples: Samples, at_low: int, at_high: int, tolerance: float, precision: float
+    samples: SolvedLine, at_low: int, at_high: int, tolerance: float, precision: float
 ) -> Onset:
     """Value at which the damping ratio of a mode passes -tolerance, by Brent's method.
 
@@ -137,7 +137,7 @@ def refine_onset(
 
     Parameters
     ----------
-    samples : Samples
+    samples : SolvedLine
         What other modes have asked for narrows the bracket.
     at_low, at_high : int
         Place of the mode among those at both ends, of which one is unstable.

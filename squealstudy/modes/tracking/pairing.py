@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
-DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
+PAIR_FREQUENCY = 0.2  # relative change of |lambda| from which on two modes are never paired
+PAIR_DAMPING = 0.5  # change of zeta that weighs as much as the whole frequency window
 UNPAIRED = 1.0  # cost of leaving a mode without partner
 RIVAL = 1.5  # another pairing is nearly as good below this multiple of the chosen one's cost
 LOW_MAC = 0.5
@@ -70,7 +70,7 @@ def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
 
 
 def squares(a: np.ndarray) -> np.ndarray:
-    """|a|^2 of each row."""
+    """Squared 2-norm of each row (m,)."""
     total: np.ndarray = np.einsum("ij,ij->i", a.real, a.real)
     return total + np.einsum("ij,ij->i", a.imag, a.imag)
 
@@ -139,8 +139,8 @@ def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.n
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
     zeta_a, zeta_b = -expected.real / size_a, -lam_b.real / size_b
-    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / FREQUENCY_WINDOW
-    far += np.abs(zeta_b - zeta_a[:, None]) / DAMPING_WINDOW
+    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / PAIR_FREQUENCY
+    far += np.abs(zeta_b - zeta_a[:, None]) / PAIR_DAMPING
     return far, (size_a / size_a.max())[:, None] * (-TIE * zeta_b)
 
 

@@ -26,7 +26,7 @@ Solve = Callable[[np.ndarray], Modes]  # modes at coordinates (p,); SquealstudyE
 
 
 @dataclass
-class Refinement:
+class StepRefinement:
     """Bisects the step between two design points as far as its pairings are in doubt.
 
     Parameters

@@ -12,8 +12,8 @@ import numpy as np
 
 from squealstudy.motion.outcome.envelope import (
     WINDOWS,
-    Course,
-    Windows,
+    LevelTrend,
+    LevelWindows,
     last_part,
     logarithm,
     trend,
@@ -59,7 +59,7 @@ LONGER = 1.25  # times: the least duration that is asked for
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RunClass:
     """Class of a run.
 
     Attributes
@@ -82,7 +82,7 @@ def classify(
     noise: float = 0.0,
     *,
     growth: float = 0.0,
-) -> Verdict:
+) -> RunClass:
     """Class of a finished run, from its motion.
 
     ``stable``: the level is gone (1e-5 of the largest, or `noise`), below 1 % of the largest and
@@ -115,21 +115,21 @@ def classify(
     found = Envelope.of(windows(time, energy), initial, growth * LAST * span)
     course = found.windows.course(LAST)
     if found.gone(noise) and not _rises(course):
-        return Verdict(STABLE)
+        return RunClass(STABLE)
     if _levels_off(found, course):
-        return Verdict(LIMIT_CYCLE)
+        return RunClass(LIMIT_CYCLE)
     if _irregular(found, course):
-        return Verdict(IRREGULAR)
+        return RunClass(IRREGULAR)
     if _grows(found, course):
-        return Verdict(GROWING)
+        return RunClass(GROWING)
     if _falls(found, course):
-        return Verdict(STABLE)
-    return Verdict(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
+        return RunClass(STABLE)
+    return RunClass(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
 
 
-def too_short(duration: float, rows: int) -> Verdict:
+def too_short(duration: float, rows: int) -> RunClass:
     """Of a run whose record has too few rows to be judged: until it has enough."""
-    return Verdict(UNDECIDED, LONGER * duration * WINDOWS[0] / max(rows - 1, 1))
+    return RunClass(UNDECIDED, LONGER * duration * WINDOWS[0] / max(rows - 1, 1))
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class Envelope:
 
     Attributes
     ----------
-    windows : Windows
+    windows : LevelWindows
     ratio : float
         Last level over the largest.
     continued : bool
@@ -155,7 +155,7 @@ class Envelope:
         negative for predicted decay.
     """
 
-    windows: Windows
+    windows: LevelWindows
     ratio: float
     continued: bool
     reached: bool
@@ -169,7 +169,7 @@ class Envelope:
         return self.growth >= (RISEN if self.predicted > 0 else GREW)
 
     @staticmethod
-    def of(found: Windows, initial: float, predicted: float) -> Envelope:
+    def of(found: LevelWindows, initial: float, predicted: float) -> Envelope:
         """From the levels, the energy that was put in [J] and the growth that is predicted."""
         fine, level = logarithm(found.fine), logarithm(found.level)
         now = float(level[found.judged :].mean())
@@ -222,11 +222,11 @@ def _beyond(y: np.ndarray) -> float:
     return far if far >= float(np.ptp(judged)) else 0.0
 
 
-def _rises(course: Course) -> bool:
+def _rises(course: LevelTrend) -> bool:
     return course.rise > course.error and course.thirds[2] > 0
 
 
-def _levels_off(found: Envelope, course: Course) -> bool:
+def _levels_off(found: Envelope, course: LevelTrend) -> bool:
     """Whether the level of the last 40 %, or of the last fifth after growth, will stay."""
     scatter, error, _ = found.scatter()
     if max(course.scatter, scatter + error) <= SCATTER:
@@ -242,7 +242,7 @@ def _levels_off(found: Envelope, course: Course) -> bool:
     late = logarithm(last_part(found.windows.fine, SHORT))
     if not found.grew or len(late) < LATE:
         return False
-    course = Course.of(late)
+    course = LevelTrend.of(late)
     even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
     return even and _quiet(course) and course.error <= TREND
 
@@ -253,12 +253,12 @@ def _shown(found: Envelope, drift: float) -> bool:
     return found.reached or found.transient >= least or -found.predicted >= least
 
 
-def _quiet(course: Course) -> bool:
+def _quiet(course: LevelTrend) -> bool:
     """Whether the course shows no drift beyond chance."""
     return abs(course.rise) <= course.error and abs(course.end) <= course.end_error
 
 
-def _flat(found: Envelope, course: Course, share: float) -> bool:
+def _flat(found: Envelope, course: LevelTrend, share: float) -> bool:
     """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
     drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
     if np.isnan(light):
@@ -275,7 +275,7 @@ def _flat(found: Envelope, course: Course, share: float) -> bool:
     return found.grew and found.predicted > 0 and slows and drift <= TREND
 
 
-def _vanishes(course: Course) -> bool:
+def _vanishes(course: LevelTrend) -> bool:
     """Whether the pace goes to zero exponentially, with little left of the way.
 
     Beyond a fold, where no cycle is left, it slows down as 1/t^2 at first, and at the top of a beat
@@ -294,7 +294,7 @@ def _vanishes(course: Course) -> bool:
     return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * NEARLY
 
 
-def _grows(found: Envelope, course: Course) -> bool:
+def _grows(found: Envelope, course: LevelTrend) -> bool:
     """Whether the level rises at a constant pace, or has grown and rises still."""
     if not _rises(course):
         return False
@@ -304,7 +304,7 @@ def _grows(found: Envelope, course: Course) -> bool:
     return found.grew and course.rise >= TREND and course.thirds[2] >= 0.1 * course.rise
 
 
-def _falls(found: Envelope, course: Course) -> bool:
+def _falls(found: Envelope, course: LevelTrend) -> bool:
     """Whether the level falls to rest."""
     if course.rise >= 0:
         return False
@@ -318,13 +318,13 @@ def _falls(found: Envelope, course: Course) -> bool:
     return found.ratio <= REST and falls
 
 
-def slowing(course: Course) -> float:
+def slowing(course: LevelTrend) -> float:
     """Relative loss of pace per e-fold of level, of a fall, at most."""
     loss = abs(course.begin) - abs(course.end) + course.bend_error
     return max(loss, 0.0) / course.rise**2
 
 
-def _steady(course: Course, ratio: float) -> bool:
+def _steady(course: LevelTrend, ratio: float) -> bool:
     """Whether a cycle that the fall approaches would lie below `LOWEST` of the largest level.
 
     The pace of an approach from above to a level c is s (1 - (c / a)^m) at the level a: its loss of
@@ -338,7 +338,7 @@ def _steady(course: Course, ratio: float) -> bool:
     return below * middle <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
 
 
-def _irregular(found: Envelope, course: Course) -> bool:
+def _irregular(found: Envelope, course: LevelTrend) -> bool:
     scatter, error, count = found.scatter()
     if count < BURSTS or scatter - 1.645 * error <= SCATTER or not found.lasting_scatter():
         return False
@@ -347,7 +347,7 @@ def _irregular(found: Envelope, course: Course) -> bool:
     return abs(course.rise) + course.error <= found.lightest_fall(LAST)
 
 
-def _times_longer(found: Envelope, course: Course) -> float:
+def _times_longer(found: Envelope, course: LevelTrend) -> float:
     """The duration that would decide over that of the record, 0 where no better is known."""
     light = found.lightest_fall(LAST)
     if course.rise < -course.error:
@@ -362,7 +362,7 @@ def _times_longer(found: Envelope, course: Course) -> float:
     return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
 
 
-def _fall_longer(found: Envelope, course: Course) -> float:
+def _fall_longer(found: Envelope, course: LevelTrend) -> float:
     """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
     pace = abs(min(course.rise, course.end)) / LAST
     deep = 1 + float(np.log(max(found.ratio / LOWEST, 1.0))) / pace

@@ -26,7 +26,7 @@ SMALLEST = 1e-300
 
 
 @dataclass(frozen=True)
-class Windows:
+class LevelWindows:
     """RMS levels of equal windows of a record.
 
     Attributes
@@ -56,9 +56,9 @@ class Windows:
         """Relative rise over the judged windows, its standard error, scatter about it."""
         return trend(self.level[self.judged :])
 
-    def course(self, share: float) -> Course:
+    def course(self, share: float) -> LevelTrend:
         """How the levels went over the last `share` of the record."""
-        return Course.of(logarithm(last_part(self.level, share)))
+        return LevelTrend.of(logarithm(last_part(self.level, share)))
 
 
 def last_part(values: np.ndarray, share: float) -> np.ndarray:
@@ -67,7 +67,7 @@ def last_part(values: np.ndarray, share: float) -> np.ndarray:
 
 
 def logarithm(level: np.ndarray) -> np.ndarray:
-    """Of levels, silence included."""
+    """Natural logarithm of levels (m,); of zero that of the smallest number."""
     found: np.ndarray = np.log(np.maximum(level, SMALLEST))
     return found
 
@@ -82,7 +82,7 @@ def trend(level: np.ndarray) -> tuple[float, float, float]:
     return slope * len(y), len(y) * float(np.sqrt(variance / (x @ x))), float(np.sqrt(variance))
 
 
-def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
+def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
     """Levels of 25 windows, or of as few as 15 where those hold five periods each, 7 if three.
 
     The periods are those of the slowest line of the energy: the loudest line of a torque may be a
@@ -108,7 +108,7 @@ def windows(time: np.ndarray, energy: np.ndarray) -> Windows:
         count = max(FEWEST, int(line / FINE_PERIODS))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
     burst = count if np.isnan(line) else max(count, int(0.5 * line / BURST_PERIODS))
-    return Windows(
+    return LevelWindows(
         start=time[rows % count :: rows // count][:count],
         level=_levels(energy, count),
         judged=count - max(LEAST_WINDOWS, round(LAST * count)),
@@ -147,7 +147,7 @@ def _periods(ripple: np.ndarray) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Course:
+class LevelTrend:
     """A parabola through the logarithms of successive levels, over the whole stretch.
 
     Attributes
@@ -175,7 +175,7 @@ class Course:
     scatter: float
 
     @staticmethod
-    def of(y: np.ndarray) -> Course:
+    def of(y: np.ndarray) -> LevelTrend:
         """Fit of five values or more."""
         m = len(y)
         x = (np.arange(m) - 0.5 * (m - 1)) * 2 / m
@@ -191,7 +191,7 @@ class Course:
         bent = 4 * reach * scatter / float(np.sqrt(square @ square))  # of the pace, middle to end
         at = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)
         first, second, third = (np.diff(at) * m / (m - 1)).tolist()
-        return Course(
+        return LevelTrend(
             rise=2 * slope,
             error=error,
             begin=2 * slope - 4 * bend,

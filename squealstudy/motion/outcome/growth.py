@@ -89,7 +89,7 @@ def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -
         return GrowthFit(status="too_short")
     time, amplitude, log, first_time = time[:rows], amplitude[:rows], log[:rows], time[0]
     real = not np.iscomplexobj(amplitude)
-    found = growth_window(Rising.of(log, real), least_rows(amplitude))
+    found = growth_window(RisingLogarithm.of(log, real), least_rows(amplitude))
     if isinstance(found, str):
         return GrowthFit(status=found)
     time, log = time[slice(*found)], log[slice(*found)]
@@ -113,7 +113,7 @@ def final_level(log: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Rising:
+class RisingLogarithm:
     """A logarithm (rows,) and the sign that makes it rise."""
 
     log: np.ndarray
@@ -121,10 +121,10 @@ class Rising:
     real: bool
 
     @staticmethod
-    def of(log: np.ndarray, real: bool) -> Rising:
+    def of(log: np.ndarray, real: bool) -> RisingLogarithm:
         """With the sign of its change from the first fiftieth to the final level."""
         early = block_means(log, max(1, len(log) // 50), real)[0]
-        return Rising(log, 1.0 if final_level(log) >= early else -1.0, real)
+        return RisingLogarithm(log, 1.0 if final_level(log) >= early else -1.0, real)
 
     def blocks(self, width: int, end: int | None = None) -> np.ndarray:
         """Means over blocks of `width` rows before row `end`."""
@@ -138,7 +138,7 @@ class Rising:
         return int(np.argmax(above)) * width if above.any() else len(self.log)
 
 
-def growth_window(rising: Rising, least: int) -> tuple[int, int] | str:
+def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
     """First row and the row after the last of a straight stretch, or why there is none."""
     end = len(rising.log)
     if not _rises_throughout(rising, least):
@@ -158,7 +158,7 @@ def growth_window(rising: Rising, least: int) -> tuple[int, int] | str:
     return stretch[0] * width, stretch[1] * width
 
 
-def _rises_throughout(rising: Rising, least: int) -> bool:
+def _rises_throughout(rising: RisingLogarithm, least: int) -> bool:
     """Whether the logarithm of the whole record is one rising line."""
     rows = len(rising.log)
     blocks = rising.blocks(max(3, rows // SEARCH_BLOCKS))
@@ -169,7 +169,7 @@ def _rises_throughout(rising: Rising, least: int) -> bool:
     return bool(whole.accepted()[0]) and rise > max(LEAST_RISE, 5 * float(whole.error[0]))
 
 
-def _ceiling(rising: Rising) -> float:
+def _ceiling(rising: RisingLogarithm) -> float:
     """Logarithm of the saturated amplitude; above the record's end where growth still bends.
 
     From slope / largest slope = 1 - r^2 over the last fifth (Stuart-Landau).
@@ -199,7 +199,7 @@ def _noisy_blocks(log: np.ndarray, width: int) -> int:
 
 
 @dataclass(frozen=True)
-class Straight:
+class FittedLines:
     """Lines through stretches of a sequence.
 
     Attributes
@@ -226,7 +226,7 @@ class Straight:
         return np.asarray(np.abs(self.difference) <= bound)
 
 
-def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> Straight:
+def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLines:
     """Compare the halves of the stretches [first, last) of y, each of six values or more."""
     sums = _Sums(y)
     middle = (first + last) // 2
@@ -237,7 +237,7 @@ def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> Straight
     deviation = np.sqrt(variance * (1 / spread_a + 1 / spread_b))
     scatter = np.maximum(rest, 0.0) / (last - first - 2) + LEAST_SCATTER**2
     error = np.sqrt(12 * scatter / (last - first))
-    return Straight(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
+    return FittedLines(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
 
 
 class _Sums:

@@ -12,7 +12,7 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import CHANCE, REST, SCATTER, TREND
 from squealstudy.motion.outcome.energies import moving_energy, round_off
-from squealstudy.motion.outcome.envelope import WINDOWS, Windows, window_means, windows
+from squealstudy.motion.outcome.envelope import WINDOWS, LevelWindows, window_means, windows
 from squealstudy.motion.outcome.growth import fit_growth
 from squealstudy.motion.outcome.levels import (
     FLAT,
@@ -23,7 +23,7 @@ from squealstudy.motion.outcome.levels import (
     torque_levels,
 )
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
-from squealstudy.wording import LEVELLED, STABLE
+from squealstudy.wording import STABLE, SUSTAINED
 
 BAND = 0.05  # least half-width of the band within which levels agree
 SETTLED, DECAYED = "settled", "decayed"
@@ -61,7 +61,7 @@ def settled(
         Start of the first window, s, from which energy, mean and RMS of the torque in each stay
         near those judged and no peak exceeds theirs; NaN where the run has not settled.
     """
-    if len(time) < WINDOWS[0] or name not in (*LEVELLED, STABLE):
+    if len(time) < WINDOWS[0] or name not in (*SUSTAINED, STABLE):
         return False, np.nan
     mean = float(torque[-round(LAST * len(torque)) :].mean())
     swing = torque - mean
@@ -78,7 +78,7 @@ def settled(
     return True, since
 
 
-def _start(found: Windows, away: np.ndarray | None) -> float:
+def _start(found: LevelWindows, away: np.ndarray | None) -> float:
     """Start of the first window after the last that is away, s; infinite where none will do."""
     if away is None:
         return np.inf
@@ -86,7 +86,7 @@ def _start(found: Windows, away: np.ndarray | None) -> float:
     return float(found.start[first]) if first <= found.judged else np.inf
 
 
-def _away(found: Windows, name: str, least: float) -> np.ndarray | None:
+def _away(found: LevelWindows, name: str, least: float) -> np.ndarray | None:
     """Which levels differ from those judged; None where these do not agree among themselves.
 
     What is below `least` is at rest.
@@ -108,12 +108,12 @@ def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.n
     return found
 
 
-def _shifted(torque: np.ndarray, found: Windows, mean: float, least: float) -> np.ndarray:
+def _shifted(torque: np.ndarray, found: LevelWindows, mean: float, least: float) -> np.ndarray:
     """Windows whose mean torque is not the one judged."""
     return _outside(window_means(torque, len(found.level)), found.judged, mean, least)
 
 
-def _exceeds(swing: np.ndarray, found: Windows, least: float) -> np.ndarray:
+def _exceeds(swing: np.ndarray, found: LevelWindows, least: float) -> np.ndarray:
     """Windows in which the torque swings wider than in those judged."""
     count = len(found.level)
     cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
@@ -154,7 +154,7 @@ def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
     name = run_verdict(run, energy).name
     if name == STABLE:
         return DECAYED if modes.n_unstable == 0 and _has_decayed(run, energy) else ""
-    settles = name in LEVELLED and _has_settled(run, energy, name, duration, tolerance)
+    settles = name in SUSTAINED and _has_settled(run, energy, name, duration, tolerance)
     return SETTLED if settles else ""
 
 

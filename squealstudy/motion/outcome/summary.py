@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.behaviour import Verdict, too_short
+from squealstudy.motion.outcome.behaviour import RunClass, too_short
 from squealstudy.motion.outcome.energies import (
     ModalShares,
     energy_outside,
@@ -27,9 +27,11 @@ from squealstudy.motion.outcome.growth import GrowthFit, fit_growth
 from squealstudy.motion.outcome.levels import last_window, torque_levels
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
-from squealstudy.wording import FAILED, LEVELLED, STABLE
+from squealstudy.wording import FAILED, STABLE, SUSTAINED
 
-HEARD = 0.01  # share of the energy from which on a sensed mode has columns in the history
+NOTICEABLE_SHARE = (
+    0.01  # share of the energy from which on a sensed mode has columns in the history
+)
 LEAST_ROWS = 10  # of a history that says anything
 
 
@@ -43,7 +45,7 @@ class Summary:
 
 
 def summarise(run: Motion) -> Summary:
-    """What a run did, in numbers.
+    """Levels, growth, class and shares of a run: the columns of its row.
 
     A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
     than ten rows nothing is said but how the integration went and what is predicted.
@@ -127,7 +129,7 @@ def growth_rows(
         The rows whose levels are judged.
     """
     modes, moving = run.point.growing, _moves(run)
-    sustained = kind in LEVELLED and moving
+    sustained = kind in SUSTAINED and moving
     shares = level_shares(run, window) if sustained else np.full(len(fits), np.nan)
     return [
         {
@@ -154,9 +156,9 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     It is where that is sustained and the mode has a twentieth of its energy, and is not where the
     motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
     """
-    if not moving or kind not in (*LEVELLED, STABLE):
+    if not moving or kind not in (*SUSTAINED, STABLE):
         return None
-    return kind in LEVELLED and share >= EXPRESSED
+    return kind in SUSTAINED and share >= EXPRESSED
 
 
 def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
@@ -196,27 +198,27 @@ def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
     }, window
 
 
-def _class(run: Motion, energy: np.ndarray) -> Verdict:
+def _class(run: Motion, energy: np.ndarray) -> RunClass:
     """Class of a run, failed ones included."""
     if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
-        return Verdict(FAILED)
+        return RunClass(FAILED)
     if len(run.times) < LEAST_ROWS:
         return too_short(run.time, len(run.times))
     return run_verdict(run, energy)
 
 
-def _class_columns(verdict: Verdict) -> dict[str, Any]:
+def _class_columns(verdict: RunClass) -> dict[str, Any]:
     return {"class": verdict.name, "undecided_until": verdict.until}
 
 
-def _behaviour(run: Motion, energy: np.ndarray, verdict: Verdict) -> dict[str, Any]:
+def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, Any]:
     """Class, settled or not, and which mode took over."""
     torque = run.history["torque"]
-    calm, since = settled(run.times, energy, torque, verdict.name)
+    is_settled, since = settled(run.times, energy, torque, verdict.name)
     first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
     return {
         **_class_columns(verdict),
-        "settled": calm,
+        "settled": is_settled,
         "settled_time": since,
         "transfer_from": first,
         "transfer_to": last,
@@ -275,7 +277,7 @@ def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[d
 
 
 def history_frame(run: Motion) -> pd.DataFrame:
-    """History of a run: torque, contact shares, energies and amplitudes of the modes heard."""
+    """History of a run: torque, contact shares, energies and amplitudes of the modes noticeable."""
     history = run.history
     energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
     columns = {
@@ -285,8 +287,10 @@ def history_frame(run: Motion) -> pd.DataFrame:
         "energy": run.modal_energy,
         "energy_outside": energy_outside(energies, run.modal_energy),
     }
-    heard = (energies >= HEARD * run.modal_energy[:, None]).any(axis=0) & (energies > 0).any(axis=0)
-    for k in np.flatnonzero(heard):
+    noticeable = (energies >= NOTICEABLE_SHARE * run.modal_energy[:, None]).any(axis=0) & (
+        energies > 0
+    ).any(axis=0)
+    for k in np.flatnonzero(noticeable):
         mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
         columns[f"energy_mode_{mode}"] = energies[:, k]
         columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega

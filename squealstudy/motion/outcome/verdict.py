@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.behaviour import Verdict, classify
+from squealstudy.motion.outcome.behaviour import RunClass, classify
 from squealstudy.motion.outcome.energies import level_shares, round_off
 from squealstudy.motion.outcome.levels import LAST, hann
 from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
@@ -25,7 +25,7 @@ LINES = 4  # stretches of a window in which the line of a mode is measured
 WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
 
 
-def run_verdict(run: Motion, energy: np.ndarray) -> Verdict:
+def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     """Class of what a run has done, from its `moving_energy`.
 
     A run that seems to decay is undecided while the motion does not show that all modes of which
@@ -38,14 +38,14 @@ def run_verdict(run: Motion, energy: np.ndarray) -> Verdict:
     modes = run.point.growing
     if found.name == LIMIT_CYCLE:
         until = rises_until(run)
-        return Verdict(UNDECIDED, until) if np.isfinite(until) else found
+        return RunClass(UNDECIDED, until) if np.isfinite(until) else found
     if found.name != STABLE:
         return found
     unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
     if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
-        return Verdict(UNDECIDED, np.inf)
+        return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
-    return Verdict(UNDECIDED, until) if until > 0 else found
+    return RunClass(UNDECIDED, until) if until > 0 else found
 
 
 def _predicted_pace(run: Motion) -> float:

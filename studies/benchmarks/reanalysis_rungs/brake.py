@@ -16,7 +16,7 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.paths import cache_directory
-from squealstudy.reduction.cmt import BasisSettings
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedModel, prepare
 
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
@@ -34,7 +34,7 @@ def prepared(mesh: str, top: float) -> PreparedModel:
         return pickle.loads(path.read_bytes())  # own cache, not a foreign file
     definition = MODELS["disc_brake"]
     options = {o.name: o.choices[0] for o in definition.options} | {"mesh": mesh}
-    settings = BasisSettings(1.5 * top, 1.5 * top, 1.125 * top, 3e-5)
+    settings = ReductionSettings(1.5 * top, 1.5 * top, 1.125 * top, 3e-5)
     others = [replace(NOMINAL, brake_pressure=p) for p in ENDS]
     made = prepare(definition.build(options, definition.defaults()), NOMINAL, settings, others)
     path.parent.mkdir(parents=True, exist_ok=True)

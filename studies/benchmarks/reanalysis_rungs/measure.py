@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.modes.reanalysis.problem import light
+from squealstudy.modes.reanalysis.problem import lightly_damped
 
 ROUND_OFF = 1e-11  # relative: true errors below say nothing about an estimate
 LOST = 1e-2  # relative error from which on a root counts as missed
@@ -41,11 +41,11 @@ class Measured:
     def compare(self, exact: np.ndarray, lam: np.ndarray, error: np.ndarray | None = None) -> None:
         """Add a point: each exact root against the nearest one found."""
         if not len(lam):
-            self.missed += int(light(exact).sum())
+            self.missed += int(lightly_damped(exact).sum())
             return
         nearest = np.abs(exact[:, None] - lam[None, :]).argmin(axis=1)
         true = np.abs(exact - lam[nearest])
-        relative, slight = true / np.abs(exact), light(exact)
+        relative, slight = true / np.abs(exact), lightly_damped(exact)
         self.missed += int((relative[slight] > LOST).sum())
         zeta = -exact.real / np.abs(exact) + lam[nearest].real / np.abs(lam[nearest])
         df = np.abs(np.abs(lam[nearest]) / np.abs(exact) - 1.0)

@@ -124,7 +124,7 @@ Holds = Callable[[FollowedPatch, list[int]], bool]
 def ritz_hold(solver: Windows, theta: np.ndarray) -> Holds:
     """Whether the estimates of the points of a patch are within the tolerance."""
     return lambda followed, rows: all(
-        solver.good(p) for _, p in solver._points(followed, theta, np.array(rows))
+        solver.within_tolerance(p) for _, p in solver._points(followed, theta, np.array(rows))
     )
 
 

@@ -20,17 +20,17 @@ from squealstudy.models.operating import (
     contact_parameters,
     friction_parameters,
 )
-from squealstudy.models.parameter import Assumption, Declared, Option, structural
+from squealstudy.models.parameter import Assumption, Declared, ModelOption, structural
 from squealstudy.parameter import Parameter
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
 OPTIONS = (
-    Option(
+    ModelOption(
         "mesh",
         ("medium", "coarse", "fine"),
         "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
-    Option("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
+    ModelOption("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
     CONTACT_OPTION,
     FRICTION_OPTION,
 )

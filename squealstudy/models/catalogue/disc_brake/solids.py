@@ -15,7 +15,7 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.catalogue.disc_brake.parameters import MEET, vanishing
-from squealstudy.models.fem.grid import Block, Interval, cylindrical_mesh, graded_lines
+from squealstudy.models.fem.grid import GridBlock, Interval, cylindrical_mesh, graded_lines
 from squealstudy.models.fem.solid import (
     REDUCED,
     Isotropic,
@@ -124,7 +124,7 @@ class BrakeMesher:
             )
 
     def v(self, name: str) -> float:
-        """Value of a parameter."""
+        """Value of a parameter of the brake, by name."""
         return self.values[name]
 
     def angle(self, name: str) -> float:
@@ -163,7 +163,7 @@ class BrakeMesher:
         self,
         component: str,
         lines: tuple[np.ndarray, np.ndarray, np.ndarray],
-        blocks: list[Block],
+        blocks: list[GridBlock],
     ) -> Solid:
         """The union of blocks, assembled on lines in r [m], theta [rad] and z [m]."""
         grid = cylindrical_mesh(*lines, blocks)
@@ -181,9 +181,9 @@ class BrakeMesher:
             graded_lines([-bell - top, -bell, 0.0, band], self.density.disc_z, split[2]),
         )
         blocks = [
-            Block((bi, ro), FULL_TURN, (0.0, band), "iron"),
-            Block((bi, bo), FULL_TURN, (-bell, 0.0), "iron"),
-            Block((ri, bo), FULL_TURN, (-bell - top, -bell), "iron"),
+            GridBlock((bi, ro), FULL_TURN, (0.0, band), "iron"),
+            GridBlock((bi, bo), FULL_TURN, (-bell, 0.0), "iron"),
+            GridBlock((ri, bo), FULL_TURN, (-bell - top, -bell), "iron"),
         ]
         return self._solid("disc", lines, blocks)
 
@@ -197,8 +197,8 @@ class BrakeMesher:
         r_span = (v("pad.inner_radius"), v("pad.outer_radius"))
         z_plate = np.sort(z_face + side * np.array([lining, lining + plate]))
         blocks = [
-            Block(r_span, (-half, half), (-np.inf, np.inf), "lining"),
-            Block(r_span, (-half - ear, half + ear), (z_plate[0], z_plate[1]), "plate"),
+            GridBlock(r_span, (-half, half), (-np.inf, np.inf), "lining"),
+            GridBlock(r_span, (-half - ear, half + ear), (z_plate[0], z_plate[1]), "plate"),
         ]
         theta = [-half - ear, -half, -piston, piston, half, half + ear]
         z = graded_lines([0.0, lining, lining + plate], self.density.pad_z, split[2])
@@ -229,10 +229,10 @@ class BrakeMesher:
             graded_lines([z_low, z_in, z_out, z_high], self.density.caliper_z, split[2]),
         )
         blocks = [
-            Block((rb, ro), (-bridge, bridge), (z_low, z_high), "iron"),
-            Block((ri, ro), (-body, body), (z_low, z_in), "iron"),
-            Block((ri, ro), (near, far), (z_out, z_high), "iron"),
-            Block((ri, ro), (-far, -near), (z_out, z_high), "iron"),
+            GridBlock((rb, ro), (-bridge, bridge), (z_low, z_high), "iron"),
+            GridBlock((ri, ro), (-body, body), (z_low, z_in), "iron"),
+            GridBlock((ri, ro), (near, far), (z_out, z_high), "iron"),
+            GridBlock((ri, ro), (-far, -near), (z_out, z_high), "iron"),
         ]
         return self._solid("caliper", lines, blocks)
 

@@ -24,7 +24,7 @@ LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept on
 
 
 @dataclass(frozen=True)
-class ReferenceModes:
+class SharedModes:
     """Component-mode coordinates diagonalised at a reference working point.
 
     Attributes
@@ -63,12 +63,12 @@ class ReferenceModes:
     component_frequencies: Mapping[ModeKey, float]
 
 
-def reference_modes(
+def shared_modes(
     model: ReducedModel,
     point: WorkingPoint,
     state: DesignState,
     component_modes: tuple[ModeKey, ...] = (),
-) -> ReferenceModes:
+) -> SharedModes:
     """Diagonalise the reduced assembly with the contact tangents of a working point.
 
     Parameters
@@ -99,7 +99,7 @@ def reference_modes(
         force=point.forces(model.area, model.frictional, state.operating),
         shapes=phi[rows],
     )
-    return ReferenceModes(
+    return SharedModes(
         system=system,
         phi=phi,
         C=phi.T @ tangent.C @ phi,
@@ -129,7 +129,7 @@ class Training:
     modes: np.ndarray
 
 
-def kept_modes(reference: ReferenceModes, below_hz: float) -> int:
+def kept_modes(reference: SharedModes, below_hz: float) -> int:
     """Number of assembly modes up to a frequency; ParameterError where there is none."""
     count = int((reference.system.omega2 <= (2 * np.pi * below_hz) ** 2).sum())
     if count == 0:
@@ -137,8 +137,8 @@ def kept_modes(reference: ReferenceModes, below_hz: float) -> int:
     return count
 
 
-def truncated(reference: ReferenceModes, below_hz: float) -> ReferenceModes:
-    """The assembly modes up to `below_hz` alone.
+def truncated(reference: SharedModes, below_hz: float) -> SharedModes:
+    """A modal system of the assembly modes up to `below_hz` alone.
 
     Raises
     ------
@@ -149,13 +149,13 @@ def truncated(reference: ReferenceModes, below_hz: float) -> ReferenceModes:
 
 
 def with_pod(
-    reference: ReferenceModes, below_hz: float, training: Training, count: int
-) -> ReferenceModes:
+    reference: SharedModes, below_hz: float, training: Training, count: int
+) -> SharedModes:
     """The assembly modes up to `below_hz`, and vectors of what training did beyond them.
 
     Parameters
     ----------
-    reference : ReferenceModes
+    reference : SharedModes
         All modes.
     below_hz : float
     training : Training
@@ -186,7 +186,7 @@ def with_pod(
     return project(reference, basis)
 
 
-def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray:
+def _growing(reference: SharedModes, modes: np.ndarray, k: int) -> np.ndarray:
     """Energy-orthonormal vectors (n - k, r) of what modes of unit energy have beyond the first k.
 
     Modes of neighbouring designs are nearly alike: what they have in common is there once.
@@ -199,7 +199,7 @@ def _growing(reference: ReferenceModes, modes: np.ndarray, k: int) -> np.ndarray
     return found
 
 
-def project(reference: ReferenceModes, basis: np.ndarray) -> ReferenceModes:
+def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:
     """The reference on orthonormal columns `basis` (n, r), assembly modes first among them.
 
     The stiffness must be diagonal on them.

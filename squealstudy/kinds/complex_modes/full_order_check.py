@@ -16,7 +16,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
 from squealstudy.modes.point import PointModes
-from squealstudy.reduction.cmt import BasisSettings, ComponentModes, component_modes
+from squealstudy.reduction.cmt import ComponentModes, ReductionSettings, component_modes
 from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
@@ -26,16 +26,16 @@ UNTOLD = 1e-11  # relative error of a check that does not say its own
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceTask:
+class FullOrderTask:
     """A design point, solved with roots `lam` (m,), to solve by the full-order model as well."""
 
     point: DesignPoint
     lam: np.ndarray
-    settings: BasisSettings
+    settings: ReductionSettings
     band_hz: tuple[float, float]
 
 
-def check_reference(task: ReferenceTask) -> dict[str, Any]:
+def check_reference(task: FullOrderTask) -> dict[str, Any]:
     """Solve one point at full order: its errors, or why there are none."""
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
@@ -82,7 +82,7 @@ _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = 
 def solve_unreduced(
     prepared: Prepared,
     design: DesignPoint,
-    settings: BasisSettings,
+    settings: ReductionSettings,
     band_hz: tuple[float, float],
     check: bool = False,
 ) -> PointModes:
@@ -93,7 +93,7 @@ def solve_unreduced(
     prepared : PreparedModel or PreparedFamily
         Of the point's structure.
     design : DesignPoint
-    settings : BasisSettings
+    settings : ReductionSettings
         Of the reduction: which real modes have modal damping of their own.
     band_hz : (low, high)
     check : bool
@@ -108,7 +108,7 @@ def solve_unreduced(
 
 
 def unreduced_assembly(
-    design: DesignPoint, settings: BasisSettings
+    design: DesignPoint, settings: ReductionSettings
 ) -> tuple[Assembly, Mapping[str, ComponentModes]]:
     """The unreduced model, and the component modes, by component, that its study may change."""
     changed = bool(design.mode_parameters())

@@ -21,7 +21,7 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named
 from squealstudy.modes.tracking.interpolated import InterpolatedModes, ModalMatrices
-from squealstudy.modes.tracking.onsets import Onset, Samples, refine_onset
+from squealstudy.modes.tracking.onsets import Onset, SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import linearise
@@ -34,7 +34,7 @@ def _threads() -> ThreadpoolController:
 
 
 @dataclass(frozen=True)
-class Between:
+class PointNeighbourhood:
     """The neighbourhood of a design point, in which one prepared model holds.
 
     Attributes
@@ -106,7 +106,7 @@ class Between:
             system = linearise(prepared.model, point, state)
             return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
 
-    def way_to(self, other: Between) -> InterpolatedModes:
+    def way_to(self, other: PointNeighbourhood) -> InterpolatedModes:
         """What lies between this point and one of another structure.
 
         Raises
@@ -121,7 +121,7 @@ class Between:
         )
 
 
-class Neighbourhoods:
+class StudyNeighbourhoods:
     """Makes the neighbourhoods of a plan's design points.
 
     Parameters
@@ -139,12 +139,12 @@ class Neighbourhoods:
             for s in plan.study.sweeps
         )
 
-    def of(self, point: int) -> Between:
-        """What lies around a design point."""
+    def of(self, point: int) -> PointNeighbourhood:
+        """The neighbourhood of a design point of the plan, by its number."""
         task, x = self._plan.tasks[point], self._plan.coordinates[point]
         structure = self._structures[task.structure]
         box = self._boxes.get(task.point_id) or whole_box(structure)
-        return Between(
+        return PointNeighbourhood(
             structure=structure,
             rung=self._rungs[structure.key],
             box=box,
@@ -154,7 +154,7 @@ class Neighbourhoods:
         )
 
     def logarithmic(self, column: int) -> bool:
-        """Whether a coordinate is a logarithm."""
+        """Whether coordinate `column` is the logarithm of its parameter."""
         return self._sweeps[column][1]
 
     def joined(self, a: int, b: int) -> bool:
@@ -187,7 +187,7 @@ class OnsetTask:
         Of the table.
     places : list of (int, int)
         Place of each mode among those of both ends.
-    between : Between
+    between : PointNeighbourhood
         Around the first point.
     column : int
         Coordinate of the parameter.
@@ -197,7 +197,7 @@ class OnsetTask:
 
     rows: list[int]
     places: list[tuple[int, int]]
-    between: Between
+    between: PointNeighbourhood
     column: int
     end: float
     low: Modes
@@ -215,7 +215,7 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
         x[task.column] = value
         return task.between.solve(x)
 
-    samples = Samples(
+    samples = SolvedLine(
         low=float(start[task.column]),
         at_low=task.low,
         high=task.end,

@@ -41,7 +41,7 @@ BLOCK = 20_000  # modes at a time
 
 
 @dataclass(frozen=True)
-class Sample:
+class ReductionErrors:
     """Errors at one design point: roots lam (m,) [rad/s] and errors relative to their moduli."""
 
     lam: np.ndarray
@@ -54,7 +54,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class SampleTask:
+class ReductionErrorTask:
     """A design point to be solved in both models, and where the errors are kept."""
 
     point: DesignPoint
@@ -68,13 +68,13 @@ class SampleTask:
         name = content_hash([source_hash(), laws, self.band_hz, values])
         return prepared_path(self.point.structure) / "reduction_errors" / name
 
-    def read(self) -> Sample | None:
+    def read(self) -> ReductionErrors | None:
         """The errors that are kept; None where the point has none, or is not solved yet."""
         found = load_value(self.path) if is_whole(self.path) else None
-        return found if isinstance(found, Sample) else None
+        return found if isinstance(found, ReductionErrors) else None
 
 
-def solve_sample(task: SampleTask) -> None:
+def solve_sample(task: ReductionErrorTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
     prepared = prepared_model(task.point.structure)
     try:
@@ -83,7 +83,7 @@ def solve_sample(task: SampleTask) -> None:
         save_value(task.path, reason(failure))
     else:
         relative = np.maximum(SAFETY * error / np.abs(lam), ROUND_OFF)
-        save_value(task.path, Sample(lam, relative))
+        save_value(task.path, ReductionErrors(lam, relative))
 
 
 def is_reduced(plan: Plan) -> bool:
@@ -105,12 +105,12 @@ def sample_points(plan: Plan) -> list[int]:
 
 def make_samples(
     plan: Plan, failures: Mapping[str, str], workers: Workers
-) -> list[tuple[int, Sample]]:
+) -> list[tuple[int, ReductionErrors]]:
     """Sample points and their errors, solved where the cache does not hold them."""
     if not is_reduced(plan):
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
-    tasks = {i: SampleTask(plan.tasks[i], plan.band_hz) for i in chosen}
+    tasks = {i: ReductionErrorTask(plan.tasks[i], plan.band_hz) for i in chosen}
     missing = [task for task in tasks.values() if not is_whole(task.path)]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
         pass
@@ -119,7 +119,7 @@ def make_samples(
 
 
 def carried_errors(
-    plan: Plan, columns: ModeColumns, samples: Sequence[tuple[int, Sample]]
+    plan: Plan, columns: ModeColumns, samples: Sequence[tuple[int, ReductionErrors]]
 ) -> np.ndarray:
     """Error of the reduction (N,) of every mode of a study, rad/s.
 
@@ -141,7 +141,7 @@ def carried_errors(
 
 
 def carried(
-    lam: np.ndarray, point: np.ndarray, distance: np.ndarray, samples: Sequence[Sample]
+    lam: np.ndarray, point: np.ndarray, distance: np.ndarray, samples: Sequence[ReductionErrors]
 ) -> np.ndarray:
     """Relative errors (m,) of roots lam of points (m,), which lie at distances (n, s) from samples.
 

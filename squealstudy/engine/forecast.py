@@ -19,7 +19,7 @@ from squealstudy.engine.workers import peak_memory_mb
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
-from squealstudy.root_pairs import LIGHT
+from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
@@ -172,7 +172,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
     own, own_shapes, own_s = _nominal_modes(plan, threads)
     finer, finer_shapes, finer_s = _nominal_modes(finer_plan, threads)
     partner = pair_modes(finer.lam, finer_shapes, own.lam, own_shapes).partner
-    light = (np.abs(finer.lam.real) < LIGHT * np.abs(finer.lam)) & ~finer.overdamped
+    light = (np.abs(finer.lam.real) < LIGHT_DAMPING * np.abs(finer.lam)) & ~finer.overdamped
     paired = light & (partner >= 0)
     a, b = own.lam[partner[paired]], finer.lam[paired]
     tolerance = plan.study.definition.modes.stability_tolerance

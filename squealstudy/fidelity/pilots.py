@@ -27,7 +27,7 @@ SPARE = 4  # design points in reserve for pilots that fail
 
 
 @dataclass(frozen=True)
-class Scene:
+class FidelityStudy:
     """A study with a [fidelity] section.
 
     Attributes
@@ -54,24 +54,24 @@ class Scene:
 
     @property
     def tolerance(self) -> float:
-        """What settings are chosen by."""
+        """The tolerance by which settings are chosen."""
         return self.section.tolerance if self.asked is None else self.asked
 
     @property
     def section(self) -> FidelitySection:
-        """Tolerance, budget, pilots, audit."""
+        """The [fidelity] section: tolerance, budget, pilots, audit."""
         section = self.study.definition.fidelity
         assert section is not None
         return section
 
     @cached_property
     def plan(self) -> Plan:
-        """The study as the file has it."""
+        """The plan of the study with the settings that its file has."""
         return Plan(self.study)
 
     @property
     def in_time(self) -> bool:
-        """Whether runs are measured, not modes."""
+        """Whether the study integrates in time (else it computes complex modes)."""
         return not self.study.kind.chooses_rung
 
     @property

@@ -17,7 +17,7 @@ from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
-from squealstudy.kinds.complex_modes.between import Between, Neighbourhoods
+from squealstudy.kinds.complex_modes.neighbourhood import PointNeighbourhood, StudyNeighbourhoods
 from squealstudy.kinds.complex_modes.rows import ModeColumns, ShapeFile
 from squealstudy.modes.tracking.labels import (
     Tracks,
@@ -27,7 +27,7 @@ from squealstudy.modes.tracking.labels import (
     pair_points,
 )
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
-from squealstudy.modes.tracking.refinement import DEPTH, Modes, Refinement, unresolved
+from squealstudy.modes.tracking.refinement import DEPTH, Modes, StepRefinement, unresolved
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 PARALLEL = 1000  # steps from which on workers pay
@@ -58,7 +58,7 @@ class Follower:
         self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
         self._tree = TrackTree(parents.tolist(), self.lams, plan.coordinates)
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
-        self.near = Neighbourhoods(plan)
+        self.near = StudyNeighbourhoods(plan)
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
@@ -219,7 +219,7 @@ class RefineTask:
     ----------
     point : int
         At the end of the step.
-    start, end : Between
+    start, end : PointNeighbourhood
         Around both its points.
     a, b : Modes
         Of both, as they were solved.
@@ -230,8 +230,8 @@ class RefineTask:
     """
 
     point: int
-    start: Between
-    end: Between
+    start: PointNeighbourhood
+    end: PointNeighbourhood
     a: Modes
     b: Modes
     expected: np.ndarray | None
@@ -264,7 +264,7 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
         except SquealstudyError:
             return task.point, task.direct, 0
         solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
-    refinement = Refinement(solve)
+    refinement = StepRefinement(solve)
     pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
     doubtful = np.zeros(len(a.lam), dtype=bool)
     paired = pairing.partner >= 0
