@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from typing import NamedTuple
 
 import pytest
@@ -515,7 +516,19 @@ tolerance = 1e-3
 """
 
 
-def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path):
+def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path, monkeypatch):
+    measure = FidelityStudy.measure
+
+    def with_fixed_seconds(self, changes, points):  # what a clock says is not under test
+        seconds = 1e-4 if changes.get("modes.method") == "windows" else 1e-2
+        return replace(
+            measure(self, changes, points),
+            seconds=seconds,
+            reduction_seconds=0.0,
+            setup_seconds=0.0,
+        )
+
+    monkeypatch.setattr(FidelityStudy, "measure", with_fixed_seconds)
     resolved = resolve(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
     assert resolved.choice.chosen.changes["modes.method"] == "windows"
     assert resolved.choice.chosen.error <= 1e-3

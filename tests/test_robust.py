@@ -362,7 +362,7 @@ def test_robust_on_the_screen_and_as_csv(sampled, capsys, tmp_path):
     directory = str(sampled.directory)
     assert command("robust", directory) == 0
     screen = capsys.readouterr().out
-    assert "of 128 points of the two independent samples, none failed" in screen
+    assert "of 128 points of the two independent samples, all are ok" in screen
     assert "Clopper-Pearson" in screen
     assert "from 64 groups" in screen
     assert command("robust", directory, "--csv") == 0
