@@ -16,7 +16,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.engine.store import write_atomic
+from squealstudy.engine.store import PICTURES, write_atomic, write_manifest
 from squealstudy.errors import ResultsError
 
 if TYPE_CHECKING:
@@ -160,6 +160,18 @@ def images(results: Results) -> Iterator[str]:
         plot(results, **choices).savefig(image, format="png")
         encoded = b64encode(image.getvalue()).decode()
         yield f'<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
+
+
+def draw_pictures(results: Results, directory: Path | None) -> list[Path]:
+    """Draw every picture that results allow, as `Results.draw`."""
+    drawn = []
+    for name, plot, choices in pictures(results):
+        drawn.append((directory or results.directory) / f"{name}.png")
+        save_figure(plot(results, **choices), drawn[-1])
+    if directory is None and drawn:
+        results.manifest[PICTURES] = sorted(path.name for path in drawn)
+        write_manifest(results.directory, results.manifest)
+    return drawn
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -13,14 +13,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from squealstudy.engine.pictures import Plots, images, pictures, save_figure
-from squealstudy.engine.store import (
-    PICTURES,
-    onset_parameter,
-    read_history,
-    read_manifest,
-    write_manifest,
-)
+from squealstudy.engine.pictures import Plots, draw_pictures, images
+from squealstudy.engine.store import onset_parameter, read_history, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.kinds import screen_of
@@ -256,14 +250,7 @@ class Results:
 
         Those beside them stand in the manifest, so that new tables remove them.
         """
-        drawn = []
-        for name, plot, choices in pictures(self):
-            drawn.append((directory or self.directory) / f"{name}.png")
-            save_figure(plot(self, **choices), drawn[-1])
-        if directory is None and drawn:
-            self.manifest[PICTURES] = sorted(path.name for path in drawn)
-            write_manifest(self.directory, self.manifest)
-        return drawn
+        return draw_pictures(self, directory)
 
     @property
     def kind(self) -> str:
