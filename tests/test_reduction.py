@@ -101,6 +101,7 @@ def test_energy_shares_do_not_depend_on_the_phase(reduced):
     weights = StructureWeights(mass=1.0, elastic=model.k_el, springs=1.0, normal=1e5 * model.area)
     psi = np.random.default_rng(1).standard_normal((model.n, 3, 2)).view(complex)[..., 0]
     shares = reduced_energy_shares(model, weights, psi)
+    assert shares.shape == (len(model.components) + 1, 3)
     assert (shares > 0).all()
     np.testing.assert_allclose(shares.sum(axis=0), 1.0, rtol=1e-12)
     np.testing.assert_allclose(reduced_energy_shares(model, weights, 2j * psi), shares, rtol=1e-9)

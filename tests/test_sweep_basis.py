@@ -263,6 +263,10 @@ def test_damping_of_a_design_without_parameters(prepared):
     )
     assert len(problem.modal_damping.matrices) == 1
     assert problem.interpolation_error() < 1e-10 * 0.01
+    rising = BrakeProblem(
+        prepared, 1, lambda theta: DesignState(NOMINAL, damping_ratio=0.01 * (1 + theta[0])), BAND
+    )
+    assert rising.modal_damping is not None  # though there is none at one end
 
 
 def test_interpolated_damping_is_looked_at_inside_the_box_too(prepared):

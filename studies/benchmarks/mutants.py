@@ -193,7 +193,7 @@ class Covered:
         lines = self.lines.get(mutant.file, {})
         contexts = set(lines.get(str(mutant.line)) or lines.get(str(mutant.statement)) or [])
         runs = bool(contexts)
-        if not contexts - {""}:  # "" is what the import runs
+        if not mutant.called or not contexts - {""}:  # "" is what an import runs
             contexts = {context for line in lines.values() for context in line}
         fixtures = {path.stem: f"fixture tests::{path.stem}" for path in self.kept.glob("*.pickle")}
         fixtures = {name: f for name, f in fixtures.items() if f not in contexts}

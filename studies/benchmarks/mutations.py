@@ -46,6 +46,7 @@ class Mutant:
     file: str  # from the project's folder
     line: int
     statement: int  # line where the statement of `line` begins
+    called: bool  # in a function: what stands outside is run by whoever imports the file first
     start: int
     end: int
     new: bytes
@@ -67,7 +68,7 @@ def mutants_of(path: Path, root: Path) -> list[Mutant]:
     for line in source.splitlines(keepends=True):
         begins.append(begins[-1] + len(line))
     found = []
-    for node, statement, new in _changes(ast.parse(source)):
+    for node, (statement, called), new in _changes(ast.parse(source)):
         start = begins[node.lineno - 1] + node.col_offset
         end = begins[node.end_lineno - 1] + node.end_col_offset
         old = " ".join(source[start:end].decode().split())
@@ -75,27 +76,34 @@ def mutants_of(path: Path, root: Path) -> list[Mutant]:
         written = f"({new})" if isinstance(node, ast.expr) else new
         file = str(path.relative_to(root))
         shown = f"{old[:60]}  ->  {text[:60]}"
-        found.append(Mutant(file, node.lineno, statement, start, end, written.encode(), shown))
+        found.append(
+            Mutant(file, node.lineno, statement, called, start, end, written.encode(), shown)
+        )
     return sorted(found, key=lambda m: (m.start, m.end, m.new))
 
 
-def _changes(tree: ast.AST) -> Iterator[tuple[ast.AST, int, str]]:
-    """Nodes, the lines where their statements begin, and what may stand in their place."""
-    for node, statement in _counted(tree, 1):
+def _changes(tree: ast.AST) -> Iterator[tuple[ast.AST, tuple[int, bool], str]]:
+    """Nodes, where they stand, and what may stand in their place."""
+    for node, place in _counted(tree, (1, False)):
         for new in (*_other_expressions(node), *_other_statements(node)):
-            yield node, statement, new
+            yield node, place, new
 
 
-def _counted(node: ast.AST, statement: int) -> Iterator[tuple[ast.AST, int]]:
-    """The nodes whose change could make a difference to a number or a decision."""
+def _counted(node: ast.AST, place: tuple[int, bool]) -> Iterator[tuple[ast.AST, tuple[int, bool]]]:
+    """The nodes whose change could make a difference to a number or a decision.
+
+    With the line where the statement begins, and whether it is in a function.
+    """
+    statement, called = place
     if isinstance(node, ast.stmt):
         statement = node.lineno
-    yield node, statement
+    yield node, (statement, called)
     left_out = {"annotation", "returns", "decorator_list", "type_params", "exc", "cause", "msg"}
     for name, value in ast.iter_fields(node):
+        within = called or (name == "body" and isinstance(node, ast.FunctionDef | ast.Lambda))
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST) and name not in left_out and not _is_text(child):
-                yield from _counted(child, statement)
+                yield from _counted(child, (statement, within))
 
 
 def _is_text(node: ast.AST) -> bool:
