@@ -25,6 +25,7 @@ from squealstudy.modes.reanalysis.patch import (
     Box,
     Mixing,
     NodeModes,
+    _wanted,
     find_blocks,
     gauged,
     make_patch,
@@ -227,6 +228,12 @@ def test_vectors_of_a_patch_solve_its_problem_from_both_sides():
         assert (roots.error[i] < 1e-4 * np.abs(lam)).all()
 
 
+def test_modes_near_the_band_must_be_followed():
+    """Those a quarter beyond either end, of positive imaginary part; others need not be."""
+    lam = 1j * np.array([79.0, 81.0, 150.0, 249.0, 251.0, -150.0])
+    assert np.flatnonzero(_wanted(lam, (100.0, 200.0), 1.25)).tolist() == [1, 2, 3]
+
+
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_eigenvalues_of_small_matrices(k):
     A = np.random.default_rng(k).standard_normal((7, k, k, 2)).view(complex)[..., 0]
@@ -288,7 +295,7 @@ class Served(Windows):
         asked = {"bad": set(bad), "first": None}
         object.__setattr__(self, "asked", asked)
 
-    def good(self, found):
+    def within_tolerance(self, found):
         return found == "good"
 
     def alone(self, theta):
