@@ -366,6 +366,16 @@ def test_the_settled_time_is_that_of_the_torque_too(more):
     assert (calm["settled"], calm["settled_time"]) == (True, 0.0)
 
 
+def test_growth_is_known_of_runs_whose_work_of_friction_is_not():
+    """Adaptive solvers keep no energy balance; their runs move all the same."""
+    run = recorded(0.1, [250.0], lambda t: np.exp(60.0 * t))
+    known = summarise(run).point
+    works = dict.fromkeys(("work_load", "work_belt", "friction", "damping"), np.nan)
+    unknown = summarise(replace(run, energy=replace(run.energy, **works))).point
+    assert known["growth_rate"] == pytest.approx(60.0, rel=0.02)
+    assert unknown["growth_rate"] == known["growth_rate"]
+
+
 def test_a_torque_that_still_falls_has_not_settled():
     run = recorded(0.1, [250.0], np.ones_like, more=lambda t: 60 * np.sin(9e3 * t) * np.exp(-9 * t))
     told = summarise(changed(run, continued=True)).point

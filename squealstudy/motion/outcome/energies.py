@@ -195,8 +195,12 @@ def moving_energy(run: Motion) -> np.ndarray:
 
 
 def round_off(run: Motion) -> float:
-    """Energy below which nothing moves, J: of the work of friction, which scales as it does."""
-    return NOISE * abs(run.energy.friction)
+    """Energy below which nothing moves, J: of the work of friction, which scales as it does.
+
+    0 where that work is not known, as of integrators that solve no balance in each step.
+    """
+    work = abs(run.energy.friction)
+    return NOISE * work if np.isfinite(work) else 0.0
 
 
 def transfer(
