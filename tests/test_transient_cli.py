@@ -274,7 +274,7 @@ def test_check_warns_of_growth_above_the_band(study, capsys):
 
 # -- errors --------------------------------------------------------------------------------------
 BAD = [
-    ("step = 1e-4", "step = 0.0", 17, "transient.step", "positive"),
+    ("step = 1e-4", "step = 0.0", 17, "transient.step", "more than 0"),
     ("step = 1e-4", 'step = "1e-4"', 17, "transient.step", "number"),
     ("step = 1e-4", "step = true", 17, "transient.step", "number"),
     ("step = 1e-4", "step = inf", 17, "transient.step", "finite"),

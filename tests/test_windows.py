@@ -494,5 +494,5 @@ def test_errors_of_light_modes_only_decide():
     for p in found:
         slight = lightly_damped(p.lam)
         assert (p.error[slight] <= 1e-5 * np.abs(p.lam[slight])).all()
-        assert windows.good(p)
-        assert not windows.good(p._replace(complete=False))  # another root may lie in the band
+        assert windows.within_tolerance(p)
+        assert not windows.within_tolerance(p._replace(complete=False))  # another root may lie in the band
