@@ -495,4 +495,5 @@ def test_errors_of_light_modes_only_decide():
         slight = lightly_damped(p.lam)
         assert (p.error[slight] <= 1e-5 * np.abs(p.lam[slight])).all()
         assert windows.within_tolerance(p)
-        assert not windows.within_tolerance(p._replace(complete=False))  # another root may lie in the band
+        another = p._replace(complete=False)  # root may lie in the band
+        assert not windows.within_tolerance(another)
