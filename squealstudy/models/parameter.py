@@ -130,7 +130,7 @@ class ModelDefinition:
         for declared in self.declared:
             for parameter in (declared,) if isinstance(declared, Parameter) else declared():
                 mine = own.get(parameter.name, parameter)
-                if replace(mine, default=parameter.default) != parameter:
+                if mine is not parameter and replace(mine, default=parameter.default) != parameter:
                     raise ModelError(
                         f"'{parameter.name}' is a parameter of the model {self.name}: the one of "
                         f"that name that a law from outside has needs another, such as "
