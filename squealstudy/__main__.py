@@ -1,5 +1,16 @@
-"""``python -m squealstudy``: the command."""
+"""The command: ``squealstudy`` and ``python -m squealstudy``."""
 
-from squealstudy.cli.app import main
+import signal
 
-main()
+
+def main() -> None:
+    """Import the command and run it: Ctrl-C during the import ends it without a traceback."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from squealstudy.cli.app import main as command
+
+    command()
+
+
+if __name__ == "__main__":
+    main()

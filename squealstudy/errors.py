@@ -6,7 +6,21 @@ from pathlib import Path
 
 
 class SquealstudyError(Exception):
-    """Base of all errors that a user can cause or meet; its text is the message to show."""
+    """Base of all errors that a user can cause or meet; its text is the message to show.
+
+    ``exit_code`` is that of the command: 2 where the input is at fault.
+    """
+
+    exit_code = 2
+
+
+class MachineError(SquealstudyError):
+    """What the machine refuses: a full disk, a permission, memory, a process that was killed.
+
+    The input is not at fault: the same works where the machine allows it.
+    """
+
+    exit_code = 1
 
 
 class StudyFileError(SquealstudyError):
@@ -27,6 +41,7 @@ class StudyFileError(SquealstudyError):
     def __init__(
         self, message: str, path: Path | None = None, key: str = "", line: int | None = None
     ) -> None:
+        message, key = _printable(message), _printable(key)
         self.message, self.path, self.key, self.line = message, path, key, line
         where = "" if path is None else str(path)
         if line is not None:
@@ -34,6 +49,13 @@ class StudyFileError(SquealstudyError):
         if key:
             where += f", key '{key}'" if where else f"key '{key}'"
         super().__init__(f"{where}: {message}" if where else message)
+
+
+def _printable(text: str) -> str:
+    """What a file says, with control characters of all kinds as escapes."""
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 class ParameterError(SquealstudyError):

@@ -1,24 +1,34 @@
 """Files of Python outside the package, that a study names: they register what they hold.
 
 A file is executed once in a process, and so is it in worker processes. What it holds is part of
-the identity of results by the hash of its source.
+the identity of results by the hash of its source, and of the modules of its own folder that it
+imports.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import inspect
+import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ExtensionError, SquealstudyError
+from squealstudy.machine import end_with
 
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 LENGTH = 16  # of a hash
 PACKAGE = Path(__file__).parent
 _read: dict[Path, str] = {}  # files of this process and the hashes of what was executed
+_registered: list[bool] = []  # what was registered outside the package: whether models see it
+_in_models: dict[str, bool] = {}  # by the hash of a file, whether models see any of what it holds
 
 
 def load_extension(path: str | Path) -> str:
@@ -27,10 +37,11 @@ def load_extension(path: str | Path) -> str:
     Raises
     ------
     ExtensionError
-        A file that is not there, that fails, or that has changed since it was executed.
+        A file that is not there, that fails, that registers nothing, or that has changed since it
+        was executed.
     """
     path = Path(path).resolve()
-    source = _hash(path)
+    source = hash_of(path)
     if _known(path, source):
         return source
     name = f"squealstudy_extension_{path.stem}_{source}"
@@ -38,6 +49,7 @@ def load_extension(path: str | Path) -> str:
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
             raise ExtensionError(path, "is no file of Python")
+        before = len(_registered)
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)
@@ -46,8 +58,28 @@ def load_extension(path: str | Path) -> str:
             known = isinstance(error, SquealstudyError)
             text = str(error) if known else f"{type(error).__name__}: {error}"
             raise ExtensionError(path, text) from error
+        if len(_registered) == before:
+            del sys.modules[name]
+            raise ExtensionError(
+                path, "registers nothing: expected register(law), register_rung(rung) or the like"
+            )
+        _in_models[source] = any(_registered[before:])
     _read[path] = source
     return source
+
+
+def note_registered(module: str, in_models: bool = False) -> None:
+    """Note the module of what is registered, of whatever sort: a file without any is refused.
+
+    `in_models`: it is a model, or a law that the nominal working point of a model depends on.
+    """
+    if module.partition(".")[0] != __package__:
+        _registered.append(in_models)
+
+
+def in_models(sources: Sequence[str]) -> list[str]:
+    """Those of some files, by their hashes, that may decide how a model is reduced."""
+    return [source for source in sources if _in_models.get(source, True)]
 
 
 def remember(function: Callable[..., Any]) -> None:
@@ -63,7 +95,7 @@ def remember(function: Callable[..., Any]) -> None:
         return
     if function.__module__ == "__main__":
         raise ExtensionError(path, "what is registered must be in a file of its own")
-    source = _hash(path)
+    source = hash_of(path)
     if not _known(path, source):
         _read[path] = source
 
@@ -73,30 +105,52 @@ def extension_files() -> tuple[Path, ...]:
     return tuple(_read)
 
 
-class Extensions:
-    """Files of this process that the process which receives this executes as well.
-
-    It must come before what needs them: pickled objects are made in their order.
-    """
-
-    def __init__(self, paths: Iterable[Path]) -> None:
-        self.paths = tuple(paths)
-
-    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return _received, (self.paths,)
-
-
-def _received(paths: tuple[Path, ...]) -> Extensions:
-    for path in paths:
+def start_worker(lifeline: Connection, files: tuple[Path, ...]) -> None:
+    """What a worker does first: it will end with its parent, has one thread, knows its files."""
+    end_with(lifeline)
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # before a library that has threads comes
+    for path in files:
         load_extension(path)
-    return Extensions(paths)
 
 
-def _hash(path: Path) -> str:
+def hash_of(path: Path) -> str:
+    """Hash of a file of Python and of the modules of its folder that it imports, and these."""
+    digest = hashlib.sha256()
+    pending, done = [path], set()
+    while pending:
+        file = pending.pop(0)
+        if file not in done:
+            done.add(file)
+            text = _content(file)
+            digest.update(text)
+            pending += _helpers(text, path.parent)
+    return digest.hexdigest()[:LENGTH]
+
+
+def _content(path: Path) -> bytes:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:LENGTH]
+        if path.exists() and not path.is_file():  # a pipe might never end
+            raise ExtensionError(path, "is no file of Python")
+        return path.read_bytes()
     except OSError as error:
         raise ExtensionError(path, f"cannot be read: {error.strerror or error}") from None
+
+
+def _helpers(text: bytes, folder: Path) -> list[Path]:
+    """Files of a folder that a file of Python may import, wherever in it."""
+    if folder.is_relative_to(PACKAGE):  # its own code is hashed as a whole
+        return []
+    try:
+        nodes = list(ast.walk(ast.parse(text)))
+    except (SyntaxError, ValueError):  # told when it is executed
+        return []
+    names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    names |= {str(n.module) for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
+    found: list[Path] = []
+    for name in sorted({name.partition(".")[0] for name in names}):
+        module = folder / f"{name}.py"
+        found += [module] if module.is_file() else sorted((folder / name).rglob("*.py"))
+    return found
 
 
 def _known(path: Path, source: str) -> bool:

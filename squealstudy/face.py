@@ -10,7 +10,6 @@ results.rank(), results.plot.evolution(along="friction")
 
 from __future__ import annotations
 
-import os
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
@@ -18,13 +17,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy import screen
+from squealstudy import faults
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
-from squealstudy.study.definition import Study as ResolvedStudy
-from squealstudy.study.definition import read_tables
+from squealstudy.paths import usable_cache
+from squealstudy.progress import progress
+from squealstudy.study.definition import ResolvedStudy, read_tables
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.laws import expect_acting, laws_with, listed
 from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, changed
 from squealstudy.study.toml_text import toml_text
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
     from squealstudy.models.parameter import ModelDefinition
 
+GOES_ON = "; what is finished is kept, and the same command goes on from there"
 SENSITIVITY = "sensitivity"
 LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
 
@@ -50,7 +53,7 @@ class Study:
     tables : mapping
         What it says, changes included.
     resolved : object
-        The same as its kind has read it: of a model a `study.definition.Study`.
+        The same as its kind has read it: of a model a `ResolvedStudy`.
     """
 
     source: SourceText
@@ -152,8 +155,12 @@ def run(
     jobs: int | None = None,
     yes: bool = False,
     warn: Callable[[str], None] = warnings.warn,
+    fresh: bool = False,
 ) -> Results:
     """Run a study, or what is left of it, with a progress bar on a terminal or in a notebook.
+
+    Elsewhere how far it is goes to the log (`squealstudy.progress`), which Python does not show by
+    itself: ``logging.basicConfig(level="INFO")`` does.
 
     Parameters
     ----------
@@ -161,34 +168,41 @@ def run(
     output : path or None
         Results directory; results/NAME by default.
     jobs : int or None
-        Worker processes; by default as many as there are cores.
+        Worker processes; by default as many as there are cores and memory for.
     yes : bool
         Accept more design points than the study's limit.
     warn : callable
         Told what may go wrong, before design points are solved.
+    fresh : bool
+        Begin anew: what the study wrote there before is removed once the study is known to be
+        valid; files of others stay.
 
     Raises
     ------
     StudyFileError, ResultsError
         Invalid study; directory of another study, or in use.
+    MachineError
+        What the machine refuses: a full disk, memory, a worker that was killed. What is finished is
+        kept, and the next run goes on from there.
     """
     if not isinstance(study, Study):
         study = read_study(study)
     from squealstudy.engine.manifest import check_owner
     from squealstudy.engine.runner import run_study
+    from squealstudy.engine.worker_count import worker_count
 
-    directory, jobs = Path(output or study.directory), jobs or os.cpu_count() or 1
+    directory = Path(output or study.directory)
+    jobs = worker_count(jobs, check_owner(directory, study.owner), warn)
     plan, resolved = study.plan(), study.resolved
-    with screen.progress_bars() as progress:
+    with faults.told(GOES_ON), usable_cache(warn), progress() as tell:
         if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
             from squealstudy.fidelity.run import resolve, run_resolved
 
             resolved.kind.check_limit(plan, yes)
-            check_owner(directory, plan.owner)
-            chosen = resolve(resolved, jobs, progress)
-            report = run_resolved(chosen, directory, yes, progress, warn)
+            chosen = resolve(resolved, jobs, tell)
+            report = run_resolved(chosen, directory, yes, tell, warn, fresh)
         else:
-            report = run_study(plan, directory, jobs, yes, progress, warn)
+            report = run_study(plan, directory, jobs, yes, tell, warn, fresh)
     return replace(open_results(directory), solved=report.n_solved)
 
 
@@ -212,7 +226,7 @@ class Model:
         return f"<Model {self.definition.name!r}: {given or 'defaults'}>"
 
     def __post_init__(self) -> None:
-        """Check names, bounds and options; ParameterError."""
+        """Check names, bounds, options, and that every parameter acts; ParameterError."""
         options = {option.name: option.choices for option in self.definition.options}
         for name, value in self.given.items():
             if name not in options:
@@ -220,6 +234,10 @@ class Model:
             elif value not in options[name]:
                 choices = ", ".join(map(str, options[name]))
                 raise ParameterError(name, f"expected one of {choices}, got {value!r}")
+        chosen = {**{name: choices[0] for name, choices in options.items()}, **self.given}
+        design = DesignPoint(self.definition, chosen, {})
+        for name in self.given.keys() - options.keys():
+            expect_acting(parse_parameter(name, self.definition), design)
 
     def with_(self, **values: Any) -> Model:
         """The model with other values of parameters or options, as of `model`."""
@@ -229,7 +247,8 @@ class Model:
     def parameters(self) -> pd.DataFrame:
         """Value, default, unit and description of every parameter, a row each, by name.
 
-        A `structural` one changes masses or stiffnesses: each value costs a new reduction.
+        A `structural` one changes masses or stiffnesses: each value costs a new reduction. One with
+        `laws` acts where one of them is chosen, and is refused otherwise.
         """
         import pandas as pd
 
@@ -239,6 +258,7 @@ class Model:
                 "default": p.default,
                 "unit": p.unit,
                 "structural": p.structural,
+                "laws": listed(laws_with(p.name)),
                 "description": p.description,
             }
             for p in self.definition.parameters
@@ -289,7 +309,7 @@ class Model:
         ResultsError
             Where the design point has no working point.
         """
-        with tempfile.TemporaryDirectory() as folder:
+        with faults.told(), tempfile.TemporaryDirectory() as folder:
             found = run(self.study(band=band), Path(folder) / "results", jobs=1).modes
         return found.drop(columns=[name for name in LEFT_OUT if name in found])
 

@@ -26,6 +26,8 @@ class Parameter:
         The value must be greater than zero.
     above, below : float
         Open bounds.
+    usual : (low, high)
+        Values beyond are allowed, but likely to be in other units.
     structural : bool
         True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
     """
@@ -40,6 +42,7 @@ class Parameter:
     structural: bool = False
     above: float = -math.inf
     below: float = math.inf
+    usual: tuple[float, float] = (-math.inf, math.inf)
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""
@@ -70,6 +73,14 @@ class Parameter:
                     self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
                 )
         return float(value)
+
+    def doubt(self, value: float) -> str:
+        """What to say of a value far from usual ones; empty for those."""
+        low, high = self.usual
+        if low <= value <= high:
+            return ""
+        unit = self._unit()
+        return f"{self.name} = {value:g}{unit} is far from the usual {low:g} to {high:g}{unit}"
 
     def _unit(self) -> str:
         return f" {self.unit}" if self.unit else ""

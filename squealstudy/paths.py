@@ -1,16 +1,128 @@
-"""Where squealstudy keeps what it can make again."""
+"""Where squealstudy keeps what it can make again, and what it does where it cannot."""
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import errno
 import os
+import shutil
+import stat
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
+from squealstudy import faults
+
 ENVIRONMENT = "SQUEALSTUDY_CACHE"
+COMPILED, KERNELS = "NUMBA_CACHE_DIR", "kernels"  # numba's own; a directory in the cache
+TRIED = bytes(2**20)  # what a cache must take to be of use
 
 
 def cache_directory() -> Path:
-    """$SQUEALSTUDY_CACHE, else the user's cache directory; not necessarily there yet."""
-    if os.environ.get(ENVIRONMENT):
-        return Path(os.environ[ENVIRONMENT])
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "squealstudy"
+    """$SQUEALSTUDY_CACHE, else the user's cache directory; not necessarily there yet.
+
+    Raises OSError where no home directory is known.
+    """
+    given = os.environ.get(ENVIRONMENT)
+    return Path(given) if given else user_cache()
+
+
+def user_cache() -> Path:
+    """The cache directory of this user, whatever the environment names."""
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        raise FileNotFoundError(errno.ENOENT, "no home directory", "~/.cache") from None
+    return base / "squealstudy"
+
+
+@contextlib.contextmanager
+def usable_cache(warn: Callable[[str], None]) -> Iterator[None]:
+    """Within, the cache can be written: a temporary one, with a warning, where the user's cannot.
+
+    What the user's holds is not used then: results of a model are kept beside it.
+    """
+    try:
+        _try_writing(cache_directory())
+    except OSError as error:
+        reason = faults.sentence(error)
+    else:
+        yield
+        return
+    warn(f"the cache cannot be written ({reason}): what it would keep is made for this run alone")
+    before = os.environ.get(ENVIRONMENT)
+    with tempfile.TemporaryDirectory(prefix="squealstudy-", ignore_cleanup_errors=True) as folder:
+        os.environ[ENVIRONMENT] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop(ENVIRONMENT)
+            if before is not None:
+                os.environ[ENVIRONMENT] = before
+
+
+def compiled_base() -> Path:
+    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else in the cache.
+
+    Loading them executes them. Where others may write too, they are kept in the user's own cache,
+    or in a temporary directory for this process and its workers; a warning says so.
+    """
+    given = os.environ.get(ENVIRONMENT)
+    return _safe(os.environ.get(COMPILED) or (str(Path(given, KERNELS)) if given else ""))
+
+
+@cache
+def _safe(wanted: str) -> Path:
+    reasons = []
+    for own in (False, True) if wanted else (True,):
+        try:
+            path = user_cache() / KERNELS if own else Path(wanted)
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not others_may_write(path):
+                _try_writing(path)
+                break
+            reasons.append(f"{path}: others may write there, and kernels are executed")
+        except OSError as error:
+            reasons.append(faults.sentence(error) or str(error))
+    else:
+        path = Path(tempfile.mkdtemp(prefix="squealstudy-kernels-"))
+        _remove_at_exit(path, os.getpid())
+    if reasons:
+        os.environ[COMPILED] = str(path)
+        warnings.warn(f"compiled kernels are kept in {path} ({reasons[0]})", stacklevel=2)
+    return path
+
+
+def others_may_write(path: Path) -> bool:
+    """Whether another user, root apart, may put files in a directory or replace it.
+
+    False where files have no owners (Windows). A group of a user's own has the user's number.
+    """
+    if not hasattr(os, "geteuid"):
+        return False
+    for place in (path.resolve(), *path.resolve().parents):
+        found = place.stat()
+        others = stat.S_IWOTH | (stat.S_IWGRP if found.st_gid != found.st_uid else 0)
+        kept = place != path.resolve() and found.st_mode & stat.S_ISVTX  # as /tmp
+        if found.st_uid not in (0, os.geteuid()) or (found.st_mode & others and not kept):
+            return True
+    return False
+
+
+def _try_writing(directory: Path) -> None:
+    """Raise OSError where a directory cannot be made, or takes no file."""
+    with faults.named(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory) as file:
+            file.write(TRIED)
+
+
+def _remove_at_exit(path: Path, owner: int) -> None:
+    def remove() -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(path, ignore_errors=True)
+
+    atexit.register(remove)

@@ -1,4 +1,4 @@
-"""What all screens share: tables of one style, name-value lines, notes, warnings, progress bars.
+"""What all screens share: tables of one style, name-value lines, notes, warnings.
 
 Functions return what `rich` renders, on a terminal as in a notebook; `show` prints it.
 """
@@ -7,27 +7,21 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from io import StringIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
+from squealstudy.faults import named
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 Rows = list[tuple[str, str]]
-INTERRUPTED = 130
+STDOUT = "standard output"
 NARROW = 6  # least width of a column: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 COLUMNS: dict[str, dict[str, Any]] = {
@@ -36,7 +30,15 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "word": {"no_wrap": True},
     "text": {"overflow": "fold"},
 }
-console = Console(
+
+
+class _Screen(Console):
+    def on_broken_pipe(self) -> None:
+        """Let the command say what becomes of it."""
+        raise
+
+
+console = _Screen(
     width=max(shutil.get_terminal_size().columns, LEAST_WIDTH), markup=False, highlight=False
 )
 messages = Console(stderr=True, markup=False)
@@ -44,8 +46,21 @@ messages = Console(stderr=True, markup=False)
 
 def show(*parts: RenderableType) -> None:
     """Print to stdout."""
-    for part in parts:
-        console.print(part)
+    with named(STDOUT):
+        for part in parts:
+            console.print(part)
+
+
+def write(text: str) -> None:
+    """Write a text to stdout as it is."""
+    with named(STDOUT):
+        console.file.write(text)
+        console.file.flush()
+
+
+def show_csv(table: pd.DataFrame) -> None:
+    """Write all columns of a table to stdout as CSV."""
+    write(table.to_csv(index=False))
 
 
 def as_text(parts: Iterable[RenderableType]) -> str:
@@ -58,8 +73,9 @@ def as_text(parts: Iterable[RenderableType]) -> str:
 
 
 def warning(text: str) -> None:
-    """Print a warning to stderr."""
-    messages.print(f"warning: {text}", highlight=False, soft_wrap=True)
+    """Print a warning to stderr; a log that cannot be written ends no run."""
+    with contextlib.suppress(OSError):
+        messages.print(f"warning: {text}", highlight=False, soft_wrap=True)
 
 
 def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
@@ -96,38 +112,3 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 def notes(*texts: str) -> Text:
     """What stands beneath a table, a line each; empty ones are left out."""
     return Text("\n".join(text for text in texts if text), style="dim")
-
-
-@contextlib.contextmanager
-def interruptible() -> Iterator[None]:
-    """Say how an interrupted run goes on."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        sys.stderr.write("squealstudy: interrupted; the same command goes on where it was\n")
-        raise SystemExit(INTERRUPTED) from None
-
-
-@contextlib.contextmanager
-def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each stage with the expected remaining time, on stderr or in a notebook."""
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("ETA"),
-        TimeRemainingColumn(),
-        console=messages,
-        transient=True,
-        disable=not (messages.is_terminal or messages.is_jupyter),
-    ) as bars:
-        tasks: dict[str, TaskID] = {}
-
-        def report(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = bars.add_task(stage, total=total)
-            bars.update(tasks[stage], completed=done, total=total)
-
-        yield report

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 # classes of runs in time, as the points table of a transient study has them
@@ -45,6 +46,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"perturbation", "m/s"),
     (r"memory_mb", "MB"),
     (r"normal_force", "N"),
+    (r"contact_pressure_(min|max)", "Pa"),
     (r"energy|energy_mean|energy_mode_\d+|energy_outside", "J"),
     (r"amplitude_mode_\d+", "m kg^0.5"),
     (r"variance", "1/s^2"),
@@ -97,6 +99,19 @@ def expectation(kind: str, context: Mapping[str, Any]) -> str:
 def plural(n: int, word: str, many: str = "") -> str:
     """A count with its word; `many` where the plural has no -s."""
     return f"{n} {word if n == 1 else many or word + 's'}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: ``0.25 s``, ``12 s``, ``40 min``, ``3.5 h``."""
+    if seconds < 60:
+        return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.2f} s"
+    return f"{math.ceil(seconds / 60)} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def in_digits(value: float, decimals: int = 0) -> str:

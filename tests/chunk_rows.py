@@ -9,7 +9,7 @@ from study_runs import plan_of
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
-from squealstudy.engine.store import write_rows
+from squealstudy.engine.store import Store
 from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
 from squealstudy.modes.point import PointModes
 
@@ -71,7 +71,7 @@ def write_chunks(
         for i, m in sorted(modes.items(), reverse=True)
     ]
     for start in range(0, len(rows), size):
-        write_rows(directory, rows[start : start + size], SCHEMA)
+        Store(directory).write_rows(rows[start : start + size], SCHEMA)
 
 
 def drifting_modes(plan: Plan, m: int, k: int = 12, real: int = 0) -> dict[int, PointModes]:

@@ -31,11 +31,12 @@ from squealstudy.engine.plan import LOAD_FACTOR
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
+from squealstudy.machine import lock
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
-from squealstudy.motion.warmup import alone, warm_kernels
+from squealstudy.motion.warmup import warm_kernels
 from squealstudy.reduction.cmt import (
     ComponentBasis,
     ComponentModes,
@@ -127,7 +128,7 @@ def compiled_kernels(request):
 def shared(name: str, make: Callable[[], Any]) -> Any:
     """What the first process of the session to ask for it has made."""
     path = Path(os.environ[SHARED]) / f"{name}.pickle"
-    with alone(path.with_suffix(".lock")):
+    with lock(path.with_suffix(".lock")):
         if not path.exists():
             path.write_bytes(pickle.dumps(make()))
         return pickle.loads(path.read_bytes())

@@ -16,6 +16,7 @@ from study_runs import command, comparable, plan_of, solved
 import squealstudy
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.complex_modes.boundary import (
     BoundaryGrid,
@@ -361,7 +362,7 @@ def test_full_tables_have_every_node_once(directories):
 def test_counts_are_those_of_the_table(directories):
     results = squealstudy.open_results(directories[0])
     ids = results.points["point_id"]
-    roots = read_roots(directories[0], set(ids), tolerance=1e-4)
+    roots = read_roots(Store(directories[0]), set(ids), tolerance=1e-4)
     counts = [len(unstable_roots(roots[i], TOLERANCE)) for i in ids]
     assert counts == results.points["n_unstable"].tolist()
 
@@ -434,7 +435,7 @@ def test_a_round_beyond_the_limit_needs_yes(tmp_path):
 
 def test_other_designs_do_not_grow(directories):
     plan = plan_of(GRID)
-    assert plan.kind.grown(plan, directories[1]) is plan
+    assert plan.kind.grown(plan, Store(directories[1])) is plan
     assert most_points(plan.study) == 1025
     assert most_points(plan_of(BOUNDARY).study) == 1025
 

@@ -1,5 +1,4 @@
 import io
-import json
 
 import numpy as np
 import pandas as pd
@@ -13,6 +12,7 @@ from squealstudy import screen
 from squealstudy.cli import app as cli
 from squealstudy.cli.compare import TITLES, comparison, summary
 from squealstudy.engine.results import Results
+from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
 from squealstudy.tables.comparison import COLUMNS, _partners, compare
@@ -261,7 +261,7 @@ def write_results(directory, kind, points, modes, growth=None, model="disc_brake
         "status": "finished",
         "sweeps": [],
     } | manifest
-    (directory / "manifest.json").write_text(json.dumps(content))
+    write_manifest(directory, content)
     return directory
 
 
@@ -339,8 +339,7 @@ def test_a_growth_table_of_an_earlier_version_is_one_clear_error(studies):
 
 
 def test_two_models_are_refused(studies, tmp_path):
-    manifest = json.loads((studies[1] / "manifest.json").read_text())
-    (studies[1] / "manifest.json").write_text(json.dumps(manifest | {"model": "hoffmann"}))
+    write_manifest(studies[1], read_manifest(studies[1]) | {"model": "hoffmann"})
     with pytest.raises(ResultsError, match=r"of model 'disc_brake', .* of 'hoffmann'"):
         cli.compare(*studies)
     with pytest.raises(ResultsError, match="no such results directory"):
@@ -352,10 +351,10 @@ def test_damping_of_an_assembly_mode_stands_in_place_of_the_uniform_one(studies)
     points = time_points(**{name: [0.005, 0.0]})
     points.to_parquet(studies[1] / "points.parquet")
     for directory, own in ((studies[0], {"damping_ratio": 0.005}), (studies[1], {name: 0.0})):
-        manifest = json.loads((directory / "manifest.json").read_text())
+        manifest = read_manifest(directory)
         manifest["nominal"] |= own
         manifest["parameters"] += [name] if name in own else []
-        (directory / "manifest.json").write_text(json.dumps(manifest))
+        write_manifest(directory, manifest)
     first, second = map(Results.open, studies)
     table = first.compare(second)
     assert set(table["time_point_id"]) == {"p0"}

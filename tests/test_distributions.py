@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from squealstudy.errors import StudyFileError
-from squealstudy.study.definition import Study, parse_study
+from squealstudy.study.definition import ResolvedStudy, parse_study
 from squealstudy.study.distributions import Distribution
 from squealstudy.study.sampling import count_points, design_points
 from squealstudy.tables.sobol import base_rows, grouped, is_saltelli, saltelli_rows
@@ -22,7 +22,7 @@ U = np.linspace(0.001, 0.999, 41)
 HEAD = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "disc_brake"\n'
 
 
-def study(*sweeps: str, kind: str = "sobol", samples: int = 64) -> Study:
+def study(*sweeps: str, kind: str = "sobol", samples: int = 64) -> ResolvedStudy:
     names = ("friction", "pressure", "contact.lambda", "sliding_speed")
     tables = [f'[[sweep]]\nparameter = "{n}"\n{s}\n' for n, s in zip(names, sweeps, strict=False)]
     design = f'[design]\ntype = "{kind}"\nsamples = {samples}\nseed = 1\n'

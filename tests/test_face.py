@@ -12,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy as sq
+from squealstudy.engine.store import write_manifest
 from squealstudy.errors import ParameterError, ResultsError, SquealstudyError, StudyFileError
 
 FREQUENCY = """# over friction
@@ -299,8 +300,8 @@ def test_what_a_kind_does_not_have_is_told(results):
 
 
 def test_results_of_an_unknown_kind_are_one_clear_error(results, tmp_path):
-    text = (results["complex_modes"].directory / "manifest.json").read_text()
-    (tmp_path / "manifest.json").write_text(text.replace('"complex_modes"', '"limit_cycles"'))
+    manifest = results["complex_modes"].manifest
+    write_manifest(tmp_path, manifest | {"kind": "limit_cycles"})
     with pytest.raises(ResultsError, match="kind 'limit_cycles', which this version"):
         sq.open_results(tmp_path)
 

@@ -83,7 +83,7 @@ tolerance = 0.01
 """
 
 
-def quiet(stage, done, total):
+def quiet(stage, done, total, failed=0):
     pass
 
 
@@ -254,7 +254,7 @@ def test_a_failed_audit_leads_to_better_settings(tmp_path, monkeypatch):
     assert facts["audit"]["passed"]
     step = first.choice.chosen.changes["transient.step"]
     assert facts["chosen"]["changes"]["transient.step"] < step
-    assert len(said) == 1
+    assert sum("the audit found an error" in text for text in said) == 1
     assert "the audit found an error of 5.0e-01" in said[0]
 
 

@@ -31,11 +31,12 @@ from squealstudy.modes.full_order.modes import (
     full_order_system,
     stiffness_residuals,
 )
+from squealstudy.motion.point import automatic_slope
 from squealstudy.parameter import Parameter
 from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import mean_contact_stiffness, shape_column
-from squealstudy.reduction.working_point import working_point
+from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.root_pairs import paired_with_full_order
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies, linearise
@@ -116,6 +117,22 @@ def test_friction_that_depends_on_pressure(fading_curve):
     assert fading_curve.at_rest(0.4, 1e6) == 0.4
     without = friction_curve(static_ratio=1.5).at(0.4, 0.7, p)
     assert without.following(p) == without.mu
+
+
+def test_the_automatic_slope_is_of_the_point_with_most_friction(monkeypatch):
+    """mu p is largest at 1 MPa, a ninth of it at the point that presses hardest."""
+    steep = FrictionCurveDefinition(name="steep", description="with pressure", mu=falling_steeply)
+    monkeypatch.setitem(FRICTION_CURVES._known, "steep", steep)
+    operating = OperatingPoint(0.4, 1e6, 0.5, contact_law("bilateral"), friction_curve("steep"))
+    p = np.array([1e5, 1e6, 1e7])
+    point = WorkingPoint(-p, p, np.ones(3), 1, 0.0, 0.0)
+    slope = automatic_slope(DesignState(operating), point, 1e-3)
+    assert slope == pytest.approx(0.2 * 1e6 / 1e-3, rel=1e-12)
+
+
+def falling_steeply(s, p, friction):
+    x = p / 1e6
+    return friction / (1 + x**2), 0.0 * s, -2e-6 * friction * x / (1 + x**2) ** 2
 
 
 def test_derivatives_of_a_curve_that_gives_none(fading_curve):

@@ -418,7 +418,7 @@ BAD = {
     "": "cannot be used",
     "friction.high > 2": "cannot be used",
     "0.1 if unstable else 2": "cannot be used",
-    "@table['friction'] > 0": "unknown column",
+    "@table['friction'] > 0": "cannot be used",
     "`contact.nu` > 1": "unknown column",
     "(friction > 0.2": "cannot be used",
 }

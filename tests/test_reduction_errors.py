@@ -13,6 +13,7 @@ from conftest import full_order
 from study_runs import plan_of
 
 from squealstudy.engine.cache import load_prepared, save_prepared
+from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction_errors as reduction
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
@@ -314,7 +315,7 @@ def test_missing_and_zero_errors_of_a_reduction(tmp_path, monkeypatch):
 
 
 def _tables(plan, directory, samples=()):
-    build_tables(plan, directory, Workers(), samples)
+    build_tables(plan, Store(directory), Workers(), samples)
     return pq.read_table(directory / "modes.parquet").to_pandas()
 
 
@@ -330,7 +331,7 @@ def test_errors_add_up_and_only_the_rungs_decides_on_status_and_sign(tmp_path, m
         (i, ReductionErrors(m.lam, np.full(5, 10.0) / np.abs(m.lam))) for i, m in modes.items()
     ]
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
-    points, facts = build_tables(plan, tmp_path, Workers(), samples)
+    points, facts = build_tables(plan, Store(tmp_path), Workers(), samples)
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["error_reduction"].to_numpy() == pytest.approx(10.0)
     assert (table["error_estimate"] == table["error_rung"] + table["error_reduction"]).all()
@@ -362,7 +363,7 @@ def test_full_order_solutions_widen_errors_and_never_narrow_them(tmp_path, monke
         object.__setattr__(one, "error_rung", np.full(40, 1e-9))
     write_chunks(tmp_path, plan, modes)
     monkeypatch.setattr(reduction, "has_mesh", lambda study: True)
-    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
+    columns = read_columns(Store(tmp_path), [t.point_id for t in plan.tasks], shapes=False)
     samples = [
         (i, ReductionErrors(m.lam, np.full(40, 1e-3) / np.abs(m.lam))) for i, m in modes.items()
     ]

@@ -14,7 +14,7 @@ from study_runs import command, plan_of, solved
 import squealstudy
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import write_rows
+from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
@@ -136,8 +136,9 @@ def test_other_tables_and_rankings_are_refused(results):
 def test_a_failed_point_has_no_count_of_modes(tmp_path):
     study = plan_of(HULTEN)
     rows = [failed_row(SCHEMA, task.point_id, "working_point", "lost") for task in study.tasks]
-    write_rows(tmp_path, rows, SCHEMA)
-    build_tables(study, tmp_path)
+    store = Store(tmp_path)
+    store.write_rows(rows, SCHEMA)
+    build_tables(study, store)
     counts = pd.read_parquet(tmp_path / "points.parquet")["n_modes"]
     assert counts.isna().all()
     assert counts.dtype == "Int64"
@@ -171,7 +172,7 @@ def test_defaults_and_families_of_component_modes():
     [
         ('"friction"', '"frction"', "sensitivity.parameters[1]", "did you mean 'friction'"),
         ('"friction"', '"friction", "friction"', "sensitivity.parameters", "listed twice"),
-        ('"friction"', '"contact.stiffness"', "sensitivity.parameters[1]", "contact.lambda"),
+        ('"friction"', '"contact.stiffness"', "sensitivity.parameters[1]", "does nothing"),
         ('"friction"', '"contact.kt"', "sensitivity.parameters[1]", "in time only"),
         ('"friction"', '"modes[*].damping_ratio"', "sensitivity.parameters[1]", "mode numbers"),
         ('"friction"', '"callper.modes[*].damping_ratio"', "sensitivity", "caliper"),

@@ -13,9 +13,10 @@ from chunk_rows import GRID, drifting_modes, grid, random_modes, write_chunks
 from study_runs import plan_of
 
 import squealstudy
-from squealstudy.engine.store import CHUNKS, finished_points, read_chunks, write_rows
+from squealstudy.engine.journal import JOURNAL
+from squealstudy.engine.store import CHUNKS, Store
 from squealstudy.engine.workers import Workers
-from squealstudy.errors import ResultsError
+from squealstudy.errors import MachineError
 from squealstudy.kinds.complex_modes import study_tracks as follow
 from squealstudy.kinds.complex_modes.errors import ModeErrors
 from squealstudy.kinds.complex_modes.rows import (
@@ -41,7 +42,7 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     modes[4] = random_modes(rng, 5, real=2, error_rung=np.arange(5.0), method="windows")
     modes[7] = None
     write_chunks(tmp_path, plan, modes)
-    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    columns = read_columns(Store(tmp_path), [t.point_id for t in plan.tasks])
     assert columns.counts.tolist() == [0 if m is None else len(m.lam) for m in modes.values()]
     solved = [m for m in modes.values() if m is not None]
     assert np.array_equal(columns.lam, np.concatenate([m.lam for m in solved]))
@@ -58,7 +59,7 @@ def test_columns_give_back_what_was_written_in_the_order_of_the_plan(tmp_path):
     ]
     assert len(columns.oscillating()[4]) == 3
     columns.shapes.remove()
-    assert [p.name for p in tmp_path.iterdir()] == [CHUNKS]
+    assert {p.name for p in tmp_path.iterdir()} == {CHUNKS, JOURNAL}
 
 
 def test_columns_without_shapes_or_energies(tmp_path):
@@ -66,7 +67,7 @@ def test_columns_without_shapes_or_energies(tmp_path):
     write_chunks(
         tmp_path, plan, {i: random_modes(rng, 3, energies=np.zeros((0, 3))) for i in range(2)}
     )
-    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks], shapes=False)
+    columns = read_columns(Store(tmp_path), [t.point_id for t in plan.tasks], shapes=False)
     assert columns.shapes is None
     assert columns.energies.shape == (6, 0)
     unstable = columns.lam.real > 0
@@ -82,7 +83,7 @@ def test_columns_without_shapes_or_energies(tmp_path):
 def test_nothing_but_failed_points_are_columns_too(tmp_path):
     plan = grid(2, 1)
     write_chunks(tmp_path, plan, {0: None, 1: None})
-    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    columns = read_columns(Store(tmp_path), [t.point_id for t in plan.tasks])
     assert columns.lam.size == 0
     assert [len(lam) for lam in columns.oscillating()] == [0, 0]
     columns.shapes.remove()
@@ -91,9 +92,9 @@ def test_nothing_but_failed_points_are_columns_too(tmp_path):
 def test_a_point_in_no_chunk_is_said_so_and_nothing_is_left(tmp_path):
     plan = grid(2, 2)
     write_chunks(tmp_path, plan, {0: random_modes(np.random.default_rng(2), 2)})
-    with pytest.raises(ResultsError, match="3 of 4 design points are not solved"):
-        read_columns(tmp_path, [t.point_id for t in plan.tasks])
-    assert [p.name for p in tmp_path.iterdir()] == [CHUNKS]
+    with pytest.raises(MachineError, match="3 of 4 design points are not solved"):
+        read_columns(Store(tmp_path), [t.point_id for t in plan.tasks])
+    assert {p.name for p in tmp_path.iterdir()} == {CHUNKS, JOURNAL}
 
 
 def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_over(tmp_path):
@@ -101,13 +102,14 @@ def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_ov
     first, second = (random_modes(np.random.default_rng(i), 2) for i in range(2))
     write_chunks(tmp_path, plan, {0: first, 1: first})
     again = pa.Table.from_pylist([solved_row(plan.tasks[0].point_id, 0.1, second)], schema=SCHEMA)
-    pq.write_table(again, tmp_path / CHUNKS / "z.parquet")  # read after the others
+    store = Store(tmp_path)
+    store.write_table(f"{CHUNKS}/z.parquet", again)  # read after the others
     old = SCHEMA.remove(SCHEMA.get_field_index("method"))
-    write_rows(tmp_path, [solved_row(plan.tasks[1].point_id, 0.1, second)], old)
+    store.write_rows([solved_row(plan.tasks[1].point_id, 0.1, second)], old)
     ids = [t.point_id for t in plan.tasks]
-    assert finished_points(tmp_path, SCHEMA) == set(ids)
-    assert read_chunks(tmp_path, set(ids), SCHEMA)[ids[0]]["re"] == second.lam.real.tolist()
-    columns = read_columns(tmp_path, ids)
+    assert store.finished_points(SCHEMA) == set(ids)
+    assert store.rows(ids, SCHEMA)[ids[0]]["re"] == second.lam.real.tolist()
+    columns = read_columns(Store(tmp_path), ids)
     assert np.array_equal(columns.lam, np.concatenate([second.lam, first.lam]))
     assert np.array_equal(columns.shapes.read(0), second.shapes)
 
@@ -120,7 +122,7 @@ def test_tables_of_a_study(tmp_path):
     rng = np.random.default_rng(3)
     modes = {i: random_modes(rng, 4, real=1) for i in range(12)} | {5: None}
     write_chunks(tmp_path, plan, modes)
-    points, facts = build_tables(plan, tmp_path, Workers())
+    points, facts = build_tables(plan, Store(tmp_path), Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert points["status"].tolist() == ["lift_off" if i == 5 else "ok" for i in range(12)]
     counts = points[["n_modes", "n_unstable", "n_overdamped"]]
@@ -154,38 +156,49 @@ def test_growth_within_its_error_is_no_instability(tmp_path):
     for one in (modes, beyond):
         one.lam.real[:] = [0.1, 0.1, 0.1, -0.1, 0.1]
     write_chunks(tmp_path, plan, {0: modes, 1: beyond})
-    points, _ = build_tables(plan, tmp_path, Workers())
+    points, _ = build_tables(plan, Store(tmp_path), Workers())
     table = pq.read_table(tmp_path / "modes.parquet").to_pandas()
     assert table["unstable"].tolist() == 2 * [False, True, True, False, True]
     assert table["growth_rate"].tolist() == 2 * [0.1, 0.1, 0.1, -0.1, 0.1]
     assert points["status"].tolist() == ["ok", "inaccurate"]
     assert points["n_unstable"].tolist() == [3, pd.NA]
     ids = {task.point_id for task in plan.tasks}
-    roots = read_roots(tmp_path, ids, tolerance=plan.method.tolerance)
+    roots = read_roots(Store(tmp_path), ids, tolerance=plan.method.tolerance)
     assert {len(unstable_roots(lam, 0.0)) for lam in roots.values()} == {3}
 
 
-def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path):
+@pytest.mark.parametrize(
+    ("growths", "at", "bracket"),
+    [
+        ((-1.0, 0.1, 3.0, 6.0), 1, (0, 2)),
+        ((-1.0, 0.1, 0.15, 3.0), 2, (0, 3)),
+        ((0.1, 3.0, 6.0, 9.0), 0, (None, 1)),
+    ],
+)
+def test_an_onset_at_a_point_that_grows_within_its_error(tmp_path, growths, at, bracket):
+    """The bracket and the error reach to the next point that is stable whatever its error."""
     plan = grid(4, 1)
     base = random_modes(np.random.default_rng(6), 1, error_rung=np.array([0.2]))
     base.lam.imag[:] = 2 * np.pi * 1000.0
     modes = {}
-    for i, growth in enumerate((-1.0, 0.1, 3.0, 6.0)):
+    for i, growth in enumerate(growths):
         modes[i] = replace(base, lam=growth + 1j * base.lam.imag)
     write_chunks(tmp_path, plan, modes)
-    build_tables(plan, tmp_path, Workers())
+    build_tables(plan, Store(tmp_path), Workers())
     (row,) = pq.read_table(tmp_path / "onsets.parquet").to_pandas().to_dict("records")
     x = plan.coordinates[:, 0].tolist()
-    assert (row["bracket_low"], row["bracket_high"]) == (x[1], x[2])
-    assert (row["status"], row["onset"]) == ("interpolated", x[1])
-    assert row["error_estimate"] == pytest.approx(0.2 / 3.0 * (x[2] - x[1]), rel=1e-3)
+    assert (row["status"], row["onset"]) == ("within_error", x[at])
+    low, high = (np.nan if i is None else x[i] for i in bracket)
+    assert row["bracket_high"] == high
+    assert row["bracket_low"] == pytest.approx(low, nan_ok=True)
+    assert row["error_estimate"] == pytest.approx(x[at] - low, nan_ok=True)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_lines_in_workers_are_labelled_as_in_one_process(tmp_path, monkeypatch, jobs):
     plan = grid(6, 5)
     write_chunks(tmp_path, plan, drifting_modes(plan, 9, real=2))
-    columns = read_columns(tmp_path, [t.point_id for t in plan.tasks])
+    columns = read_columns(Store(tmp_path), [t.point_id for t in plan.tasks])
     one, _ = Follower(plan, columns, Workers()).follow(False)
     monkeypatch.setattr(follow, "PARALLEL", 2)
     other, _ = Follower(plan, columns, Workers(jobs)).follow(False)

@@ -1,7 +1,5 @@
 """Work-precision studies: files, runs, tables, screens."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,6 +11,7 @@ from squealstudy import open_results
 from squealstudy.cli.app import app
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.complex_modes import problems
@@ -160,8 +159,7 @@ def test_a_finished_study_is_not_run_again_and_a_broken_one_goes_on(steps):
     assert run_study(plan, directory, 1).n_solved == 0
     chunks = sorted((directory / "chunks").glob("*.parquet"))
     chunks[0].unlink()
-    manifest = directory / "manifest.json"
-    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"status": "running"}))
+    write_manifest(directory, read_manifest(directory) | {"status": "running"})
     assert run_study(plan, directory, 1).n_solved == 1
 
 
@@ -309,6 +307,14 @@ def test_picture_draws_front_failures_and_tolerance():
     assert [list(c.get_xdata()) for c in crosses] == [[0.5]]
     dashed = [line for line in axes.lines if list(line.get_ydata()) == [1e-2, 1e-2]]
     assert dashed
+
+
+@pytest.mark.parametrize(("unit", "word"), [("N", "friction force"), ("N m", "torque")])
+def test_picture_calls_friction_by_what_it_is(unit, word):
+    table = table_of().rename(columns=lambda name: name.replace("_x", "_torque_rms"))
+    facts = {"over": 10, "reference": "truth", "units": {"torque": unit}}
+    figure = work_precision(table, ["torque_rms"], 1e-2, facts)
+    assert figure.axes[0].get_ylabel() == f"{word} RMS [relative]"
 
 
 def test_a_method_whose_model_cannot_be_made_is_a_failed_row(write, tmp_path, monkeypatch):

@@ -11,8 +11,10 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.laws import contact_law
 from squealstudy.models.catalogue import MODELS
-from squealstudy.study.definition import Study, parse_study
+from squealstudy.models.operating import contact_parameters
+from squealstudy.study.definition import ResolvedStudy, parse_study
 
 Dimension = tuple[int, int, int]  # powers of mass, length and time
 DIMENSIONS: dict[str, Dimension] = {
@@ -67,7 +69,8 @@ def scaled_text(
     `sections` holds further keys with their units, by section.
     """
     of = parameter_units(model)
-    values = MODELS[model].defaults() | (given or {})
+    idle = {p.name for p in contact_parameters()} - set(contact_law("bilateral").names)
+    values = {k: v for k, v in MODELS[model].defaults().items() if k not in idle} | (given or {})
     name = None if sweep is None else sweep[0]
     tables: dict[str, dict[str, object]] = {
         "study": {"name": "scaled", "kind": kind},
@@ -100,7 +103,7 @@ def _toml(value: object) -> str:
     return repr(value if isinstance(value, int | list) else float(value))
 
 
-def study_of(text: str) -> Study:
+def study_of(text: str) -> ResolvedStudy:
     return parse_study(text, Path("scaled.toml"))
 
 

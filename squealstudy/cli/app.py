@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import logging
 import os
 import sys
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.main import get_command
 
+from squealstudy import faults
 from squealstudy.errors import SquealstudyError
+from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-INTERNAL_ERROR, USAGE_ERROR = 1, 2
-DEBUG = "SQUEALSTUDY_DEBUG"
+NAME, DEBUG = "squealstudy", "SQUEALSTUDY_DEBUG"
+DONE, FAULT, USAGE_ERROR = 0, 1, 2  # exit codes: studies/running.md
+UsageError: type[Any] = typer.BadParameter.mro()[1]
 
 app = typer.Typer(
     help="Which modes of a brake squeal, why, and which design change silences them.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -54,20 +58,24 @@ def run(
     jobs: Jobs = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept a very large design.")] = False,
     pictures: Annotated[bool, typer.Option(help="Draw the pictures at the end.")] = True,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Remove what the study wrote there, and begin anew.")
+    ] = False,
 ) -> None:
     """Run a study, or what is left of it; print the ranking and where the tables are."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside, summary
 
-    with screen.interruptible():
-        results = face.run(face.read_study(study), output, jobs, yes, screen.warning)
+    results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh)
     screen.show(*results.screen.findings(results), *outside(results), "")
     screen.show(screen.facts(summary(results, results.draw() if pictures else [])))
 
 
 @app.command()
 def check(
-    study: StudyPath,
+    path: Annotated[
+        Path, typer.Argument(metavar="STUDY_OR_RESULTS", help="Study file or results directory.")
+    ],
     output: Output = None,
     jobs: Jobs = None,
     build: Annotated[
@@ -82,11 +90,21 @@ def check(
         ),
     ] = False,
 ) -> None:
-    """Validate a study, count its points, estimate time and memory. Writes no results."""
+    """Validate a study, count its points, estimate time and memory. Writes no results.
+
+    Of a results directory: what it holds and whether it is whole; exit code 1 where it is not.
+    """
     from squealstudy import face, screen
     from squealstudy.cli.check import check as checked
+    from squealstudy.cli.check_results import check_results
+    from squealstudy.paths import usable_cache
 
-    found = checked(face.read_study(study), output, jobs, build, mesh_error)
+    if path.is_dir():
+        held, whole = check_results(path)
+        screen.show(screen.facts(held))
+        raise typer.Exit(DONE if whole else FAULT)
+    with usable_cache(screen.warning):
+        found = checked(face.read_study(path), output, jobs, build, mesh_error)
     screen.show(screen.facts(found))
 
 
@@ -104,7 +122,7 @@ def rank(
 
     found = face.open_results(results)
     if csv:
-        _print_csv(found.rank(by, top, where))
+        screen.show_csv(found.rank(by, top, where))
         return
     screen.show(*found.screen.ranking(found, by, top, where))
     screen.show(*outside(found, "of the whole study: " if where else ""))
@@ -128,7 +146,7 @@ def robust(
 
     found = face.open_results(results)
     if csv:
-        _print_csv(found.sobol_indices(top) if indices else found.robust())
+        screen.show_csv(found.sobol_indices(top) if indices else found.robust())
         return
     kept, sampled = top or LISTED, found.design == SOBOL_INDICES
     if not indices:
@@ -166,7 +184,7 @@ def sensitivity(
         study = face.read_study(path).sensitivities()
         found = face.run(study, jobs=jobs, warn=screen.warning)
     if csv:
-        _print_csv(rank_sensitivities(mode_sensitivities(found.sensitivities, mode), top))
+        screen.show_csv(rank_sensitivities(mode_sensitivities(found.sensitivities, mode), top))
         return
     screen.show(*sensitivities(found, mode, top), *outside(found))
 
@@ -203,7 +221,7 @@ def compare(
             screen.warning(f"{text}; run that study again")
     table = found[0].compare(found[1])
     if csv:
-        _print_csv(table)
+        screen.show_csv(table)
         return
     screen.show(*comparison(table))
     for name, results in zip(("frequency", "time"), found, strict=True):
@@ -276,35 +294,69 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of study files, for editors."""
+    from squealstudy import screen
     from squealstudy.cli.check import schema as found
 
-    sys.stdout.write(found(kind) + "\n")
-
-
-def _print_csv(table: pd.DataFrame) -> None:
-    table.to_csv(sys.stdout, index=False)
+    screen.write(found(kind) + "\n")
 
 
 def main() -> None:
-    """Entry point: every error a user can cause is one message on stderr and exit code 2."""
+    """Entry point: whatever goes wrong is one message on stderr, with an exit code of its kind."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # of a terminal that may not know all letters
+            stream.reconfigure(errors="backslashreplace")
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_: _tell(f"warning: {message}")
+        log, lines = logging.getLogger(NAME), logging.StreamHandler()  # to stderr
+        log.addHandler(lines)
+        log.setLevel(logging.INFO)
+        code = _outcome(sys.argv[1:] or ["--help"])
+        log.removeHandler(lines)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except AttributeError:  # closed from the beginning
+            continue
+        except OSError:  # told by now: Python would try again, and complain, at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    raise SystemExit(code)
+
+
+def _outcome(arguments: list[str]) -> int:
+    """Exit code of a command line; what goes wrong is told."""
     try:
-        app()
-    except SquealstudyError as error:
-        sys.stderr.write(f"squealstudy: {error}\n")
-        raise SystemExit(USAGE_ERROR) from None
+        with (
+            interruptible(),
+            faults.told(),
+            get_command(app).make_context(NAME, arguments) as context,
+        ):
+            context.command.invoke(context)
+    except typer.Exit as error:
+        return error.exit_code
+    except UsageError as error:
+        where = error.ctx.command_path if error.ctx else NAME
+        _tell(f"{NAME}: {error.format_message()} ({where} --help says what is expected)")
+        return USAGE_ERROR
     except BrokenPipeError:  # a reader such as `head` has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(0) from None
-    except OSError as error:
-        if os.environ.get(DEBUG):
-            raise
-        place = f"{error.filename}: " if error.filename else ""
-        sys.stderr.write(f"squealstudy: {place}{error.strerror or error}\n")
-        raise SystemExit(USAGE_ERROR) from None
+        return DONE
+    except InterruptedRun as signal:
+        _tell(f"{NAME}: interrupted; the same command goes on where it was")
+        return signal.exit_code
     except Exception as error:
-        if os.environ.get(DEBUG):
+        if os.environ.get(DEBUG) and getattr(error, "exit_code", FAULT) == FAULT:
             raise
-        sys.stderr.write(
-            f"squealstudy: internal error, {type(error).__name__}: {error}; {DEBUG}=1 shows where\n"
-        )
-        raise SystemExit(INTERNAL_ERROR) from None
+        if isinstance(error, SquealstudyError):
+            _tell(f"{NAME}: {error}")
+            return error.exit_code
+        what = f"internal error, {type(error).__name__}: {error}"
+        _tell(f"{NAME}: {what}; {DEBUG}=1 shows where")
+        return FAULT
+    finally:
+        cut_lifeline()  # workers whose results nobody waits for would be waited for
+    return DONE
+
+
+def _tell(text: str) -> None:
+    """Write a line to stderr, where there is one."""
+    with contextlib.suppress(AttributeError, OSError):
+        sys.stderr.write(text + "\n")

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
-import os
 from pathlib import Path
 
 import numpy as np
 
 from squealstudy.cli.run import fidelity
-from squealstudy.engine import store
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import (
@@ -20,40 +17,43 @@ from squealstudy.engine.model_kind import (
     check_shapes,
 )
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.store import Store
 from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons
+from squealstudy.engine.worker_count import worker_count
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.boundary import most_points
+from squealstudy.machine import available_memory_mb
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.screen import Rows, progress_bars, warning
+from squealstudy.progress import progress
+from squealstudy.screen import Rows, warning
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
-from squealstudy.wording import plural
+from squealstudy.wording import duration, plural
 
 
 def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_mesh: bool) -> Rows:
     """What is known of a study before it runs; SquealstudyError where it is not valid."""
-    path, jobs = study.source.path, jobs or os.cpu_count() or 1
-    directory = output or study.directory
+    path, directory = study.source.path, output or study.directory
+    found = check_owner(directory, study.owner)
+    jobs = worker_count(jobs, found, warning)
     if study.resolved.kind.of_methods:
         if of_mesh:
             raise SquealstudyError(
                 f"{path}: --mesh-error is of a study's design points, which a study of methods "
                 "has not: check the study that it varies"
             )
-        check_owner(directory, study.owner)
         name, kind, _ = study.owner
         return [("study", f"{name}: {kind}, valid"), *study.plan().facts]
     plan, facts = Plan(study.resolved), None
     if study.resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
 
-        with progress_bars() as progress:
-            chosen = resolve(study.resolved, jobs, progress)
+        with progress() as tell:
+            chosen = resolve(study.resolved, jobs, tell)
         plan, facts = chosen.plan, chosen.facts
-    found = check_owner(directory, plan.owner)
     if found and found.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)
     if text := check_shapes(plan):
@@ -65,14 +65,15 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     check_component_modes(plan)
     solver = plan.kind
     solver.check(plan)
-    plan = solver.grown(plan, directory) if directory.is_dir() else plan
-    done = store.finished_points(directory, solver.schema) if directory.is_dir() else set()
+    store = Store(directory)
+    plan = solver.grown(plan, store)
+    done = store.finished_points(solver.schema)
     missing = sum(t.point_id not in done for t in plan.tasks)
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
     rows += _mesh_error(plan, jobs) if of_mesh else []
     if text := outdated(directory, found):
         warning(f"{text}; all design points will be solved again")
-    for text in solver.warnings(plan):
+    for text in [*plan.study.doubts, *solver.warnings(plan)]:
         warning(text)
     return [*rows, *fidelity(facts)]
 
@@ -97,6 +98,8 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
     if not missing:
         return [*rows, ("time", "nothing is left to solve")]
     workers = min(jobs, missing)
+    each, left = (cost.memory_mb or 0) / 1024, available_memory_mb() / 1024
+    short = f", but only {left:.1f} GB are left: give fewer --jobs" if each * workers > left else ""
     growing = plan.study.grows and missing
     most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
     least, longest = run_seconds(plan, cost, missing, jobs, most)
@@ -104,12 +107,12 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
         *rows,
         (
             "time",
-            f"{_duration(least)} to {_duration(longest)} without pictures: an exact point takes "
+            f"{duration(least)} to {duration(longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
         (
             "memory",
-            f"about {(cost.memory_mb or 0) / 1024:.1f} GB a process, {workers + 1} processes",
+            f"about {each:.1f} GB a process, {workers + 1} processes{short}",
         ),
     ]
 
@@ -140,7 +143,7 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
     if found.unpaired:
         text += f"{plural(found.unpaired, 'more mode')} of {finer} without a counterpart; "
     text += f"unstable are {found.unstable[0]} on {mesh}, {found.unstable[1]} on {finer}"
-    cost = f"{_duration(found.seconds[0])} on {mesh}, {_duration(found.seconds[1])} on {finer}"
+    cost = f"{duration(found.seconds[0])} on {mesh}, {duration(found.seconds[1])} on {finer}"
     return [("mesh error", f"{text} ({cost})")]
 
 
@@ -173,14 +176,8 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     if total > 1:
         text += "; a swept mass or stiffness costs one reduction a value"
     if cost.n_missing_structures and cost.structure_s:
-        text += f" ({_duration(cost.structure_s)} each)"
+        text += f" ({duration(cost.structure_s)} each)"
     return "reductions", text
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 60:
-        return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.2f} s"
-    return f"{math.ceil(seconds / 60)} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
 def schema(kind: str | None) -> str:

@@ -67,6 +67,7 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
 def _parameters(model: Model, options: pd.DataFrame) -> Iterator[list[str]]:
     for name, row in model.parameters.iterrows():
         note = " (new reduction)" if row["structural"] and "mesh" in options.index else ""
+        note += f"; with {row['laws']}" if row["laws"] else ""
         yield [str(name), f"{row['default']:g}", row["unit"] or "-", row["description"] + note]
     for name, default, text in MODE_PARAMETERS:
         yield [name, default, "-", text]

@@ -6,9 +6,9 @@ values: arrays are files of their own, all else stands in one JSON file beside t
 
 from __future__ import annotations
 
-import json
+import hashlib
+import io
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
@@ -19,57 +19,114 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.engine.files import (
+    TEMPORARY,
+    abandoned,
+    file_hash,
+    sealed,
+    temporary_name,
+    unsealed,
+    write_bytes,
+)
 from squealstudy.engine.keys import content_hash
-from squealstudy.engine.store import write_arrays
+from squealstudy.faults import named
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
 META = "meta.json"
-FORMAT = 2  # of a folder: what an earlier version wrote is made again
+FORMAT = 3  # of a folder: what an earlier version wrote is made again
+# of values, below the package: a cache may be shared, and no other class is made of what it says
+CLASSES = {
+    f"squealstudy.{name}"
+    for name in (
+        "kinds.complex_modes.reduction_errors.ReductionErrors",
+        "models.matrices.expression.Expression",
+        "models.matrices.family.FamilyTerm",
+        "models.matrices.family.MatrixFamily",
+        "modes.reanalysis.polynomials.CollocatedSystem",
+        "modes.reanalysis.polynomials.ExpandedWeights",
+        "modes.reanalysis.sweep_basis.SweepBasis",
+        "motion.shared_modes.Training",
+        "reduction.cmt.ReducedModel",
+        "reduction.contact_space.ContactSpace",
+        "reduction.hybrid.HybridModel",
+        "reduction.prepared.PreparedFamily",
+        "reduction.prepared.PreparedModel",
+    )
+}
 CSR = ("data", "indices", "indptr")
 Prepared = PreparedModel | PreparedFamily
 
 
 # -- values in folders ---------------------------------------------------------------------------
+_verified: dict[Path, list[tuple[int, int]]] = {}  # sizes and times of files whose hashes are right
+
+
 def is_whole(folder: Path) -> bool:
-    """Whether a folder holds a value, every array in its full size."""
+    """Whether a folder holds a value as it was written, of classes that values may have.
+
+    Its files are read once a process; from then on their sizes and times are looked at.
+    """
     try:
-        meta = json.loads((folder / META).read_text(encoding="utf-8"))
-        sizes = meta["files"]
-        return meta["format"] == FORMAT and all(
-            (folder / name).stat().st_size == size for name, size in sizes.items()
-        )
+        meta = unsealed((folder / META).read_bytes())
+        files = {folder / name: sha256 for name, sha256 in meta["files"].items()}
+        seen = [(p.stat().st_size, p.stat().st_mtime_ns) for p in (folder / META, *files)]
+        if _verified.get(folder) != seen:
+            if meta["format"] != FORMAT or any(file_hash(p) != h for p, h in files.items()):
+                return False
+            _check_classes(meta["value"])
+            _verified[folder] = seen
     except (OSError, ValueError, KeyError):
         return False
+    return True
 
 
 def save_value(folder: Path, value: Any) -> None:
     """Keep a value; the folder appears whole or not at all."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     arrays: dict[str, np.ndarray] = {}
-    content: dict[str, Any] = {"format": FORMAT, "value": _packed(value, "", arrays)}
-    for name, array in arrays.items():
-        np.save(temporary / f"{name}.npy", array)
-    sizes = {p.name: p.stat().st_size for p in sorted(temporary.iterdir())}
-    (temporary / META).write_text(
-        json.dumps({"format": FORMAT, **content, "files": sizes}), encoding="utf-8"
-    )
-    try:
-        temporary.rename(folder)
-    except OSError:  # another run was faster, or an unfinished folder is in the way
-        if is_whole(folder):
-            shutil.rmtree(temporary, ignore_errors=True)
-        else:
-            shutil.rmtree(folder, ignore_errors=True)
+    content = _packed(value, "", arrays)
+    _check_classes(content)
+    with named(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(folder.parent)
+        temporary = temporary_name(folder)
+        temporary.mkdir()
+        for name, array in arrays.items():
+            np.save(temporary / f"{name}.npy", array, allow_pickle=False)
+        hashes = {p.name: file_hash(p) for p in sorted(temporary.iterdir())}
+        meta = sealed({"format": FORMAT, "value": content, "files": hashes})
+        (temporary / META).write_text(meta, encoding="utf-8")
+        try:
             temporary.rename(folder)
+        except OSError:  # another run was faster, or what is damaged or not finished is in the way
+            if is_whole(folder):
+                shutil.rmtree(temporary, ignore_errors=True)
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+                temporary.rename(folder)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what processes that are gone have left unfinished in a folder."""
+    for path in filter(abandoned, folder.glob(TEMPORARY)):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def load_value(folder: Path) -> Any:
-    """Read a value; its arrays are read-only memory maps, which all workers share."""
-    content = json.loads((folder / META).read_text(encoding="utf-8"))
-    return _unpacked(content["value"], folder)
+    """Read a value; its arrays are read-only memory maps, which all workers share.
+
+    Raises
+    ------
+    OSError
+        Where it is not there, or not as it was written.
+    """
+    if not is_whole(folder):
+        raise OSError(f"{folder}: not as it was written; the next run makes it again")
+    return _unpacked(unsealed((folder / META).read_bytes())["value"], folder)
 
 
 def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
@@ -85,7 +142,7 @@ def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
         names = [f.name for f in fields(value)] if is_dataclass(value) else value._fields
         start = f"{name}." if name else ""
         content = {n: _packed(getattr(value, n), f"{start}{n}", arrays) for n in names}
-        return {"class": [kind.__module__, kind.__qualname__], "fields": content}
+        return {"class": f"{kind.__module__}.{kind.__qualname__}", "fields": content}
     if isinstance(value, tuple):
         return {"tuple": [_packed(v, f"{name}.{i}", arrays) for i, v in enumerate(value)]}
     if isinstance(value, Mapping):
@@ -93,11 +150,23 @@ def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
+def _check_classes(content: Any) -> None:
+    """Raise ValueError where packed content names a class that no value may have."""
+    if isinstance(content, dict):
+        if "class" in content and content["class"] not in CLASSES:
+            raise ValueError(f"{content['class']} is not a class of the cache's values")
+        content = list(content.values())
+    if isinstance(content, list):
+        for part in content:
+            _check_classes(part)
+
+
 def _unpacked(found: Any, folder: Path) -> Any:
     if not isinstance(found, dict):
         return found
     if "array" in found:
-        return np.asarray(np.load(folder / f"{found['array']}.npy", mmap_mode="r"))
+        path = folder / f"{found['array']}.npy"
+        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     if "csr" in found:
         parts = tuple(_unpacked(part, folder) for part in found["csr"])
         return sp.csr_matrix(parts, shape=found["shape"])
@@ -105,7 +174,7 @@ def _unpacked(found: Any, folder: Path) -> Any:
         return tuple(_unpacked(v, folder) for v in found["tuple"])
     if "mapping" in found:
         return {k: _unpacked(v, folder) for k, v in found["mapping"].items()}
-    module, name = found["class"]
+    module, _, name = found["class"].rpartition(".")
     kind = getattr(import_module(module), name)
     return kind(**{n: _unpacked(v, folder) for n, v in found["fields"].items()})
 
@@ -156,8 +225,12 @@ def prepared_model(key: str) -> PreparedModel:
 @lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
-    for file in sorted(_gap_folder(key).glob("*.npz")):
-        with np.load(file) as data:
+    for file in sorted(_gap_folder(key).glob("[!.]*.npz")):
+        content = file.read_bytes()
+        if hashlib.sha256(content).hexdigest() != file.stem:
+            file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
+            continue
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
             found.update(zip(data["keys"].tolist(), data["gaps"], strict=True))
     return found
 
@@ -182,11 +255,14 @@ class NewGaps:
         if design.has_working_point:
             self._found.setdefault(key, {})[working_point_key(design)] = gap
 
-    def save(self, name: str) -> None:
-        """Write them to the cache, under the name of the chunk."""
+    def save(self) -> None:
+        """Write them to the cache, in files named by the hashes of their contents."""
         for key, gaps in self._found.items():
-            arrays = {"keys": np.array(list(gaps)), "gaps": np.stack(list(gaps.values()))}
-            write_arrays(_gap_folder(key) / f"{name}.npz", arrays)
+            content = io.BytesIO()
+            np.savez(content, keys=np.array(list(gaps)), gaps=np.stack(list(gaps.values())))
+            name = hashlib.sha256(content.getvalue()).hexdigest()
+            remove_abandoned(_gap_folder(key))
+            write_bytes(_gap_folder(key) / f"{name}.npz", content.getvalue())
             _gaps(key).update(gaps)
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
 from squealstudy.engine.model_kind import ModelKind, build_structure, build_task
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.workers import peak_memory_mb
 from squealstudy.errors import SquealstudyError
+from squealstudy.machine import peak_memory_mb
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.root_pairs import LIGHT_DAMPING

@@ -23,6 +23,10 @@ NUMERIC_PACKAGES = (
     "modes",
     "motion",
     "laboratory",
+    "root_pairs.py",
+    "study/design.py",
+    "study/family.py",
+    "study/parameters.py",
 )
 LENGTH = 16
 

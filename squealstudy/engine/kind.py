@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from squealstudy.engine.measurement import Measuring
     from squealstudy.engine.results import Results
+    from squealstudy.engine.store import Store
     from squealstudy.screen import Rows
 
 
@@ -130,7 +131,7 @@ class Kind:
         """
         return plan, {}
 
-    def grown(self, plan: Any, directory: Path) -> Any:
+    def grown(self, plan: Any, store: Store) -> Any:
         """The plan with all design points that the finished ones ask for; else the plan itself."""
         return plan
 
@@ -159,13 +160,13 @@ class Kind:
         return failed_row(self.schema, point_id, status, message)
 
     def verify(
-        self, plan: Any, directory: Path, failures: Mapping[str, str], workers: Workers
+        self, plan: Any, store: Store, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Checks of finished points against a better model, for the manifest."""
         return []
 
     def build_tables(
-        self, plan: Any, directory: Path, workers: Workers
+        self, plan: Any, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write the tables from the chunk files; the first of them, and facts for the manifest."""
         raise NotImplementedError

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -11,20 +10,21 @@ from pathlib import Path
 from typing import Any
 
 import squealstudy
+from squealstudy.engine.files import TEMPORARY
+from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import read_manifest, version_of
+from squealstudy.engine.store import LOCK, read_manifest, version_of
 from squealstudy.errors import ResultsError
+from squealstudy.machine import HeldError, cores, lock
 from squealstudy.models.catalogue import MODELS
 
-LOCK = ".lock"
 PACKAGES = (
     "numpy",
     "scipy",
     "pandas",
     "pyarrow",
     "numba",
-    "joblib",
     "scikit-fem",
     "pydantic",
 )
@@ -45,7 +45,7 @@ def new_manifest(plan: Planned, jobs: int) -> dict[str, Any]:
         **plan.kind.manifest(plan),
         "versions": versions(),
         "python": platform.python_version(),
-        "machine": {"processor": platform.machine(), "cores": os.cpu_count()},
+        "machine": {"processor": platform.machine(), "cores": cores()},
         "threads": {"workers": jobs, "blas_threads_a_worker": 1},
         "timings": {},
     }
@@ -83,28 +83,45 @@ def model_facts(plan: Plan) -> dict[str, Any]:
 def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] | None:
     """The manifest that is there, if a study of this (name, kind, model) may write here.
 
+    None where there is none yet, or where it is damaged and the journal tells whose it is.
+
     Raises
     ------
     ResultsError
-        Where the path is a file, the directory holds something else, or another study's results.
+        Where the path is a file, the directory holds something else, or another study's results,
+        or where nobody can tell whose they are.
     """
     if directory.exists() and not directory.is_dir():
         raise ResultsError(f"{directory}: expected a directory for results, found a file")
-    found = read_manifest(directory)
-    if found is None:
-        if directory.is_dir() and any(p.name != LOCK for p in directory.iterdir()):
-            raise ResultsError(
-                f"{directory}: the directory is not empty and holds no results of squealstudy; "
-                "choose another with --output"
-            )
+    begun_by = Journal(directory).owner
+    try:
+        found = read_manifest(directory)
+    except ResultsError as error:
+        if begun_by is None:
+            raise ResultsError(f"{error}; choose another directory with --output") from error
+        found = None  # the journal tells whose it is
+    if found is not None:
+        theirs = found["name"], found["kind"], found["model"]
+    elif begun_by is not None:
+        theirs = begun_by
+    elif directory.is_dir() and (foreign := sorted(filter(_foreign, directory.iterdir()))):
+        raise ResultsError(
+            f"{directory}: the directory is not empty ({foreign[0].name}) and holds no results of "
+            "squealstudy; choose another with --output"
+        )
+    else:
         return None
-    theirs = (found.get("name"), found.get("kind"), found.get("model"))
     if mine != theirs:
         raise ResultsError(
             f"{directory}: belongs to study '{theirs[0]}' ({theirs[1]}, {theirs[2]}), not to "
             f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
         )
     return found
+
+
+def _foreign(path: Path) -> bool:
+    """Whether no run, killed before its manifest was whole, can have left this."""
+    return path.name not in (LOCK, JOURNAL) and not path.match(TEMPORARY)
 
 
 def outdated(directory: Path, found: dict[str, Any] | None) -> str:
@@ -125,12 +142,8 @@ def locked(directory: Path) -> Iterator[None]:
 
     The lock dies with its process, so a killed run never blocks the next.
     """
-    import fcntl
-
-    directory.mkdir(parents=True, exist_ok=True)
-    with (directory / LOCK).open("w") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise ResultsError(f"{directory}: another run is writing here") from error
-        yield
+    try:
+        with lock(directory / LOCK, wait=False):
+            yield
+    except HeldError as error:
+        raise ResultsError(f"{directory}: another run is writing here") from error

@@ -10,7 +10,7 @@ import numpy as np
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
-from squealstudy.study.definition import Study, given_keys
+from squealstudy.study.definition import ResolvedStudy, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
 
 
@@ -52,12 +52,12 @@ class RungChoice(NamedTuple):
         return [rung.name, self.tolerance, *outside]
 
 
-def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> RungChoice:
+def choose_method(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> RungChoice:
     """Choose the rung of a study: as its file says, or the one of least total cost.
 
     Parameters
     ----------
-    study : Study
+    study : ResolvedStudy
     swept : sequence of mapping
         Swept values of each design point.
 
@@ -82,14 +82,14 @@ def choose_method(study: Study, swept: Sequence[Mapping[str, float]]) -> RungCho
     return RungChoice(section.method, section.tolerance, _who_says(study), exact)
 
 
-def _who_says(study: Study) -> str:
+def _who_says(study: ResolvedStudy) -> str:
     """Who set the method: the file, [fidelity], or a study of methods that varies the file."""
     if "modes.method" in given_keys(study):
         return "as the study says"
     return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
-def _scope(study: Study, swept: Sequence[Mapping[str, float]]) -> Scope:
+def _scope(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> Scope:
     structural = [s.name for s in study.sweeps if s.parameter.structural]
     free = [s.name for s in study.sweeps if not s.parameter.structural]
     structures = {tuple(point[name] for name in structural) for point in swept}
@@ -102,7 +102,7 @@ def _scope(study: Study, swept: Sequence[Mapping[str, float]]) -> Scope:
     )
 
 
-def _cheapest(study: Study, scope: Scope, exact: str) -> tuple[str, str]:
+def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]:
     """The rung of an ``auto`` study, and the reason."""
     if not study.kind.chooses_rung:
         return exact, "the only one of this kind of study"
@@ -122,7 +122,7 @@ def _cheapest(study: Study, scope: Scope, exact: str) -> tuple[str, str]:
     return rung.name, why
 
 
-def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> str:
+def _single_mode_damping(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> str:
     """Name of a damping ratio of a single assembly mode that is not that of all modes, or ''."""
     names = [*study.values, *(s.name for s in study.sweeps)]
     for name in (n for n in names if n.startswith("modes[")):
@@ -131,5 +131,5 @@ def _single_mode_damping(study: Study, swept: Sequence[Mapping[str, float]]) -> 
     return ""
 
 
-def _at(study: Study, point: Mapping[str, float], name: str) -> float:
+def _at(study: ResolvedStudy, point: Mapping[str, float], name: str) -> float:
     return point.get(name, study.values.get(name, 0.0))

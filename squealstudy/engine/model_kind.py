@@ -29,7 +29,7 @@ from squealstudy.reduction.prepared import (
     prepare_family,
     prepare_with_basis,
 )
-from squealstudy.study.definition import Study, resolve_study
+from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family
 from squealstudy.study.sections import StudyDefinition
@@ -90,11 +90,11 @@ class ModelKind(Kind):
     needs_contact: bool = True
 
     # -- the study file --------------------------------------------------------------------------
-    def read(self, source: SourceText, tables: Mapping[str, Any]) -> Study:
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
         """The study, checked against its model and resolved."""
         return resolve_study(source, tables)
 
-    def plan(self, study: Study) -> Plan:
+    def plan(self, study: ResolvedStudy) -> Plan:
         """Its design points."""
         return Plan(study)
 
@@ -108,7 +108,7 @@ class ModelKind(Kind):
                 "give --yes to run it all the same, raise the limit or sweep fewer values",
             )
 
-    def resolver(self, study: Study) -> Callable[[Values], Values]:
+    def resolver(self, study: ResolvedStudy) -> Callable[[Values], Values]:
         """What fills in values of a design point that follow from the whole study."""
         return lambda values: values
 

@@ -16,8 +16,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.engine.store import PICTURES, write_atomic, write_manifest
+from squealstudy.engine.files import write_atomic
+from squealstudy.engine.store import PICTURES, write_manifest
 from squealstudy.errors import ResultsError
+from squealstudy.extensions import note_registered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,6 +105,7 @@ def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable
         if known is not None and known.draw.__module__ != draw.__module__:
             raise ValueError(f"there is a plot '{name}' already, in {known.draw.__module__}")
         _REGISTERED[name] = Plot(name, draw, needs, pictures)
+        note_registered(draw.__module__)
         return draw
 
     return registered
@@ -164,14 +167,14 @@ def images(results: Results) -> Iterator[str]:
 
 def draw_pictures(results: Results, directory: Path | None) -> list[Path]:
     """Draw every picture that results allow, as `Results.draw`."""
-    drawn = []
-    for name, plot, choices in pictures(results):
-        drawn.append((directory or results.directory) / f"{name}.png")
-        save_figure(plot(results, **choices), drawn[-1])
-    if directory is None and drawn:
-        results.manifest[PICTURES] = sorted(path.name for path in drawn)
+    wanted = list(pictures(results))
+    paths = [(directory or results.directory) / f"{name}.png" for name, _, _ in wanted]
+    if directory is None and paths:  # first, so that none is there that is not known
+        results.manifest[PICTURES] = sorted(path.name for path in paths)
         write_manifest(results.directory, results.manifest)
-    return drawn
+    for path, (_, plot, choices) in zip(paths, wanted, strict=True):
+        save_figure(plot(results, **choices), path)
+    return paths
 
 
 def save_figure(figure: Figure, path: Path) -> None:

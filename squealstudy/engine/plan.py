@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.engine.keys import content_hash, point_id, source_hash
+from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, point_id, source_hash
 from squealstudy.engine.method import RungChoice, choose_method
 from squealstudy.errors import StudyFileError
+from squealstudy.extensions import in_models
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -22,7 +23,7 @@ from squealstudy.models.operating import (
     contact_parameters,
 )
 from squealstudy.reduction.cmt import ReductionSettings
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint, extreme_scales
 from squealstudy.study.family import file_digests
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
@@ -36,7 +37,7 @@ LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no stru
 STRUCTURE_SOURCES = ("laws", "parameter.py", "linalg", "models", "reduction")
 # beside them, they decide its finer model
 FINER_SOURCES = ("system", "modes/full_order")
-REANALYSIS_SOURCES = ("kinds/complex_modes",)  # boxes, charts, what a basis must reach
+TABLE_SOURCES = (*NUMERIC_PACKAGES, "study", "tables", "engine", "kinds")
 LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
 SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
 
@@ -46,7 +47,7 @@ class Plan:
 
     Parameters
     ----------
-    study : Study
+    study : ResolvedStudy
         A loaded study file.
     swept : list of dict or None
         Swept values of every design point, where the study's own design has grown by results
@@ -56,7 +57,10 @@ class Plan:
     """
 
     def __init__(
-        self, study: Study, swept: list[dict[str, float]] | None = None, enriched: bool = False
+        self,
+        study: ResolvedStudy,
+        swept: list[dict[str, float]] | None = None,
+        enriched: bool = False,
     ) -> None:
         self.study, self.enriched = study, enriched
         self._resolved = study.kind.resolver(study)
@@ -166,7 +170,7 @@ class Plan:
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
         return content_hash(
             {
-                "source": [source_hash(STRUCTURE_SOURCES), *self.study.extensions],
+                "source": [source_hash(STRUCTURE_SOURCES), *in_models(self.study.extensions)],
                 "model": self.study.model.name,
                 "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
                 "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
@@ -191,7 +195,7 @@ class Plan:
         ]
         return content_hash(
             {
-                "source": [source_hash(), *self.study.extensions],
+                "source": source_hash(),
                 "terms": terms,
                 "nominal": sorted((k, v.hex()) for k, v in model.defaults().items()),
                 "band": list(self.band_hz),
@@ -232,11 +236,11 @@ class Plan:
             [
                 structure_key,
                 source_hash(),
+                *self.study.extensions,
                 list(self.band_hz),
                 self.designs[0].law_identity,
                 *self.identity,
                 *self.method.identity,
-                *([] if self.method.rung.exact else [source_hash(REANALYSIS_SOURCES)]),
             ]
         )
 
@@ -251,12 +255,12 @@ class Plan:
     @cached_property
     def study_hash(self) -> str:
         """Hash of all that decides the tables."""
-        modes = self.study.definition.modes
         return content_hash(
             [
+                source_hash(TABLE_SOURCES),
                 [t.point_id for t in self.tasks],
                 list(self.study.shown_parameters),
-                modes.model_dump(mode="json"),
+                self.study.definition.model_dump(mode="json"),
                 *self.identity,
                 *self.kind.table_identity(self),
             ]
@@ -326,7 +330,7 @@ class Plan:
         return self.study.error(keys, message)
 
 
-def has_mesh(study: Study) -> bool:
+def has_mesh(study: ResolvedStudy) -> bool:
     """Whether the model is a finite-element one, to be reduced."""
     return "mesh" in study.options
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
+from squealstudy.engine.journal import MISSING, UNFINISHED
 from squealstudy.engine.pictures import Plots, draw_pictures, images
-from squealstudy.engine.store import onset_parameter, read_history, read_manifest
+from squealstudy.engine.store import Store, onset_parameter, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.kinds import screen_of
@@ -89,10 +89,13 @@ class Results:
             raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
         found = cls(directory, manifest)
         stale = not found.screen.unfinished and manifest.get("status") != "complete"
-        if stale or not all(found._path(name).is_file() for name in found.tables):
+        faults = {name: found.store.fault(f"{name}.parquet", False) for name in found.tables}
+        if stale or {MISSING, UNFINISHED} & set(faults.values()):
             raise ResultsError(
                 f"{directory}: the run is not finished; run the study again to go on"
             )
+        for name in (name for name, fault in faults.items() if fault):
+            found.store.whole(f"{name}.parquet")
         return found
 
     def with_tables(self, **tables: pd.DataFrame) -> Self:
@@ -118,11 +121,13 @@ class Results:
         return self.screen.tables
 
     @cached_property
+    def store(self) -> Store:
+        """Its files, held against what the run wrote."""
+        return Store(self.directory)
+
+    @cached_property
     def _loaded(self) -> dict[str, pd.DataFrame]:
         return {}
-
-    def _path(self, name: str) -> Path:
-        return self.directory / f"{name}.parquet"
 
     def table(self, name: str) -> pd.DataFrame:
         """A table by name, read once, with units in ``attrs``.
@@ -138,10 +143,7 @@ class Results:
                     f"{self.directory}: a {self.kind} study has no table '{name}', it has "
                     f"{', '.join(self.tables)}"
                 )
-            try:
-                self._loaded[name] = pq.read_table(self._path(name)).to_pandas()
-            except (OSError, ValueError) as error:
-                raise ResultsError(f"{self._path(name)}: not a readable table ({error})") from error
+            self._loaded[name] = self.store.read_table(f"{name}.parquet").to_pandas()
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, OWN_UNITS.get(name, {}))
@@ -237,7 +239,7 @@ class Results:
         if "growth" not in self.tables:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
         row = self.points.iloc[self.row_of(point)]
-        found = read_history(self.directory, str(row["point_id"]), str(row["status"]))
+        found = self.store.history(str(row["point_id"]), str(row["status"]))
         return self._give_units(found, {})
 
     @property

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import read_chunks
-from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.engine.store import Store
+from squealstudy.errors import SquealstudyError
+from squealstudy.reduction.working_point import WorkingPoint
 
 Fields = Sequence[tuple[str, pa.DataType]]
 TEXT, REAL, FLAG = pa.string(), pa.float64(), pa.bool_()
 WHOLE, COUNT = pa.int32(), pa.int64()
+WORKING_POINT_FIELDS = (
+    ("working_point_residual", REAL),
+    ("open_share", REAL),
+    ("contact_pressure_min", REAL),
+    ("contact_pressure_max", REAL),
+)
 HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
 
 # what makes a design point a failed row: the named errors, and those of the numerical libraries
@@ -25,6 +31,19 @@ FAILURES = (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueEr
 def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") -> dict[str, Any]:
     """First columns of every row."""
     return {"point_id": point_id, "status": status, "message": message, "wall_s": wall_s}
+
+
+def working_point_cells(point: WorkingPoint | None) -> dict[str, float]:
+    """Columns WORKING_POINT_FIELDS of a working point; NaN of a model without one.
+
+    Contact pressures [Pa] are the least and the largest of all contact points.
+    """
+    names = [name for name, _ in WORKING_POINT_FIELDS]
+    if point is None:
+        return dict.fromkeys(names, np.nan)
+    p = point.contact_pressure
+    figures = (point.residual, point.open_share, float(p.min()), float(p.max()))
+    return dict(zip(names, figures, strict=True))
 
 
 def failed_row(
@@ -50,19 +69,19 @@ def reason(error: Exception) -> tuple[str, str]:
     return "failed", f"{type(error).__name__}: {error}"
 
 
-def planned_rows(plan: Plan, directory: Path, schema: pa.Schema) -> list[dict[str, Any]]:
+def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, Any]]:
     """Rows of all points of the plan, in its order.
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point of the plan is in no chunk.
     """
     ids = [task.point_id for task in plan.tasks]
-    found = read_chunks(directory, set(ids), schema)
+    found = store.rows(ids, schema)
     missing = sum(i not in found for i in ids)
     if missing:
-        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
+        raise store.unsolved(missing, len(ids))
     return [found[i] for i in ids]
 
 

@@ -8,9 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pyarrow.parquet as pq
-
-from squealstudy.engine import store
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
     check_owner,
@@ -19,10 +16,12 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
-from squealstudy.engine.store import INACCURATE, PICTURES, remove_leftovers, write_manifest
-from squealstudy.engine.workers import Progress, Workers, peak_memory_mb, silent, solve_chunk
+from squealstudy.engine.store import CHUNKS, INACCURATE, PICTURES, Store, write_manifest
+from squealstudy.engine.validity import SOLVED
+from squealstudy.engine.workers import Progress, Workers, silent, solve_chunk
 from squealstudy.errors import ResultsError
-from squealstudy.wording import failure_counts
+from squealstudy.machine import peak_memory_mb
+from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +55,7 @@ def run_study(
     yes: bool = False,
     progress: Progress = silent,
     warn: Warn = lambda text: None,
+    fresh: bool = False,
 ) -> RunReport:
     """Run a study of any kind, or what is left of it.
 
@@ -73,9 +73,11 @@ def run_study(
     yes : bool
         Accept more points than the study's limit.
     progress : callable
-        Told (stage, done, total).
+        Told (stage, done, total, failed).
     warn : callable
         Told what may go wrong, before the design points are solved.
+    fresh : bool
+        Remove what the study wrote there before, and begin anew; files of others stay.
 
     Raises
     ------
@@ -90,81 +92,95 @@ def run_study(
     plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory):
-        if (further := kind.grown(plan, directory)) is not plan:
+        found, store = check_owner(directory, plan.owner), Store(directory)
+        pictures = [Path(name).name for name in found.get(PICTURES, [])] if found else []
+        if fresh and (found or store.journal.begun):
+            store.clear(plan.owner, [*kind.tables, *pictures])
+            found = None
+        store.journal.begin(plan.owner)
+        whole = store.repair(warn)
+        if (further := kind.grown(plan, store)) is not plan:
             plan = further
             failures |= kind.build(plan, workers)
-        found = check_owner(directory, plan.owner)
-        if found and _is_complete(found, plan, directory):
-            _expect_solved(plan, directory, pq.read_table(directory / kind.tables[0]).to_pandas())
+        if found and whole and _is_complete(found, plan, store):
+            _expect_solved(plan, directory, store.read_table(kind.tables[0]).to_pandas())
             return RunReport(directory, found, 0, len(plan.tasks))
         if text := outdated(directory, found):
             warn(f"{text}; all {kind.rows_word} are solved again")
-        remove_leftovers(directory)
-        for name in found.get(PICTURES, []) if found else []:  # of tables that are made anew
-            (directory / Path(name).name).unlink(missing_ok=True)
+        if text := _left_over(plan, store):
+            warn(text)
+        for name in pictures:  # of tables that are made anew
+            (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
         write_manifest(directory, manifest)
         for text in kind.warnings(plan):
             warn(text)
-        n_solved = _solve_points(plan, directory, failures, workers, manifest)
-        while len((further := kind.grown(plan, directory)).tasks) > len(plan.tasks):
+        n_solved = _solve_points(plan, store, failures, workers, manifest)
+        while len((further := kind.grown(plan, store)).tasks) > len(plan.tasks):
             plan = further
             kind.check_limit(plan, yes)
             failures |= kind.build(plan, workers)
             manifest |= kind.manifest(plan) | identity_facts(plan)
-            n_solved += _solve_points(plan, directory, failures, workers, manifest)
+            n_solved += _solve_points(plan, store, failures, workers, manifest)
         verified = time.perf_counter()
-        manifest["reference"] = kind.verify(plan, directory, failures, workers)
+        manifest["reference"] = kind.verify(plan, store, failures, workers)
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
-        _finish(plan, directory, manifest, workers, started)
+        _finish(plan, store, manifest, workers, started)
     return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
 
 
-def _is_complete(found: dict[str, Any], plan: Planned, directory: Path) -> bool:
+def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
+    """Whether nothing is left to do in a directory whose files are all whole."""
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and all(_readable(directory / name) for name in plan.kind.tables)
+        and set(plan.kind.tables) <= store.journal.entries.keys()
     )
 
 
-def _readable(path: Path) -> bool:
-    """Whether a table is there and whole; what is not is made again from the chunk files."""
-    try:
-        pq.read_metadata(path)
-    except (OSError, ValueError):
-        return False
-    return True
+def _left_over(plan: Planned, store: Store) -> str:
+    """What of the rows that are there a study takes over, where it does not take over all."""
+    known = store.finished_points(plan.kind.schema)
+    others = len(known - {task.point_id for task in plan.tasks})
+    if not others:
+        return ""
+    return (
+        f"{store.directory}: {len(known) - others} of {plural(len(known), plan.kind.row_word)} "
+        f"solved before belong to this study now; {others} others stay in {CHUNKS}/, not in the "
+        "tables (--fresh removes them)"
+    )
 
 
 def _solve_points(
     plan: Planned,
-    directory: Path,
+    store: Store,
     failures: dict[str, str],
     workers: Workers,
     manifest: dict[str, Any],
 ) -> int:
     """Solve the design points that no chunk file holds; their number."""
     started, kind = time.perf_counter(), plan.kind
-    done_before = store.finished_points(directory, kind.schema)
+    done_before = store.finished_points(kind.schema)
     pending = [t for t in plan.tasks if t.point_id not in done_before]
     why = {t.point_id: kind.unsolvable(plan, t, failures) for t in pending}
     rows = [kind.failed_row(name, "structure", text) for name, text in why.items() if text]
     if rows:
-        store.write_rows(directory, rows, kind.schema)
+        store.write_rows(rows, kind.schema)
     solvable = [t for t in pending if not why[t.point_id]]
     tasks = kind.tasks(plan, solvable, workers) if solvable else []
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
-    workers.report(kind.rows_word, done, total)
+    failed = len(rows)
+    workers.report(kind.rows_word, done, total, failed)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
     for chunk in workers.each(partial(solve_chunk, kind), tasks):
-        store.write_chunk(directory, chunk)
+        store.write_chunk(chunk)
         done += len(chunk.table)
+        failed += sum(s not in SOLVED for s in chunk.table["status"].to_pylist())
         known += chunk.known
         busy += chunk.wall_s
         peak = max(peak, chunk.peak_mb)
-        workers.report(kind.rows_word, done, total)
+        workers.report(kind.rows_word, done, total, failed)
     manifest["peak_memory_mb"] = {"largest_worker": peak}
     spent = {
         "points_s": time.perf_counter() - started,
@@ -179,23 +195,23 @@ def _solve_points(
 
 
 def _finish(
-    plan: Planned, directory: Path, manifest: dict[str, Any], workers: Workers, started: float
+    plan: Planned, store: Store, manifest: dict[str, Any], workers: Workers, started: float
 ) -> None:
     """Build the tables and close the manifest."""
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
-    points, facts = plan.kind.build_tables(plan, directory, workers)
+    points, facts = plan.kind.build_tables(plan, store, workers)
     manifest |= facts
     now = time.perf_counter()
     manifest["timings"] |= {"tables_s": now - tables_started, "total_s": now - started}
-    solved = points["status"].isin(["ok", INACCURATE])
+    solved = points["status"].isin(SOLVED)
     manifest["n_failed"] = int((~solved).sum())
     manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())
     manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
-    write_manifest(directory, manifest)
+    write_manifest(store.directory, manifest)
     workers.report("tables", 1, 1)
-    _expect_solved(plan, directory, points)
+    _expect_solved(plan, store.directory, points)
 
 
 def _expect_solved(plan: Planned, directory: Path, points: pd.DataFrame) -> None:

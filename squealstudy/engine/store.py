@@ -1,25 +1,38 @@
-"""Files of a results directory: their names, the manifest, chunk files of rows, histories.
+"""A results directory: what its files are called, and the one place that writes and reads them.
 
-Each is whole or absent: written under a temporary name, flushed, renamed. A chunk file has one row
-a design point with its findings in lists, under an explicit schema.
+Each file is whole or absent, and stands in the journal once it is finished; what is read is held
+against the journal. The manifest is sealed by itself. A chunk file has one row a design point with
+its findings in lists, under an explicit schema.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+import shutil
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from squealstudy.engine.keys import chunk_id
+from squealstudy.engine.files import (
+    SEAL,
+    TEMPORARY,
+    sealed,
+    unsealed,
+    write_arrays,
+    write_atomic,
+    write_text,
+)
+from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
+from squealstudy.engine.keys import LENGTH, chunk_id
 from squealstudy.engine.workers import ChunkRows
-from squealstudy.errors import ResultsError
+from squealstudy.errors import MachineError, ResultsError
+from squealstudy.wording import listed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,74 +42,15 @@ ONSETS = "onsets.parquet"
 SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
-HISTORIES, STATES = "histories", "states"
+HISTORIES, STATES, REFERENCES = "histories", "states", "references"
 ONSET_PARAMETER = "friction"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 MANIFEST = "manifest.json"
 CHUNKS = "chunks"
-
-
-def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` on a temporary file beside `path`, flush it to disk and rename it.
-
-    A crash leaves the old file or the new one, and at most a ``.tmp`` that readers never look at.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        _sync(temporary)
-        temporary.replace(path)
-        _sync(path.parent)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write a table to a Parquet file that is whole or absent."""
-    write_atomic(path, lambda p: pq.write_table(table, p, compression="zstd"))
-
-
-def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays by name to an npz file atomically."""
-
-    def write(temporary: Path) -> None:
-        with temporary.open("wb") as handle:
-            np.savez(handle, **arrays)
-
-    write_atomic(path, write)
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write a value to a JSON file that is whole or absent."""
-    write_text(path, json.dumps(content, indent=2, default=str) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text atomically."""
-
-    def write(temporary: Path) -> None:
-        temporary.write_text(text, encoding="utf-8")
-
-    write_atomic(path, write)
-
-
-def remove_leftovers(directory: Path) -> None:
-    """Remove temporary files that a killed run left below `directory` (hold its lock)."""
-    for path in directory.rglob(".*.tmp"):
-        path.unlink(missing_ok=True)
+SET_ASIDE = "damaged"  # folder of files that are not as they were written
+LOCK = ".lock"
+OWN = re.compile(rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]+")
 
 
 def onset_parameter(swept: Sequence[str]) -> str | None:
@@ -112,8 +66,11 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        text = path.read_bytes()
+        content: dict[str, Any] = json.loads(text)
+        if SEAL in content:  # those of older versions have none
+            content = unsealed(text)
+    except (OSError, ValueError, TypeError) as error:
         raise ResultsError(f"{path}: not a readable manifest ({error})") from error
     if not isinstance(content, dict) or not {"name", "kind", "model"} <= set(content):
         raise ResultsError(f"{path}: not a manifest of squealstudy")
@@ -125,58 +82,224 @@ def version_of(manifest: dict[str, Any]) -> str:
     return str(manifest.get("versions", {}).get("squealstudy", "0"))
 
 
-def write_manifest(directory: Path, manifest: dict[str, Any]) -> None:
+def write_manifest(directory: Path, manifest: Mapping[str, Any]) -> None:
     """Write the manifest of a results directory, whole or not at all."""
-    write_json(directory / MANIFEST, manifest)
+    write_text(directory / MANIFEST, sealed(manifest))
 
 
-def write_rows(directory: Path, rows: Sequence[dict[str, Any]], schema: pa.Schema) -> None:
-    """Write rows as one chunk file, whole or not at all, named by its points."""
-    _write_table(directory, pa.Table.from_pylist(list(rows), schema=schema))
+class Store:
+    """The files of a results directory beside its manifest; names are paths below it.
+
+    Attributes
+    ----------
+    directory : Path
+        Made where something is written.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    @cached_property
+    def journal(self) -> Journal:
+        """As it was when first asked for, and what this store has written since."""
+        return Journal(self.directory)
+
+    # -- writing; one process at a time (`manifest.locked`) ------------------------------------
+    def write_table(self, name: str, table: pa.Table) -> None:
+        """A table as a Parquet file."""
+        self._write({name: table})
+
+    def write_json(self, name: str, content: Any) -> None:
+        """A value as JSON."""
+        self._write({name: json.dumps(content, indent=2) + "\n"})
+
+    def write_rows(self, rows: Sequence[dict[str, Any]], schema: pa.Schema) -> None:
+        """Rows as one chunk file, named by its points."""
+        self._write(_named(pa.Table.from_pylist(list(rows), schema=schema)))
+
+    def write_chunk(self, chunk: ChunkRows) -> None:
+        """What a worker found: the files beside the tables first, then its rows."""
+        self._write({**chunk.files, **_named(chunk.table)})
+
+    def _write(self, contents: Mapping[str, pa.Table | str | Mapping[str, Any]]) -> None:
+        """Files that belong together: finished with the last of them."""
+        self.journal.withdraw(list(contents))
+        for name, content in contents.items():
+            path = self.directory / name
+            if isinstance(content, pa.Table):
+                write_atomic(path, _parquet(content))
+            elif isinstance(content, str):
+                write_text(path, content)
+            else:
+                write_arrays(path, content)
+        self.journal.add(list(contents))
+
+    def repair(self, warn: Callable[[str], None]) -> bool:
+        """Leave files that are whole alone: whether all were, or only never finished.
+
+        What is damaged is set aside, and what a killed run did not finish is removed. `warn` is
+        told what is damaged or missing.
+        """
+        for path in self.directory.rglob(TEMPORARY):
+            path.unlink(missing_ok=True)
+        faults = self.faults()
+        for fault, names in faults.items():
+            self._give_up(names, fault == DAMAGED)
+            kept = f", now in {self.directory / SET_ASIDE}" if fault == DAMAGED else ""
+            warn(
+                f"{self.directory}: {fault}{kept}: {listed(sorted(names))}; what was in it is made "
+                "again"
+            )
+        for name in self.unfinished():
+            (self.directory / name).unlink()
+        return not faults
+
+    def clear(self, owner: Owner, others: Iterable[str]) -> None:
+        """Begin anew: remove all that the study wrote, and the `others` among the files here."""
+        gone = [*self.journal.entries, *others, MANIFEST]
+        self.journal.restart(owner)  # first: what a kill leaves is then not finished
+        for name in (*gone, *self.unfinished()):
+            (self.directory / name).unlink(missing_ok=True)
+        shutil.rmtree(self.directory / SET_ASIDE, ignore_errors=True)
+        for folder in (CHUNKS, HISTORIES, STATES, REFERENCES):
+            with contextlib.suppress(OSError):  # not there, or it holds what is not ours
+                (self.directory / folder).rmdir()
+
+    def faults(self) -> dict[str, list[str]]:
+        """Files that are not as the journal or their seal says, by what is wrong with them."""
+        found: dict[str, list[str]] = {}
+        for name in self.journal.entries:
+            if fault := self.journal.fault(name):
+                found.setdefault(fault, []).append(name)
+        try:
+            read_manifest(self.directory)
+        except ResultsError:
+            found.setdefault(DAMAGED, []).append(MANIFEST)
+        return found
+
+    def _give_up(self, names: Iterable[str], keep: bool) -> None:
+        """Files, and with them the files that they belong together with."""
+        entries = self.journal.entries
+        lost = {n for name in names if name in entries for n in entries[name].group}
+        self.journal.withdraw(sorted(lost))
+        for name in names if keep else ():
+            aside = self.directory / SET_ASIDE / name
+            aside.parent.mkdir(parents=True, exist_ok=True)
+            (self.directory / name).replace(aside)
+
+    def unfinished(self) -> list[str]:
+        """Files of our own making that stand in no journal."""
+        found = (path for path in self.directory.glob("*/*") if path.is_file())
+        names = (path.relative_to(self.directory).as_posix() for path in found)
+        return [n for n in names if OWN.fullmatch(n) and n not in self.journal.entries]
+
+    def unsolved(self, missing: int, asked: int) -> MachineError:
+        """The error of design points that are in no chunk file, though all were solved."""
+        return MachineError(
+            f"{self.directory}: {missing} of {asked} design points are not solved, for their files "
+            "were removed or damaged during the run"
+        )
+
+    # -- reading -------------------------------------------------------------------------------
+    def names(self, folder: str) -> list[str]:
+        """Finished files of a folder that are there, sorted; without a journal all files."""
+        paths = (self.directory / folder).glob("[!.]*")
+        names = sorted(f"{folder}/{path.name}" for path in paths)
+        return [n for n in names if n in self.journal.entries or not self.journal.begun]
+
+    def fault(self, name: str, thoroughly: bool = True) -> str:
+        """What is wrong with a file (`Journal.fault`); of older versions only whether it is there.
+
+        By its size alone where not `thoroughly`.
+        """
+        if self.journal.begun:
+            return self.journal.fault(name, thoroughly)
+        return "" if (self.directory / name).is_file() else UNFINISHED
+
+    def whole(self, name: str) -> Path:
+        """The path of a file that is as it was written; ResultsError where it is not."""
+        path = self.directory / name
+        if fault := self.fault(name):
+            raise ResultsError(
+                f"{path}: {fault}: it is not what the run wrote; run the study again to make it "
+                "anew"
+            )
+        return path
+
+    def read_table(self, name: str, columns: Sequence[str] | None = None) -> pa.Table:
+        """A table; ResultsError where it is not as it was written."""
+        path = self.whole(name)
+        try:
+            return pq.read_table(path, columns=columns)
+        except (OSError, ValueError) as error:
+            raise ResultsError(f"{path}: not a readable table ({error})") from error
+
+    def chunks(self, schema: pa.Schema, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
+        """Tables of the chunk files one after the other.
+
+        Those of another schema and damaged ones are passed over: their points are not solved.
+        """
+        chosen = None if columns is None else list(columns)
+        for name in self.names(CHUNKS):
+            if not self.fault(name):
+                with pq.ParquetFile(self.directory / name) as file:
+                    if file.schema_arrow.equals(schema):
+                        yield file.read(columns=chosen, use_threads=False)
+
+    def finished_points(self, schema: pa.Schema) -> set[str]:
+        """Ids of all points in chunk files."""
+        found: set[str] = set()
+        for table in self.chunks(schema, ["point_id"]):
+            found.update(table["point_id"].to_pylist())
+        return found
+
+    def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
+        """Rows of the wanted points by id; a point that stands twice is taken once."""
+        ids, found = set(wanted), {}
+        for table in self.chunks(schema):
+            for row in table.to_pylist():
+                if row["point_id"] in ids:
+                    found[row["point_id"]] = row
+        return found
+
+    def references(self) -> dict[str, dict[str, Any]]:
+        """Full-order checks by point id; damaged ones are passed over, to be made again."""
+        names = (name for name in self.names(REFERENCES) if not self.fault(name))
+        found = (json.loads((self.directory / name).read_bytes()) for name in names)
+        return {result["point_id"]: result for result in found}
+
+    def kept_histories(self) -> set[str]:
+        """Ids of the design points whose histories were kept."""
+        return {Path(name).stem for name in self.names(HISTORIES)}
+
+    def history(self, point_id: str, status: str = "ok") -> pd.DataFrame:
+        """The history of a design point; `status` is that of its row.
+
+        Raises
+        ------
+        ResultsError
+            Where none was kept, or it is not as it was written.
+        """
+        name = f"{HISTORIES}/{point_id}.parquet"
+        if self.fault(name, thoroughly=False) == UNFINISHED:
+            path = self.directory / name
+            if status != "ok":
+                raise ResultsError(f"{path}: no history, for the point failed: {status}")
+            if kept := len(self.kept_histories()):
+                raise ResultsError(f"{path}: no history of this point, but of {kept} others")
+            raise ResultsError(
+                f"{path}: the study kept no histories; [transient] save_every above 0 keeps them"
+            )
+        frame: pd.DataFrame = self.read_table(name).to_pandas()
+        return frame
 
 
-def write_chunk(directory: Path, chunk: ChunkRows) -> None:
-    """Write what a worker found: the files beside the tables first, then its rows."""
-    for name, content in chunk.files.items():
-        if isinstance(content, pa.Table):
-            write_parquet(directory / name, content)
-        else:
-            write_arrays(directory / name, content)
-    _write_table(directory, chunk.table)
+def _named(table: pa.Table) -> dict[str, pa.Table]:
+    return {f"{CHUNKS}/{chunk_id(table['point_id'].to_pylist())}.parquet": table}
 
 
-def _write_table(directory: Path, table: pa.Table) -> None:
-    name = chunk_id(table["point_id"].to_pylist())
-    write_parquet(directory / CHUNKS / f"{name}.parquet", table)
-
-
-def read_tables(
-    directory: Path, schema: pa.Schema, columns: Sequence[str] | None = None
-) -> Iterator[pa.Table]:
-    """Tables of the chunk files one after the other; files of another schema are passed over."""
-    chosen = None if columns is None else list(columns)
-    for path in sorted((directory / CHUNKS).glob("*.parquet")):
-        with pq.ParquetFile(path) as file:
-            if file.schema_arrow.equals(schema):
-                yield file.read(columns=chosen, use_threads=False)
-
-
-def finished_points(directory: Path, schema: pa.Schema) -> set[str]:
-    """Ids of all points in whole chunk files."""
-    found: set[str] = set()
-    for table in read_tables(directory, schema, ["point_id"]):
-        found.update(table["point_id"].to_pylist())
-    return found
-
-
-def read_chunks(directory: Path, wanted: set[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
-    """Rows of the wanted points by id; a point that stands twice is taken once."""
-    rows: dict[str, dict[str, Any]] = {}
-    for table in read_tables(directory, schema):
-        for row in table.to_pylist():
-            if row["point_id"] in wanted:
-                rows[row["point_id"]] = row
-    return rows
+def _parquet(table: pa.Table) -> Callable[[Path], None]:
+    return lambda path: pq.write_table(table, path, compression="zstd")
 
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
@@ -184,29 +307,3 @@ def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
     kept = frame.astype({name: "float32" for name in frame.columns if name != "time"})
     table = pa.Table.from_pandas(kept, preserve_index=False)
     return {f"{HISTORIES}/{point_id}.parquet": table}
-
-
-def kept_histories(directory: Path) -> set[str]:
-    """Ids of the design points whose histories were kept."""
-    return {path.stem for path in (directory / HISTORIES).glob("*.parquet")}
-
-
-def read_history(directory: Path, point_id: str, status: str = "ok") -> pd.DataFrame:
-    """The history of a design point; `status` is that of its row.
-
-    Raises
-    ------
-    ResultsError
-        Where none was kept.
-    """
-    path = directory / HISTORIES / f"{point_id}.parquet"
-    if not path.is_file():
-        if status != "ok":
-            raise ResultsError(f"{path}: no history, for the point failed: {status}")
-        if kept := len(kept_histories(directory)):
-            raise ResultsError(f"{path}: no history of this point, but of {kept} others")
-        raise ResultsError(
-            f"{path}: the study kept no histories; [transient] save_every above 0 keeps them"
-        )
-    frame: pd.DataFrame = pq.read_table(path).to_pandas()
-    return frame

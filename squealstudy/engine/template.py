@@ -15,7 +15,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, create_model
 from pydantic.fields import FieldInfo
 
-from squealstudy.engine.store import write_text
+from squealstudy.engine.files import write_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.matrices.family import NAME as MATRICES

@@ -8,7 +8,6 @@ they say little of a brake. Reasons read ``rule: value``.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ import pyarrow as pa
 from squealstudy.engine.cache import is_prepared, prepared_model
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FLAG, TEXT, Fields, points_table
-from squealstudy.engine.store import POINTS, write_parquet
+from squealstudy.engine.store import POINTS, Store
 from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LARGEST_MODAL_DAMPING
@@ -82,14 +81,14 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
 
 
 def write_points(
-    plan: Plan, directory: Path, rows: Sequence[Mapping[str, Any]], fields: Fields
+    plan: Plan, store: Store, rows: Sequence[Mapping[str, Any]], fields: Fields
 ) -> pd.DataFrame:
     """Write the points table of chunk rows, with its validity; the table.
 
     Parameters
     ----------
     plan : Plan
-    directory : Path
+    store : Store
         Of the results.
     rows : sequence of mapping
         A row for each of its design points, in order.
@@ -101,7 +100,7 @@ def write_points(
     schema = pa.schema([*known, *FIELDS])
     frame = with_validity(plan, table.to_pandas())
     table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False)
-    write_parquet(directory / POINTS, table)
+    store.write_table(POINTS, table)
     points: pd.DataFrame = table.to_pandas()
     return points
 

@@ -5,40 +5,48 @@ What passes between a run and its workers, their memory, and their end with the 
 
 from __future__ import annotations
 
-import contextlib
+import atexit
+import errno
 import math
-import os
-import resource
-import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.errors import SquealstudyError
-from squealstudy.extensions import Extensions, extension_files
+from squealstudy.errors import MachineError
+from squealstudy.extensions import extension_files, start_worker
+from squealstudy.machine import (
+    MOST_WORKERS,
+    cut_lifeline,
+    lifeline,
+    peak_memory_mb,
+    starting_processes,
+)
+from squealstudy.paths import cache_directory
+from squealstudy.progress import Progress as Progress
 
 if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing.connection import Connection
+    from pathlib import Path
+
     from squealstudy.engine.kind import Kind
 
 
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
-WATCH_S = 0.5
-STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
-_started_with: list[tuple[Path, ...]] = []  # files of the workers that may be there
-_watched: set[int] = set()
 Item = TypeVar("Item")
 Found = TypeVar("Found")
-Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
-def silent(stage: str, done: int, total: int) -> None:
+def silent(stage: str, done: int, total: int, failed: int = 0) -> None:
     """Progress that nobody is told of."""
 
 
@@ -56,7 +64,7 @@ class Workers:
     jobs : int
         Processes; with one all is done in this process.
     report : callable
-        Told (stage, done, total).
+        Told (stage, done, total, failed).
     patience : callable
         Seconds for which tasks are done in this process: a worker takes longer to start than a
         small study to run.
@@ -75,8 +83,8 @@ class Workers:
 
         Raises
         ------
-        SquealstudyError
-            Where a worker process dies.
+        MachineError
+            Where a worker process dies, or none can start.
         """
         if stage and tasks:
             self.report(stage, 0, len(tasks))
@@ -98,25 +106,58 @@ class Workers:
     def _on_processes(
         self, function: Callable[[Item], Found], tasks: Sequence[Item]
     ) -> Iterator[Found]:
+        from concurrent.futures import as_completed
         from concurrent.futures.process import BrokenProcessPool
 
-        from joblib import Parallel, delayed, parallel_config
+        with warnings.catch_warnings():  # joblib says what it cannot do where /dev/shm is full
+            warnings.simplefilter("ignore")
+            from joblib import wrap_non_picklable_objects
 
-        files = Extensions(extension_files())
-        _renew_workers(files.paths)
-        calls = [delayed(_in_worker)(files, os.getpid(), function, task) for task in tasks]
+        executor = _executor(self.jobs, lifeline(), extension_files(), cache_directory())
         try:
-            with parallel_config(backend="loky", inner_max_num_threads=1):
-                yield from Parallel(
-                    n_jobs=min(self.jobs, len(tasks)),
-                    return_as="generator_unordered",
-                    batch_size=1,
-                )(calls)
+            with starting_processes():
+                calls = [partial(_on_one_thread, function, task) for task in tasks]
+                # lambdas too: models have them, and extensions may
+                begun = [executor.submit(wrap_non_picklable_objects(call)) for call in calls]
+            found = as_completed(begun)
+            del begun  # which would hold all results
+            for one in found:
+                yield one.result()
         except BrokenProcessPool as error:
-            raise SquealstudyError(
-                "a worker process died (out of memory, or killed); what is finished is kept, and "
-                "the same command goes on from there, with fewer workers by --jobs"
+            cut_lifeline()
+            raise MachineError(
+                "a worker process died (out of memory, or killed): give fewer --jobs"
             ) from error
+        except BaseException:  # nobody waits for the others any more
+            cut_lifeline()
+            raise
+
+
+@lru_cache(maxsize=1)
+def _executor(
+    jobs: int, line: Connection, files: tuple[Path, ...], _cache: Path
+) -> ProcessPoolExecutor:
+    """Processes that stay for the next tasks: they take longer to start than most tasks.
+
+    With other extensions others start, whose kernels know other laws; with another cache as well,
+    for processes have the environment in which they start.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    jobs = min(jobs, MOST_WORKERS)
+    try:
+        return ProcessPoolExecutor(jobs, get_context("spawn"), start_worker, (line, files))
+    except OSError as error:
+        if error.errno in TOO_MANY_FILES:
+            raise
+        raise MachineError(
+            "worker processes cannot start, for there is no memory for them to share: free "
+            "some space in /dev/shm, or give --jobs 1"
+        ) from error
+
+
+atexit.register(_executor.cache_clear)  # while modules are there, which it looks up at its end
 
 
 def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
@@ -124,80 +165,10 @@ def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
         return function(task)
 
 
-def _in_worker(
-    _files: Extensions, parent: int, function: Callable[[Item], Found], task: Item
-) -> Found:
-    """A task in a worker, which has executed the files of the study when it gets here.
-
-    The worker ends with the process `parent`.
-    """
-    watch_parent(parent)
-    return _on_one_thread(function, task)
-
-
-def _renew_workers(files: tuple[Path, ...]) -> None:
-    """End workers that began without these files: their kernels know other laws."""
-    from joblib.externals.loky import get_reusable_executor
-
-    if _started_with and _started_with[-1] != files:
-        get_reusable_executor().shutdown(wait=True)
-    _started_with[:] = [files]
-
-
 def split_chunks(tasks: Sequence[Item], jobs: int) -> list[Sequence[Item]]:
     """Consecutive points in chunks small enough to balance the workers and to lose little."""
     size = max(1, min(MAX_CHUNK, math.ceil(len(tasks) / (CHUNKS_A_WORKER * jobs))))
     return [tasks[i : i + size] for i in range(0, len(tasks), size)]
-
-
-def watch_parent(parent: int) -> None:
-    """End this process when `parent` is gone: a killed run leaves no worker behind."""
-    if parent in _watched or os.getpid() == parent:
-        return
-    _watched.add(parent)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(WATCH_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def peak_memory_mb() -> float:
-    """Largest resident size of this process so far, MB.
-
-    From /proc where there is one: getrusage gives a worker its parent's size at the fork.
-    """
-    if STATUS.is_file():
-        return _status_mb("VmHWM")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def _status_mb(name: str) -> float:
-    fields = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
-    return float(fields[name].split()[0]) / 1024.0
-
-
-@dataclass
-class MemoryAbove:
-    """Largest resident size within `memory_above`, MB above that before; NaN where unknown."""
-
-    megabytes: float = float("nan")
-
-
-@contextlib.contextmanager
-def memory_above() -> Iterator[MemoryAbove]:
-    """Watch the memory of what runs inside; Linux only, elsewhere NaN."""
-    found = MemoryAbove()
-    try:
-        RESET.write_text("5")  # the peak begins again at the present size
-        before = _status_mb("VmRSS")
-    except OSError:
-        yield found
-        return
-    yield found
-    found.megabytes = max(0.0, _status_mb("VmHWM") - before)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +11,8 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
 
+from squealstudy.engine.files import sealed, unsealed, write_text
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
-from squealstudy.engine.store import write_json
 from squealstudy.fidelity.ladders import Setting
 from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.paths import cache_directory
@@ -202,9 +203,10 @@ def kept_choice(scene: FidelityStudy, make: Callable[[], Choice]) -> Choice:
     """The choice of a scene, read where an earlier run made it, made and kept where not."""
     path = _path(scene)
     if path.is_file():
-        return _CHOICE.validate_json(path.read_text(encoding="utf-8"))
+        with contextlib.suppress(ValueError):  # damaged: it is made again
+            return _CHOICE.validate_python(unsealed(path.read_bytes()))
     choice = make()
-    write_json(path, _CHOICE.dump_python(choice, mode="json"))
+    write_text(path, sealed(_CHOICE.dump_python(choice, mode="json")))
     return choice
 
 

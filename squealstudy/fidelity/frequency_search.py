@@ -21,7 +21,7 @@ from squealstudy.kinds.complex_modes.reduction_errors import SAFETY
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
-from squealstudy.study.definition import Study, given_keys
+from squealstudy.study.definition import ResolvedStudy, given_keys
 
 METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
@@ -193,7 +193,7 @@ class ModeSearch:
         return made.reduction_seconds + made.seconds * solves / self.scene.jobs
 
 
-def exact_method(study: Study) -> str:
+def exact_method(study: ResolvedStudy) -> str:
     """What others are held against: full order, of a model without a reduction its own modes."""
     small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
     return (exact_rung(reduced=True) if small else full_order_rung()).name

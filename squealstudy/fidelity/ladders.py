@@ -13,7 +13,7 @@ from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
 )
-from squealstudy.study.definition import Study, given_keys
+from squealstudy.study.definition import ResolvedStudy, given_keys
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
@@ -42,7 +42,7 @@ class Setting:
 Ladder = tuple[Setting, ...]  # settings of one kind, cheapest first
 
 
-def free_ladders(study: Study) -> dict[str, Ladder]:
+def free_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
     """The ladders of a study whose keys the file leaves out; explicit settings always win."""
     if not study.kind.chooses_rung:
         wanted = _time_ladders(study)
@@ -71,7 +71,7 @@ def _reductions() -> Ladder:
     )
 
 
-def _time_ladders(study: Study) -> dict[str, Ladder]:
+def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
     """Of a minimal model step and slope; a continued run keeps the contact points it has."""
     section = study.section
     steps = tuple(Setting(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
@@ -85,14 +85,14 @@ def _time_ladders(study: Study) -> dict[str, Ladder]:
     return ladders
 
 
-def _usable_steps(study: Study) -> list[float]:
+def _usable_steps(study: ResolvedStudy) -> list[float]:
     """Those that the duration has enough of, s."""
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
     duration = study.section.duration
     return [n * unit for n in STEPS if LEAST_STEPS * n * unit <= duration]
 
 
-def training_step(study: Study) -> dict[str, float]:
+def training_step(study: ResolvedStudy) -> dict[str, float]:
     """One step [s] for all training runs, so that runs of other steps share a basis.
 
     The file's own where it gives one; nothing where it says how to train.
@@ -105,7 +105,7 @@ def training_step(study: Study) -> dict[str, float]:
     return {"transient.pod_step": usable[min(TRIAL_STEP, len(usable) - 1)]}
 
 
-def _bases(study: Study) -> Ladder:
+def _bases(study: ResolvedStudy) -> Ladder:
     top, training = float(study.definition.modes.band[1]), training_step(study)
     small = [
         Setting(
@@ -117,7 +117,7 @@ def _bases(study: Study) -> Ladder:
     return (*small, Setting("all modes", {}))
 
 
-def _saturations(study: Study) -> Ladder:
+def _saturations(study: ResolvedStudy) -> Ladder:
     """Sliding speeds below which points stick, of all design points, softest friction first."""
     own = REGULARISATION_SHARE * slowest_speed(study)
     speeds = [factor * own for factor in SATURATIONS]

@@ -13,7 +13,7 @@ from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sections import FidelitySection
 from squealstudy.tables.method_quality import (
     FoundError,
@@ -32,7 +32,7 @@ class FidelityStudy:
 
     Attributes
     ----------
-    study : Study
+    study : ResolvedStudy
     jobs : int
         Workers of the run that is prepared.
     report : callable
@@ -45,7 +45,7 @@ class FidelityStudy:
         A stricter tolerance than the section's, after a failed audit.
     """
 
-    study: Study
+    study: ResolvedStudy
     jobs: int
     report: Progress
     measured: dict[str, Measurement] = field(default_factory=dict)

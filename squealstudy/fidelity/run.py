@@ -14,7 +14,7 @@ import numpy as np
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import RunReport, run_study
-from squealstudy.engine.store import read_chunks, write_manifest
+from squealstudy.engine.store import Store, write_manifest
 from squealstudy.engine.workers import Progress
 from squealstudy.fidelity.choice import Choice, Neighbour, UntriedSetting, kept_choice
 from squealstudy.fidelity.frequency_search import exact_method, search_modes
@@ -22,7 +22,7 @@ from squealstudy.fidelity.ladders import BASIS, free_ladders
 from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.time_search import ALL_MODES, QUIET, search_runs
 from squealstudy.modes.rungs import rung_named
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 
 MOST_ROUNDS = 3
 SEED = 5  # of the points that are audited
@@ -72,7 +72,9 @@ def _plain(one: Neighbour) -> dict[str, Any]:
     }
 
 
-def resolve(study: Study, jobs: int, report: Progress, tolerance: float | None = None) -> Resolved:
+def resolve(
+    study: ResolvedStudy, jobs: int, report: Progress, tolerance: float | None = None
+) -> Resolved:
     """Choose the settings of a study, by pilot runs or as an earlier call chose them.
 
     Raises
@@ -92,6 +94,7 @@ def run_resolved(
     yes: bool,
     report: Progress,
     warn: Callable[[str], None],
+    fresh: bool = False,
 ) -> RunReport:
     """Run the study with its chosen settings and audit it, more strictly where that fails.
 
@@ -103,7 +106,9 @@ def run_resolved(
     doubtful: set[int] = set()
     errors: list[float | None] = []
     for number in range(MOST_ROUNDS):
-        done = run_study(resolved.plan, directory, scene.jobs, yes, report, warn)
+        done = run_study(
+            resolved.plan, directory, scene.jobs, yes, report, warn, fresh and not number
+        )
         changes = resolved.choice.chosen.changes
         points = sorted(doubtful | set(drawn_points(scene, number)))
         found = audit(scene, resolved.plan, directory, changes, points)
@@ -203,7 +208,7 @@ def _own_findings(
     """What the finished study says of some of its points."""
     ids = {i: plan.tasks[i].point_id for i in points}
     schema = plan.kind.schema
-    rows = read_chunks(directory, set(ids.values()), schema)
+    rows = Store(directory).rows(ids.values(), schema)
     read = scene.measuring.finding
     return {i: read(rows[name]) for i, name in ids.items()}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,7 +10,7 @@ from typing import Any, TypeVar
 import numba
 
 from squealstudy.kernels.law_set import SOURCES
-from squealstudy.paths import cache_directory
+from squealstudy.paths import compiled_base
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -25,8 +24,7 @@ def compiled_directory() -> Path:
     digest = hashlib.sha256(repr(SOURCES).encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    return (Path(given) if given else cache_directory() / "kernels") / digest.hexdigest()[:16]
+    return compiled_base() / digest.hexdigest()[:16]
 
 
 numba.config.CACHE_DIR = str(compiled_directory())

@@ -40,7 +40,7 @@ def _written() -> ModuleType:
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         own = path.with_suffix(f".{os.getpid()}")
-        own.write_text(law_text(CONTACT, CURVES, SLOPES))
+        own.write_text(law_text(CONTACT, CURVES, SLOPES), encoding="utf-8")
         own.replace(path)
     spec = importlib.util.spec_from_file_location("squealstudy_law_choice", path)
     assert spec is not None
@@ -79,7 +79,8 @@ def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndar
     row[LAW_CURVE] = CONSTANT if curve.constant else code_of(curve.definition, CURVES)
     row[LAW_REGULARISATION] = code_of(REGULARISATIONS[friction.regularisation], SLOPES)
     row[LAW_SLOPE], row[LAW_SPEED] = friction.k_t, speed
-    row[LAW_MU] = max(friction.friction, curve.at_rest(friction.friction, 0.0))
+    at_rest = curve.at_rest(friction.friction, np.zeros(1))
+    row[LAW_MU] = max(friction.friction, float(np.max(at_rest)))
     if not np.isfinite(row[LAW_MU]):
         raise ModelError(f"friction law '{curve.kind}' is not finite at rest without pressure")
     row[LAW_FIRST : LAW_FIRST + len(contact.parameters)] = contact.parameters

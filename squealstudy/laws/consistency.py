@@ -1,6 +1,7 @@
-"""A function of a law from outside the package, tried at a point before the law is registered.
+"""A function of a law from outside the package, tried at a point before it is used.
 
-A slope that contradicts its law enters every eigenvalue, and a full-order check shares it.
+A slope that contradicts its law enters every eigenvalue, and a full-order check shares it. Laws are
+tried when they are registered, at the values of a study's parameters, and at each working point.
 """
 
 from __future__ import annotations
@@ -8,14 +9,23 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
-from squealstudy.errors import ModelError
+import numpy as np
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.parameter import Parameter
 
 STEP = 1e-5  # of differences, relative
 AGREED = 1e-3  # relative error of differences at which a slope fits
+EQUAL = 1e-6  # relative difference of two functions that compute the same
 NOISE = 1e-9  # of a function over its argument: smaller slopes are round-off
+
+
+class NotComputedError(ModelError):
+    """A function that fails, or does not return finite numbers, with some arguments."""
 
 
 class Tried:
@@ -34,8 +44,9 @@ class Tried:
     Raises
     ------
     ModelError
-        A function that does not take as many arguments; by a call, one that fails or returns
-        something else than as many finite numbers.
+        A function that does not take as many arguments.
+    NotComputedError
+        By a call: it fails, or returns something else than as many finite numbers.
     """
 
     def __init__(
@@ -47,34 +58,98 @@ class Tried:
         except TypeError:
             raise self.error(f"expected to take ({', '.join(names)})") from None
 
-    def error(self, text: str) -> ModelError:
+    def error(self, text: str, of: type[ModelError] = ModelError) -> ModelError:
         """What is wrong, with file, function and law."""
-        path = Path(inspect.getfile(self._function)).name
-        return ModelError(f"{path}: {self._function.__name__} of law '{self._law}': {text}")
+        path = Path(inspect.getfile(inspect.unwrap(self._function))).name
+        return of(f"{path}: {self._function.__name__} of law '{self._law}': {text}")
 
     def __call__(self, *arguments: float) -> tuple[float, ...]:
         """Its results as finite floats."""
-        given = ", ".join(f"{n} = {a:g}" for n, a in zip(self._names, arguments, strict=True))
         try:
             found = self._function(*arguments)
             values = tuple(map(float, found if isinstance(found, tuple | list) else (found,)))
         except Exception as error:
-            raise self.error(f"{type(error).__name__}: {error}, with {given}") from error
+            text = f"{type(error).__name__}: {error}, with {self._given(arguments)}"
+            raise self.error(text, NotComputedError) from error
         if len(values) != len(self._results) or not all(map(math.isfinite, values)):
-            raise self.error(
-                f"expected {', '.join(self._results)} as finite numbers, got {found!r} with {given}"
-            )
+            wanted, given = ", ".join(self._results), self._given(arguments)
+            text = f"expected {wanted} as finite numbers, got {found!r} with {given}"
+            raise self.error(text, NotComputedError)
         return values
 
-    def expect_slope(self, what: str, slope: float, arguments: Sequence[float], k: int) -> None:
-        """Compare a slope by argument k with differences of the first result to both sides."""
+    def _given(self, arguments: Sequence[float]) -> str:
+        return ", ".join(f"{n} = {a:g}" for n, a in zip(self._names, arguments, strict=True))
+
+    def expect_slope(
+        self, what: str, slope: float, arguments: Sequence[float], k: int, size: float = 1.0
+    ) -> None:
+        """Compare a slope of the first result by argument k with differences to both sides.
+
+        `size` is that of an argument which is 0.
+        """
+        if (other := self._misfit(slope, arguments, k, size)) is not None:
+            raise self.error(f"{what} is {slope:g}, differences give {other:g}")
+
+    def _misfit(
+        self, slope: float, arguments: Sequence[float], k: int, size: float, result: int = 0
+    ) -> float | None:
+        """The slope by differences where another one does not fit it; None where it does."""
         x = arguments[k]
-        h = STEP * abs(x)
+        size = abs(x) or size
+        h = STEP * size
         low, middle, high = (
-            self(*arguments[:k], at, *arguments[k + 1 :])[0] for at in (x - h, x, x + h)
+            self(*arguments[:k], at, *arguments[k + 1 :])[result] for at in (x - h, x, x + h)
         )
         differences = (high - low) / (2 * h), (high - middle) / h, (middle - low) / h  # a kink
-        noise = NOISE * abs(middle / x)
+        noise = NOISE * abs(middle) / size
         if any(abs(slope - d) <= AGREED * max(abs(slope), abs(d)) + noise for d in differences):
-            return
-        raise self.error(f"{what} is {slope:g}, differences give {differences[0]:g}")
+            return None
+        return differences[0]
+
+    def expect_slopes(
+        self,
+        function: Callable[..., Any],
+        arguments: Sequence[float],
+        parameters: Sequence[Parameter],
+        size: float,
+    ) -> None:
+        """Compare what a function gives as slopes of all results by each argument in turn.
+
+        `parameters` are the last arguments: slopes by one at its bound are not compared. `size` is
+        that of other arguments which are 0.
+        """
+        names = [f"d {result} / d {name}" for name in self._names for result in self._results]
+        slopes = Tried(self._law, flat(function), self._names, names)
+        first = len(arguments) - len(parameters)
+        for number, slope in enumerate(slopes(*arguments)):
+            k, result = divmod(number, len(self._results))
+            if k >= first and not _varies(parameters[k - first], arguments[k]):
+                continue
+            other = self._misfit(slope, arguments, k, size if k < first else 1.0, result)
+            if other is not None:
+                text = f"{names[number]} is {slope:g}, differences give {other:g}"
+                raise slopes.error(f"{text}, with {self._given(arguments)}")
+
+    def expect_same(self, found: float, expected: float, within: float, text: str) -> None:
+        """Compare two numbers; `text` says which they are."""
+        if abs(found - expected) > within * max(abs(found), abs(expected)):
+            raise self.error(text)
+
+
+def flat(function: Callable[..., Any]) -> Callable[..., tuple[float, ...]]:
+    """A function whose results are rows of numbers, or of arrays of one, as one of floats."""
+
+    @wraps(function)
+    def flattened(*arguments: Any) -> tuple[float, ...]:
+        return tuple(float(np.ravel(x)[0]) for row in function(*arguments) for x in row)
+
+    return flattened
+
+
+def _varies(parameter: Parameter, value: float) -> bool:
+    """Whether a parameter may be a step less and a step more."""
+    h = STEP * (abs(value) or 1.0)
+    try:
+        return bool(parameter.check(value - h) < parameter.check(value + h))
+    except ParameterError:
+        return False

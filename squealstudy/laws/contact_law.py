@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, wraps
 from typing import Any, ClassVar
 
 import numpy as np
 
-from squealstudy.laws.consistency import AGREED, Tried
+from squealstudy.laws.consistency import AGREED, EQUAL, Tried, flat
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
 BISECTIONS = 200
 GAPS = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
-WIDTH = 7.3e-7  # m: of the interval of a mean pressure that is tried
+WIDTH = 7.3e-7  # m: of the interval of a mean pressure that is tried there
 WIDEST = 1e3  # m: a gap beyond which no contact is looked for
 
 Scalar = Callable[..., float]
@@ -67,23 +68,65 @@ class ContactLawDefinition(LawDefinition):
     pulls: bool = False
 
     def expect_consistent(self) -> None:
-        """Compare tangent, potential and mean pressure with each other."""
+        """`expect_consistent_at` some gaps, with the parameters' defaults."""
         values = [p.default for p in self.parameters]
-        names = ("g", *(p.name for p in self.parameters))
-        pressure = Tried(self.name, self.pressure, names, ("p", "-dp/dg"))
-        potential = Tried(self.name, self.potential, names, ("U",))
         for g in GAPS:
-            p, tangent = pressure(g, *values)
-            at = f"at g = {g:g} m"
-            pressure.expect_slope(f"dp/dg {at}", -tangent, (g, *values), 0)
-            potential.expect_slope(f"-p, which is dU/dg, {at}", -p, (g, *values), 0)
-            if self.mean_pressure is not None:
-                mean = Tried(self.name, self.mean_pressure, ("g", "d", *names[1:]), ("mean p",))
-                found = mean(g, WIDTH, *values)[0]
-                ends = [potential(g + side * WIDTH / 2, *values)[0] for side in (-1, 1)]
-                expected = (ends[0] - ends[1]) / WIDTH
-                if abs(found - expected) > AGREED * max(abs(found), abs(expected)):
-                    raise mean.error(f"is {found:g} {at}, the potential gives {expected:g} Pa")
+            self.expect_consistent_at(g, values, WIDTH)
+
+    @cached_property
+    def _tried(self) -> tuple[Tried, Tried]:
+        names = ("g", *(p.name for p in self.parameters))
+        return (
+            Tried(self.name, self.pressure, names, ("p", "-dp/dg")),
+            Tried(self.name, self.potential, names, ("U",)),
+        )
+
+    def expect_consistent_at(
+        self, g: float, values: Sequence[float], width: float | None = None
+    ) -> None:
+        """Compare tangent, potential and all that may be given beside them with each other.
+
+        At a gap g [m], with values of the parameters. The mean pressure is one over a `width` [m],
+        by default half of the gap over which the pressure changes by its size. ModelError where
+        they contradict.
+        """
+        (pressure, potential), at = self._tried, f"at g = {g:g} m"
+        p, tangent = pressure(g, *values)
+        scale = abs(p) / tangent if p and tangent > 0 else abs(g) or WIDTH
+        pressure.expect_slope(f"dp/dg {at}", -tangent, (g, *values), 0, scale)
+        potential.expect_slope(f"-p, which is dU/dg, {at}", -p, (g, *values), 0, scale)
+        names = tuple(p.name for p in self.parameters)
+        if self.mean_pressure is not None:
+            d = width or 0.5 * scale
+            mean = Tried(self.name, self.mean_pressure, ("g", "d", *names), ("mean p",))
+            found = mean(g, d, *values)[0]
+            ends = [potential(g + side * d / 2, *values)[0] for side in (-1, 1)]
+            expected = (ends[0] - ends[1]) / d
+            text = f"is {found:g} {at}, the potential gives {expected:g} Pa"
+            mean.expect_same(found, expected, AGREED, text)
+        if self.gap_at is not None and p > 0:
+            inverse = Tried(self.name, self.gap_at, ("p", *names), ("g",))
+            back = pressure(inverse(p, *values)[0], *values)[0]
+            text = f"gives a gap of {back:g} Pa for {p:g} Pa"
+            inverse.expect_same(back, p, AGREED, text)
+        if self.evaluate is not None:
+            array = Tried(self.name, flat(_of_one(self.evaluate)), ("g", *names), ("p", "-dp/dg"))
+            found_p, found_tangent = array(g, *values)
+            array.expect_same(found_p, p, EQUAL, f"p is {found_p:g} {at}, pressure gives {p:g}")
+            text = f"-dp/dg is {found_tangent:g} {at}, pressure gives {tangent:g}"
+            array.expect_same(found_tangent, tangent, EQUAL, text)
+        if self.slopes is not None:
+            pressure.expect_slopes(_of_one(self.slopes), (g, *values), self.parameters, scale)
+
+
+def _of_one(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of an array of gaps as one of a gap."""
+
+    @wraps(function)
+    def of_one(g: float, *values: float) -> Any:
+        return function(np.array([g]), *values)
+
+    return of_one
 
 
 CONTACT_LAWS: Registry[ContactLawDefinition] = ContactLawDefinition.registry
@@ -121,12 +164,17 @@ class ContactLaw(Law[ContactLawDefinition]):
             found.append(central_slope(moved, value))
         return [(dp, dkappa) for dp, dkappa in found]
 
+    def expect_consistent(self, gaps: Sequence[float]) -> None:
+        """Try the law at gaps [m]; ModelError where its functions contradict each other."""
+        for g in gaps:
+            self.definition.expect_consistent_at(g, self.parameters)
+
     def gap_at(self, p: float) -> float:
         """The gap [m] at which the pressure is p > 0 [Pa]: where a static solution starts."""
         law = self.definition
         if law.gap_at is not None:
             return float(law.gap_at(p, *self.parameters))
-        return self._searched_gap(p)
+        return self.searched_gap(p)
 
     def gap_scale(self, p: float) -> float:
         """Change of gap [m] over which the law at pressure p changes by its own size."""
@@ -142,7 +190,7 @@ class ContactLaw(Law[ContactLawDefinition]):
         rate = self.definition.closing_rate
         return 0.0 if rate is None else float(rate(*self.parameters))
 
-    def _searched_gap(self, p: float) -> float:
+    def searched_gap(self, p: float) -> float:
         """`gap_at` by bisection, for a pressure that falls as the gap opens."""
 
         def presses(g: float) -> bool:

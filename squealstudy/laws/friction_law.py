@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.laws.consistency import Tried
+from squealstudy.laws.consistency import EQUAL, Tried
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
+from squealstudy.parameter import Parameter
 
 Number = float | np.ndarray
 
@@ -25,6 +27,7 @@ Number = float | np.ndarray
 SPEEDS = (0.0437, 0.517, 5.23)  # m/s
 PRESSURES = (1.3e5, 1.1e6, 1.7e7)  # Pa
 FRICTION = 0.43
+OF_FRICTION = Parameter("friction", FRICTION, "", "", minimum=0.0)
 
 
 class Friction(NamedTuple):
@@ -66,21 +69,40 @@ class FrictionCurveDefinition(LawDefinition):
     constant: Callable[..., bool] | None = None
     slopes: Callable[..., Sequence[tuple[float, float, float]]] | None = None
 
-    def expect_consistent(self) -> None:
-        """Compare slopes with differences of mu, and mu without friction with 0."""
-        values = [p.default for p in self.parameters]
+    @cached_property
+    def _tried(self) -> Tried:
         names = ("s", "p", "friction", *(p.name for p in self.parameters))
-        mu = Tried(self.name, self.mu, names, ("mu", "dmu/ds", "dmu/dp"))
+        return Tried(self.name, self.mu, names, ("mu", "dmu/ds", "dmu/dp"))
+
+    def expect_consistent(self) -> None:
+        """`expect_consistent_at` some speeds and pressures, with the parameters' defaults."""
+        values = [p.default for p in self.parameters]
         for s, p in product(SPEEDS, PRESSURES):
-            arguments = (s, p, FRICTION, *values)
-            _, by_speed, by_pressure = mu(*arguments)
-            at = f"at s = {s:g} m/s, p = {p:g} Pa"
-            mu.expect_slope(f"dmu/ds {at}", by_speed, arguments, 0)
-            mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1)
-            if by_pressure and not self.pressure_dependent:
-                raise mu.error(f"dmu/dp is {by_pressure:g} {at}, expected pressure_dependent")
-            if mu(s, p, 0.0, *values)[0]:
-                raise mu.error(f"expected mu to be 0 {at} with a friction of 0")
+            self.expect_consistent_at(s, p, FRICTION, values)
+
+    def expect_consistent_at(
+        self, s: float, p: float, friction: float, values: Sequence[float]
+    ) -> None:
+        """Compare slopes with differences of mu, mu without friction with 0, constant with mu.
+
+        At a speed s [m/s], a pressure p [Pa] and values of the parameters; ModelError where they
+        contradict.
+        """
+        mu, arguments = self._tried, (s, p, friction, *values)
+        coefficient, by_speed, by_pressure = mu(*arguments)
+        at = f"at s = {s:g} m/s, p = {p:g} Pa"
+        mu.expect_slope(f"dmu/ds {at}", by_speed, arguments, 0)
+        mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1, PRESSURES[0])
+        if by_pressure and not self.pressure_dependent:
+            raise mu.error(f"dmu/dp is {by_pressure:g} {at}, expected pressure_dependent")
+        if mu(s, p, 0.0, *values)[0]:
+            raise mu.error(f"expected mu to be 0 {at} with a friction of 0")
+        if self.constant is not None and self.constant(*values):
+            text = f"is {coefficient:g} {at}, where it is constant {friction:g} is expected"
+            mu.expect_same(coefficient, friction, EQUAL, text)
+        if self.slopes is not None:
+            known = (OF_FRICTION, *self.parameters)
+            mu.expect_slopes(self.slopes, arguments, known, PRESSURES[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +164,14 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
             return Friction(*mu(float(s), 0.0, float(friction), *self.parameters))
         return Friction(*at_points(mu, 3, s, p, friction, *self.parameters))
 
-    def at_rest(self, friction: float, p: float) -> float:
-        """Static coefficient: without sliding, at a pressure p [Pa]."""
-        return float(np.max(self.at(friction, 0.0, np.array([p])).mu))
+    def expect_consistent(self, friction: float, speed: float, pressures: Sequence[float]) -> None:
+        """Try the curve at a speed [m/s] and pressures [Pa]; ModelError where it contradicts."""
+        for p in pressures:
+            self.definition.expect_consistent_at(speed, p, friction, self.parameters)
+
+    def at_rest(self, friction: float, p: np.ndarray) -> Number:
+        """Static coefficient: without sliding, at pressures p (n,) [Pa]; as `at` of one or all."""
+        return self.at(friction, 0.0, p).mu
 
     def slopes(self, friction: float, s: float, p: np.ndarray) -> np.ndarray:
         """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `at` (k, 3, 1 or n).
@@ -208,9 +235,6 @@ class FrictionLaw:
     def saturation(self) -> float:
         """k_t s over the bound from which on friction is the bound."""
         return REGULARISATIONS[self.regularisation].saturation
-
-
-DEFAULT_CURVE = "exponential_fall"  # of models that leave no choice
 
 
 def friction_curve(kind: str = DEFAULT_CURVE, **parameters: float) -> FrictionCurve:

@@ -5,7 +5,6 @@ A study may name what is registered, and nothing else.
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -15,11 +14,10 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from squealstudy.errors import ModelError, ParameterError
-from squealstudy.extensions import PACKAGE, remember
+from squealstudy.errors import ExtensionError, ModelError, ParameterError
+from squealstudy.extensions import PACKAGE, hash_of, note_registered, remember
 from squealstudy.parameter import Parameter
 
-LENGTH = 16  # of a source's hash
 STEP = 1e-6  # of central differences, relative
 
 
@@ -55,8 +53,8 @@ class LawDefinition:
         function = self.main_function
         path = Path(inspect.getfile(function))
         try:
-            return hashlib.sha256(path.read_bytes()).hexdigest()[:LENGTH]
-        except OSError:
+            return hash_of(path)
+        except ExtensionError:
             raise ModelError(
                 f"function '{function.__name__}' of a law must be in a file of Python, which "
                 f"kernels can be compiled from, not in {path}"
@@ -152,6 +150,7 @@ def register(law: D) -> D:
     """
     remember(law.main_function)
     law.registry.add(law)
+    note_registered(law.main_function.__module__, in_models=True)
     return law
 
 

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.faults import raise_if_memory
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
 from squealstudy.linalg.root_error import Matrix, root_errors
@@ -19,6 +20,8 @@ from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_root
 
 FIRST_ROOTS = 60  # asked for where nothing is known
 SHIFT = 0.02  # of the band's top: where K itself is singular
+TOLD = 1e-6  # of the band's top: roots from there on must be told from round-off of the largest
+SINGULAR_STIFFNESS = "a stiffness matrix is singular"
 LARGEST_DENSE = 2000  # degrees of freedom that LAPACK takes where most of the roots are wanted
 
 
@@ -169,6 +172,7 @@ def _pivoting_factor(A: sp.spmatrix) -> spla.SuperLU:
     try:
         return spla.splu(A.tocsc())
     except RuntimeError as error:  # "Factor is exactly singular"
+        raise_if_memory(error)
         raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
 
@@ -180,11 +184,26 @@ def _dense_roots(
     The inverse is also more accurate for small roots beside stiff springs.
     """
     n, (M_d, C_d, K_d) = M.shape[0], (A.toarray() for A in (M, C, K))
+    lost = n * np.finfo(float).eps / TOLD  # of the largest root: what is smaller may be anything
     if not inverse and np.linalg.matrix_rank(M_d) == n:
-        return right_pairs(C_d, K_d, M_d)
-    try:  # of 1/lambda, in units of the limit
-        theta, psi = right_pairs(C_d, M_d * limit, K_d / limit)
-    except np.linalg.LinAlgError as error:
-        raise ConvergenceError(SINGULAR, "a stiffness matrix is singular") from error
-    finite = np.abs(theta) > np.abs(theta).max() * np.finfo(float).eps * n
+        lam, psi = right_pairs(C_d, K_d, M_d)
+        if np.abs(lam).max() * lost < limit:
+            return lam, psi
+    if not _regular(K_d):  # at a shift: of all matrices together, if not by chance
+        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
+    theta, psi = right_pairs(C_d, M_d * limit, K_d / limit)  # of 1/lambda, in units of the limit
+    largest = np.abs(theta).max()
+    if largest * lost > 1.0:
+        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
+    finite = np.abs(theta) > largest * np.finfo(float).eps * n
     return limit / theta[finite], psi[:, finite]
+
+
+def _regular(A: np.ndarray) -> bool:
+    """Whether a matrix (n, n) has full rank, whatever the units of its rows and columns."""
+    for axis in (1, 0):
+        size = np.abs(A).max(axis=axis, keepdims=True)
+        if not size.all():
+            return False
+        A = A / size
+    return bool(np.linalg.matrix_rank(A) == len(A))

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.faults import raise_if_memory
 
 SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
@@ -136,6 +137,7 @@ class SuperLUFactor(RefinedFactor):
         try:
             self._lu = symmetric_lu(A)
         except RuntimeError as error:  # "Factor is exactly singular"
+            raise_if_memory(error)
             raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:

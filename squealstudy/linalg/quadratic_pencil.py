@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.faults import raise_if_memory
 from squealstudy.linalg.companion import Eigenpairs, right_pairs
 from squealstudy.linalg.factor import SINGULAR
 from squealstudy.linalg.sparse_qep import LowRankSum
@@ -105,6 +106,7 @@ class SparseShiftedFactor:
         try:
             self._lu = spla.splu(Q.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTS)
         except RuntimeError as error:  # "Factor is exactly singular"
+            raise_if_memory(error)
             raise ConvergenceError(SINGULAR, f"a shifted matrix is singular ({error})") from error
         self._X = self._lu.solve(self._U) if len(d) else self._U
         self._core = np.zeros((0, 0), dtype=complex)

@@ -80,7 +80,12 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
         moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
         round_off = EPS * energy * moved
         error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
-    return RootErrors(np.nan_to_num(error, nan=np.inf), np.nan_to_num(round_off, nan=np.inf))
+    return RootErrors(_known(error), _known(round_off))
+
+
+def _known(error: np.ndarray) -> np.ndarray:
+    """Errors, infinite where they cannot be told."""
+    return np.where(np.isnan(error), np.inf, error)
 
 
 def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:

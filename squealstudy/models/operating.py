@@ -28,7 +28,7 @@ from squealstudy.parameter import Parameter
 FRICTION = Parameter(
     "friction", 0.5, "", "friction coefficient mu, the dynamic one", minimum=0.0, maximum=5.0
 )
-PRESSURE = Parameter("pressure", 12e5, "Pa", "brake pressure", positive=True)
+PRESSURE = Parameter("pressure", 12e5, "Pa", "brake pressure", positive=True, usual=(1e3, 1e8))
 SLIDING_SPEED = Parameter(
     "sliding_speed", 0.5, "m/s", "imposed sliding of the disc under the pads", positive=True
 )
@@ -47,7 +47,7 @@ SLOPE = Parameter(
     0.0,
     "N s/m3",
     "slope of friction at zero sliding, per area, in time only; 0: automatic, friction saturates "
-    "at contact.regularisation_speed where the working point presses hardest",
+    "at contact.regularisation_speed where the working point has most of it",
     minimum=0.0,
 )
 REGULARISATION_SHARE = 0.002  # of the slowest sliding speed of a study

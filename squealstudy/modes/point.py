@@ -13,6 +13,7 @@ from squealstudy.models.operating import DesignState
 from squealstudy.reduction.prepared import PreparedModel, shape_column, unit_shapes
 from squealstudy.reduction.working_point import (
     WorkingPoint,
+    expect_consistent_laws,
     known_working_point,
     working_point,
 )
@@ -93,7 +94,8 @@ def state_working_point(
 
     `known` gaps are taken as they are where they balance. Otherwise Newton starts from the
     nominal gaps, never from a neighbour: results do not depend on the order of points. A uniform
-    start is the fallback. Raises ConvergenceError where that fails too.
+    start is the fallback. Raises ConvergenceError where that fails too, or where a law from outside
+    contradicts itself there.
     """
     omega = reduced_structure(prepared.model).frequencies
     changes = {
@@ -101,12 +103,13 @@ def state_working_point(
     }
     space = prepared.space.changed(changes)
     found = None if known is None else known_working_point(space, state.operating, known)
-    if found is not None:
-        return found
-    try:
-        return working_point(space, state.operating, prepared.nominal_gap)
-    except ConvergenceError:
-        return working_point(space, state.operating)
+    if found is None:
+        try:
+            found = working_point(space, state.operating, prepared.nominal_gap)
+        except ConvergenceError:
+            found = working_point(space, state.operating)
+    expect_consistent_laws(state.operating, found)
+    return found
 
 
 def linearised_point(

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
+import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
+from squealstudy.extensions import hash_of
+from squealstudy.modes.answer import Found, checked
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.tracking.refinement import Modes
-
-Found = tuple[int, PointModes | ConvergenceError]
 
 
 class Scope(NamedTuple):
@@ -80,7 +79,9 @@ class Rung(ABC):
     over_a_basis : bool
         It reads the problem's sweep basis, which is made before its points are solved.
     shares_work : bool
-        Points of a box are cheaper together than one by one.
+        Points of a box are cheaper together than one by one. Where times and errors are measured,
+        at a few points of a study, all points are then solved; without, these few alone. Searches
+        for the cheapest settings try such rungs beside the exact one.
     """
 
     name: ClassVar[str]
@@ -96,32 +97,49 @@ class Rung(ABC):
         """Complex modes of design points of one structure, in any order.
 
         It is called with many points, and by tracking and onsets with one at a time, of the same
-        problem: what a box costs may be kept by (problem, box). A rung has no options of its own:
-        constants of its file are part of the identity of results.
+        problem: what a box costs may be kept by (problem, box), the problem as a weak key. Each
+        worker process has its own. A rung has no options of its own: constants of its file are
+        part of the identity of results.
 
         Parameters
         ----------
         problem : Problem
             ``problem.theta(points)``: coordinates (n, d) in [-1, 1]; ``problem.point_at(theta)``: a
             design point there; ``problem.exact(point)``: its modes, those of the band alone, so
-            that their number may differ between points; ``problem.swept.samples(theta)[k]``: its
-            Linearisation, with the working point.
+            that their number may differ between points, ascending in abs(lambda), so that two
+            that cross change places: pair them by ``shapes``; ``problem.swept.samples(theta)[k]``:
+            its Linearisation, with the working point, or the ConvergenceError of a point without.
+            `exact` raises that error where there is no working point. ``problem.tolerance``: the
+            study's, of errors relative to abs(lambda).
         points : sequence of Point
         box : Box
             Part of the problem's coordinates that holds them; it follows from the study's whole
-            design, so that results do not depend on which of its points are asked for.
+            design, so that results do not depend on which of its points are asked for. A study of
+            few points has one box over its whole range: halve it where modes change too much for
+            the rung, and keep what each part costs. Corners
+            ``box.low``, ``box.middle``, ``box.high`` (d,); ``box.local(theta)``: coordinates in
+            [-1, 1] within it, ``box.place(local)`` back.
 
         Yields
         ------
         (int, PointModes or ConvergenceError)
             Index among the points, and the modes or why there are none: then the point has failed.
-            All figures of the modes are this point's, its working point as well.
+            All figures of the modes are this point's, its working point as well: copy those of an
+            exact point with `dataclasses.replace` and replace what is another. ``error_rung`` is
+            the error of each root that the rung answers for [1/s]; NaN where it is not known: with
+            ``keeps_tolerance`` such a point is solved exactly. ``residual`` is NaN where none was
+            computed. ``shapes`` have any complex phase: align it before they are interpolated.
 
         Raises
         ------
         ConvergenceError, LinAlgError, FloatingPointError, ValueError
             Where the method fails. The points that it has not yielded, with an exception or
-            without, are solved exactly, and results tell the reason.
+            without, are solved exactly, and results tell the reason: to say why some are left
+            over, raise ``ConvergenceError("not_converged", why)`` after the last one is yielded.
+            A yielded ConvergenceError is final; its code is the status of the point in tables:
+            "not_converged", or that of the working point, which is passed on as it is.
+        ExtensionError
+            Raised by the caller for all other exceptions, and for what is no answer.
         """
 
     def modes_at(self, problem: Problem, point: Point, box: Box) -> Modes:
@@ -146,7 +164,10 @@ class Rung(ABC):
 
     @property
     def setup_solves(self) -> int:
-        """Exact solves that cost as much as what a structure needs before its points, about."""
+        """Exact solves that cost as much as what a structure needs before its points, about.
+
+        Those of nodes belong here, not in `relative_cost`.
+        """
         return 0
 
     def relative_cost(self, points: int, varied: int) -> float:
@@ -170,8 +191,7 @@ class Rung(ABC):
         """Hash of the file of a rung from outside; '' of the package's, whose code results know."""
         if type(self).__module__.startswith("squealstudy."):
             return ""
-        source = inspect.getsource(inspect.getmodule(type(self)) or type(self))
-        return hashlib.sha256(source.encode()).hexdigest()[:16]
+        return hash_of(Path(inspect.getfile(type(self))))
 
 
 LEFT_OVER = ConvergenceError("left_over", "not yielded")
@@ -184,25 +204,39 @@ def answers(rung: Rung, problem: Problem, points: Sequence[Point], box: Box) -> 
     ------
     ExtensionError
         A rung from outside that ends with another exception than `Rung.solve` allows, or whose
-        modes are none of these points' or have figures of different numbers.
+        modes are none of these points' or have figures that no mode has.
     ConvergenceError, LinAlgError, FloatingPointError, ValueError
         As `Rung.solve`.
     """
     if not rung.source_hash:
         yield from rung.solve(problem, points, box)
         return
-    path = Path(inspect.getfile(type(rung)))
     known: set[int] = set()
-    try:
-        for item in rung.solve(problem, points, box):
-            index, found = _checked(item, len(points), known)
-            known.add(index)
-            yield index, found if isinstance(found, ConvergenceError) else _named(rung, found)
-    except (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError):
-        raise
-    except Exception as error:
-        text = f"rung '{rung.name}': {type(error).__name__}: {error}"
-        raise ExtensionError(path, text) from error
+    found = iter(rung.solve(problem, points, box))
+    while True:
+        try:
+            item = next(found)
+        except StopIteration:
+            return
+        except (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError):
+            raise
+        except Exception as error:
+            raise _fault_of(rung, error, f"{type(error).__name__}: {error}") from error
+        try:
+            index, modes = checked(item, rung.name, problem, points, known)
+        except (TypeError, ValueError) as error:
+            raise _fault_of(rung, error, str(error)) from error
+        known.add(index)
+        yield index, modes
+
+
+def _fault_of(rung: Rung, error: Exception, text: str) -> ExtensionError:
+    """An error of a rung from outside: its file, the last line there that is at fault."""
+    path = Path(inspect.getfile(type(rung)))
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename) == path]
+    at = f"line {lines[-1]}: " if lines else ""
+    return ExtensionError(path, f"{at}rung '{rung.name}': {text}")
 
 
 def beyond_tolerance(rung: Rung, problem: Problem, modes: PointModes) -> str:
@@ -216,44 +250,3 @@ def beyond_tolerance(rung: Rung, problem: Problem, modes: PointModes) -> str:
     if np.isnan(error).any():
         return "an error is not known"
     return f"estimated error {error.max():.1e}, beyond the tolerance {problem.tolerance:g}"
-
-
-def _checked(item: Any, count: int, known: Collection[int]) -> Found:
-    if not isinstance(item, tuple) or len(item) != 2:
-        raise TypeError(f"expected to yield an index and modes, got {type(item).__name__}")
-    index, found = item
-    if not isinstance(index, int | np.integer) or not 0 <= index < count:
-        raise TypeError(f"expected an index from 0 to {count - 1}, yielded {index!r}")
-    if index in known:
-        raise TypeError(f"yielded point {index} twice")
-    if isinstance(found, ConvergenceError):
-        return int(index), found
-    if not isinstance(found, PointModes):
-        raise TypeError(
-            f"expected PointModes or a ConvergenceError of point {index}, "
-            f"yielded {type(found).__name__}"
-        )
-    m = np.shape(found.lam)
-    sizes = {name: np.shape(getattr(found, name)) for name in ("residual", "error_rung")}
-    sizes["shapes"] = np.shape(found.shapes)[:1]
-    sizes["energies"] = np.shape(found.energies)[1:]
-    wrong = [f"{name} {size}" for name, size in sizes.items() if size != m]
-    if len(m) != 1 or wrong:
-        raise TypeError(f"modes of point {index} have figures of {', '.join(wrong)}, lam of {m}")
-    if not np.isfinite(found.lam).all():
-        raise TypeError(f"roots of point {index} are not finite")
-    return int(index), found
-
-
-def _named(rung: Rung, found: PointModes) -> PointModes:
-    """Modes under the name of their rung, oscillating ones first, ascending in modulus."""
-    order = np.lexsort((np.abs(found.lam), found.overdamped))
-    return replace(
-        found,
-        lam=found.lam[order],
-        residual=found.residual[order],
-        energies=found.energies[:, order],
-        shapes=found.shapes[order],
-        error_rung=found.error_rung[order],
-        method=rung.name,
-    )

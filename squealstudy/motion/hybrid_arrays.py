@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError, ModelError
+from squealstudy.faults import raise_if_memory
 from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels.laws import law_row
 from squealstudy.kernels.newmark_layout import N_POINT_GAP
@@ -134,6 +135,7 @@ class StepSolver:
         try:
             self._lu = symmetric_lu(J)
         except RuntimeError as error:
+            raise_if_memory(error)
             raise ConvergenceError("singular_jacobian", f"hybrid Jacobian: {error}") from error
         self.solves = 0
         self.level = self._condense(model, h, forces)

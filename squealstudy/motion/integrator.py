@@ -17,11 +17,13 @@ import inspect
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from squealstudy.errors import ParameterError
+from squealstudy.extensions import hash_of, note_registered
 from squealstudy.wording import expectation
 
 if TYPE_CHECKING:
@@ -57,10 +59,10 @@ class Integrator(BaseModel, ABC):
 
     @classmethod
     def outside_source(cls) -> str:
-        """The text of its file where that is outside the package: part of results' identity."""
+        """Hash of its file where that is outside the package: part of results' identity."""
         if cls.__module__.split(".")[0] == __name__.split(".")[0]:
             return ""
-        return inspect.getsource(inspect.getmodule(cls) or cls)
+        return hash_of(Path(inspect.getfile(cls)))
 
 
 class KernelIntegrator(Integrator):
@@ -154,6 +156,7 @@ def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
     """
     if _known.setdefault(integrator.name, integrator) is not integrator:
         raise ParameterError("integrator", f"there is another '{integrator.name}'")
+    note_registered(integrator.__module__)
     return integrator
 
 

@@ -68,12 +68,12 @@ def friction_law(
 def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
     """Slope k_t of friction at zero sliding [N s/m3] that saturates at a sliding speed [m/s].
 
-    It does so at the static friction coefficient, where the working point presses hardest.
+    It does so at the static friction coefficient, where the working point has most friction: not
+    always where it presses hardest, for friction may fall with the pressure.
     """
-    operating = state.operating
-    hardest = max(float(point.contact_pressure.max()), 1e-300)
-    mu = max(operating.curve.at_rest(operating.friction, hardest), LEAST_FRICTION)
-    return mu * hardest / speed
+    operating, p = state.operating, np.maximum(point.contact_pressure, 1e-300)
+    mu = np.maximum(operating.curve.at_rest(operating.friction, p), LEAST_FRICTION)
+    return float((mu * p).max() / speed)
 
 
 def motion_point(

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numba
@@ -16,15 +16,12 @@ import numpy as np
 from squealstudy.extensions import extension_files
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import FrictionLaw, contact_law
+from squealstudy.machine import lock, starting_processes
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
-
-if sys.platform != "win32":
-    import fcntl
-
 
 _begun: list[subprocess.Popen[bytes]] = []
 
@@ -38,10 +35,13 @@ def begin_warming(single_storage: bool = False) -> None:
     if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
         return
     files = [str(path) for path in extension_files()]
+    end = "from squealstudy.machine import end_with_input; end_with_input()"
     read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
-    call = f"{read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
+    call = f"{end}; {read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
     command, nothing = [sys.executable, "-c", call], subprocess.DEVNULL
-    _begun.append(subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing))
+    with starting_processes():
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=nothing, stderr=nothing)
+    _begun.append(process)
 
 
 def warm_kernels(single_storage: bool = False) -> float:
@@ -65,7 +65,9 @@ def warm(methods: Iterable[Integrator]) -> float:
     """Compile what integrators need, as `warm_kernels`; seconds it took."""
     began = time.perf_counter()
     while _begun:
-        _begun.pop().wait()
+        process = _begun.pop()
+        process.wait()
+        process.communicate()  # closes its input, with which it would have ended
     system, design = smallest()
     with alone(), uncollected():
         for method in methods:
@@ -86,15 +88,9 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-@contextmanager
-def alone(path: Path | None = None) -> Iterator[None]:
-    """Hold a lock file, that of the compiled kernels if None; a process that dies lets it go."""
-    path = path or compiled_directory() / "warmup.lock"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w") as lock:
-        if sys.platform != "win32":
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+def alone() -> AbstractContextManager[None]:
+    """Hold the lock of the compiled kernels; a process that dies lets it go."""
+    return lock(compiled_directory() / "warmup.lock")
 
 
 def smallest() -> tuple[ModalSystem, MotionPoint]:

@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.engine.pictures import Choices
-from squealstudy.engine.store import kept_histories
 from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import transient_parameters
@@ -42,7 +41,7 @@ class EndLabel:
 
 def histories(results: Results) -> Iterator[tuple[str, Choices]]:
     """A picture of each of the first design points that kept a history, numbered from 1."""
-    kept = results.points["point_id"].isin(kept_histories(results.directory)).to_numpy()
+    kept = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
     for row in np.flatnonzero(kept)[:MOST_HISTORIES].tolist():
         yield f"_{row + 1}", {"point": row}
 

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from squealstudy.engine.pictures import register_plot
+from squealstudy.plots.over_time import friction_label
 from squealstudy.plots.style import (
     COLOURS,
     DARK,
@@ -36,8 +37,8 @@ NAMES = {
     "unstable_damping_ratio": "damping ratio, unstable modes [absolute]",
     "growth_rate": "growth rate [relative]",
     "onset": "onset of instability [relative]",
-    "torque_mean": "mean torque [relative]",
-    "torque_rms": "torque RMS [relative]",
+    "torque_mean": "mean {friction} [relative]",
+    "torque_rms": "{friction} RMS [relative]",
     "dominant_frequency": "dominant frequency [relative]",
     "energy_share": "energy shares [absolute]",
 }
@@ -59,6 +60,7 @@ def work_precision(results: Results) -> Figure:
     """
     measurements, facts = results.measurements, results.manifest
     quantities, tolerance = facts["quantities"], facts["tolerance"]
+    friction, _ = friction_label(results.units)
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
     figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
@@ -72,7 +74,8 @@ def work_precision(results: Results) -> Figure:
         axes.axhline(tolerance, color=DARK, lw=1.0, ls=(0, (5, 3)), zorder=1)
         for cost in cost_of(truth, quantity):
             axes.axvline(cost, color=GREY, lw=1.0, ls=":", zorder=1)
-        finish(axes, _cost_label(quantity, facts), NAMES.get(quantity, quantity))
+        name = NAMES.get(quantity, quantity)
+        finish(axes, _cost_label(quantity, facts), name.format(friction=friction))
     for axes in panels[len(quantities) :]:
         axes.set_axis_off()
     for axes in panels[max(0, len(quantities) - columns) : len(quantities)]:

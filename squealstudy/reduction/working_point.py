@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.errors import ConvergenceError
+from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
@@ -25,6 +25,8 @@ TOLERANCE = 1e-11
 AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a contact like theirs
 POLISHED = 1e-10  # relative gap imbalance; studies promise 1e-8
 MOST_STEPS = 25
+TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
+CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
 Changes = Mapping[int, float]  # column of U -> change of modal stiffness
 Cardinals = Callable[[np.ndarray], np.ndarray]
 
@@ -134,6 +136,31 @@ def known_working_point(
     if not residual < TOLERANCE:
         return None
     return working_point_result(space.area, g, p, kappa, 0, residual, F)
+
+
+def expect_consistent_laws(operating: OperatingPoint, point: WorkingPoint) -> None:
+    """Try laws from outside the package at a few contact points of a working point.
+
+    Slopes may fit at the pressures and speeds where a law was tried before, and not at these.
+
+    Raises
+    ------
+    ConvergenceError
+        ``contradictory_law``, with file, function and law.
+    """
+    law, curve = operating.law, operating.curve
+    if law.definition.in_package and curve.definition.in_package:
+        return
+    order = np.argsort(point.contact_pressure)
+    places = order[[round(share * (len(order) - 1)) for share in TRIED]]
+    try:
+        if not law.definition.in_package:
+            law.expect_consistent(point.gap[places].tolist())
+        if not curve.definition.in_package:
+            pressures = point.contact_pressure[places].tolist()
+            curve.expect_consistent(operating.friction, operating.sliding_speed, pressures)
+    except ModelError as error:
+        raise ConvergenceError(CONTRADICTORY_LAW, str(error)) from error
 
 
 def gap_jacobian(

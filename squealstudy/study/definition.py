@@ -16,7 +16,14 @@ from squealstudy.study.parameters import (
     parse_parameter,
 )
 from squealstudy.study.sections import ModelSection, StudyDefinition
-from squealstudy.study.source import SourceText, changed, extensions_of, shown, validate
+from squealstudy.study.source import (
+    SourceText,
+    changed,
+    extensions_of,
+    not_registered,
+    shown,
+    validate,
+)
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.toml_text import KeyPath
 
@@ -26,7 +33,7 @@ if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a st
 
 
 @dataclass(frozen=True)
-class Study:
+class ResolvedStudy:
     """A study file, checked against its model and resolved.
 
     Attributes
@@ -74,9 +81,17 @@ class Study:
         """The table of the file that is the kind's own; None where it has none."""
         return getattr(self.definition, self.kind.section) if self.kind.section else None
 
-    def variant(self, changes: Mapping[str, Any]) -> Study:
+    def variant(self, changes: Mapping[str, Any]) -> ResolvedStudy:
         """The study with other values of some dotted keys; StudyFileError about one it refuses."""
         return resolve_study(self.source, changed(self.source, self.source.tables, changes))
+
+    @property
+    def doubts(self) -> list[str]:
+        """What to warn of: values, swept ones too, that may be in other units than they should."""
+        ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in self.values.items()}
+        ends |= {s.name: tuple({s.low, s.high}) for s in self.sweeps}
+        said = (p.doubt(value) for p in self.model.parameters for value in sorted(ends[p.name]))
+        return [f"{text}: are the units right?" for text in said if text]
 
     @property
     def shown_parameters(self) -> tuple[str, ...]:
@@ -86,7 +101,7 @@ class Study:
 
 
 def load_any(path: str | Path) -> Any:
-    """Read and check a study file of any kind: a `Study`, or what a kind of methods reads.
+    """Read and check a study file of any kind: a `ResolvedStudy`, or what a kind of methods reads.
 
     Raises
     ------
@@ -103,19 +118,19 @@ def read_tables(source: SourceText, tables: Mapping[str, Any]) -> Any:
     return resolve_study(source, tables) if kind is None else kind.read(source, tables)
 
 
-def load_study(path: str | Path) -> Study:
+def load_study(path: str | Path) -> ResolvedStudy:
     """Read and check a study file of a model; raises as `load_any`."""
     source = SourceText.read(path)
     return resolve_study(source, source.tables)
 
 
-def parse_study(text: str, path: Path) -> Study:
+def parse_study(text: str, path: Path) -> ResolvedStudy:
     """The study of a TOML text; `path` is for messages. Raises as `load_any`."""
     source = SourceText(path, text)
     return resolve_study(source, source.tables)
 
 
-def given_keys(study: Study) -> set[str]:
+def given_keys(study: ResolvedStudy) -> set[str]:
     """Dotted keys of the file, ``transient.step``, of tables in tables too."""
     return {
         f"{section}.{key}"
@@ -125,12 +140,15 @@ def given_keys(study: Study) -> set[str]:
     }
 
 
-def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
+def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
     """The study of a file's tables, perhaps with some values changed; errors are about the file."""
+    from squealstudy.study.laws import check_outside_laws
+
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
+    options = _options(definition.model, model, source)  # a law first, then its parameters
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
     for name, value in definition.parameters.items():
@@ -141,11 +159,11 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
         except ParameterError as e:
             raise source.error(keys, e.message) from None
         used.append((keys, parameter))
-    options = _options(definition.model, model, source)
     sweeps = resolve_sweeps(definition, model, source)
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
     _check_disjoint(used, source)
-    return Study(
+    _check_acting(used, model, options, source)
+    study = ResolvedStudy(
         source=source,
         kind=kind,
         definition=definition,
@@ -155,6 +173,8 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> Study:
         sweeps=sweeps,
         extensions=extensions,
     )
+    check_outside_laws(study)
+    return study
 
 
 def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
@@ -188,7 +208,7 @@ def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
         raise source.error(
             ("model", "name"),
             f"expected one of {', '.join(model_names())}, got {shown(name)}"
-            + did_you_mean(name, model_names()),
+            + (did_you_mean(name, model_names()) or not_registered(source.tables, name)),
         )
     return family_of(definition, source) if name == NAME else MODELS[name]
 
@@ -211,9 +231,28 @@ def _options(
         choices = options[name].choices
         if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
             allowed = " or ".join(shown(choice) for choice in choices)
-            raise source.error(keys, f"expected {allowed}, got {shown(value)}")
+            own = not_registered(source.tables, value) if callable(options[name].allowed) else ""
+            raise source.error(keys, f"expected {allowed}, got {shown(value)}{own}")
         values[name] = value
     return values
+
+
+def _check_acting(
+    used: list[tuple[KeyPath, StudyParameter]],
+    model: ModelDefinition,
+    options: Mapping[str, str | int],
+    source: SourceText,
+) -> None:
+    """No parameter of a law that the study does not choose: it would seem to have no influence."""
+    from squealstudy.study.design import DesignPoint
+    from squealstudy.study.laws import expect_acting
+
+    design = DesignPoint(model, options, {})
+    for keys, parameter in used if design.has_working_point else ():
+        try:
+            expect_acting(parameter, design)
+        except ParameterError as e:
+            raise source.error(keys, e.message) from None
 
 
 def _check_disjoint(used: list[tuple[KeyPath, StudyParameter]], source: SourceText) -> None:

@@ -37,6 +37,7 @@ TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "un
 TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
 TAKEN |= {"error_rung", "error_reduction", "stability", "n_unstable_low", "n_unstable_high"}
 TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
+TAKEN |= {"contact_pressure_min", "contact_pressure_max"}
 TAKEN |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}
 TAKEN |= {"reference_frequency_error", "reference_damping_error", "valid", "invalid_reason"}
 

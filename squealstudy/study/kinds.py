@@ -8,8 +8,9 @@ from importlib.util import find_spec
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
+from squealstudy.extensions import note_registered
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.source import SourceText, extensions_of, shown
+from squealstudy.study.source import SourceText, extensions_of, not_registered, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,6 +44,7 @@ def register_kind(kind: Kind) -> None:
     if kind.name in _folders() or type(known) is not type(kind):
         raise ValueError(f"there is a kind of study '{kind.name}' already")
     _registered[kind.name] = kind
+    note_registered(type(kind).__module__)
 
 
 def kind_named(name: str) -> Kind:
@@ -93,7 +95,8 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
         return None
     names = kind_names()
     if name not in names:
-        text = f"expected one of {', '.join(names)}, got {shown(name)}{did_you_mean(name, names)}"
+        hint = did_you_mean(name, names) or not_registered(tables, name)
+        text = f"expected one of {', '.join(names)}, got {shown(name)}{hint}"
         raise source.error(("study", "kind"), text)
     return kind_named(name)
 

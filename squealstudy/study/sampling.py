@@ -8,13 +8,13 @@ import math
 import numpy as np
 
 from squealstudy.errors import ParameterError
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sweeps import SOBOL_INDICES, beyond
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
 
 
-def count_points(study: Study) -> int:
+def count_points(study: ResolvedStudy) -> int:
     """Number of design points, without making them; of a boundary design those it begins with."""
     design = study.definition.design
     if design.samples is not None:
@@ -24,14 +24,14 @@ def count_points(study: Study) -> int:
     return math.prod(lengths) if design.type in GRIDS else max(lengths, default=1)
 
 
-def grid_shape(study: Study) -> tuple[int, ...] | None:
+def grid_shape(study: ResolvedStudy) -> tuple[int, ...] | None:
     """Number of values of each sweep, the first varying fastest; None where there is no grid."""
     if study.definition.design.type != "grid":
         return None
     return tuple(len(sweep.values) for sweep in study.sweeps)
 
 
-def design_points(study: Study) -> list[dict[str, float]]:
+def design_points(study: ResolvedStudy) -> list[dict[str, float]]:
     """Swept values of each design point, by parameter name.
 
     In a grid the first sweep varies fastest: its lines are contiguous. The points of a random
@@ -54,13 +54,13 @@ def design_points(study: Study) -> list[dict[str, float]]:
     return [dict(zip(names, row, strict=True)) for row in rows]
 
 
-def _random_rows(study: Study) -> list[tuple[float, ...]]:
+def _random_rows(study: ResolvedStudy) -> list[tuple[float, ...]]:
     unit = _unit_points(study)
     columns = [_sampled(study, k, u) for k, u in enumerate(unit.T)]
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _unit_points(study: Study) -> np.ndarray:
+def _unit_points(study: ResolvedStudy) -> np.ndarray:
     """Points in the unit cube (n_points, n_sweeps)."""
     from scipy.stats import qmc
 
@@ -82,7 +82,7 @@ def _unit_points(study: Study) -> np.ndarray:
     return np.asarray(sobol.random_base2(bits))[:n]
 
 
-def _sampled(study: Study, number: int, u: np.ndarray) -> np.ndarray:
+def _sampled(study: ResolvedStudy, number: int, u: np.ndarray) -> np.ndarray:
     """Values (n,) of one sweep from numbers (n,) in [0, 1); StudyFileError."""
     sweep = study.sweeps[number]
     if sweep.distribution is None:

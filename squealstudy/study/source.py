@@ -24,6 +24,7 @@ Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
 LONGEST_SHOWN = 40
+MOST_LISTED, MOST_SOUGHT = 10, 50  # errors of one message; those put in order by their lines
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,8 @@ def dotted(keys: KeyPath) -> str:
 
 def _read_text(path: Path) -> str:
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # it might never end
+            raise StudyFileError("expected a study file (TOML), got a pipe or a device", path)
         raw = path.read_bytes()
     except FileNotFoundError:
         raise StudyFileError("there is no such file", path) from None
@@ -149,16 +152,32 @@ def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, .
     return tuple(found)
 
 
+def not_registered(tables: Mapping[str, Any], name: object) -> str:
+    """Ending of a message: where a name that is not known may be defined; nothing of others."""
+    if not isinstance(name, str):
+        return ""
+    files = tables.get("study", {}).get("extensions")
+    if files:
+        return f"; '{name}' is in no file of extensions = {list(files)}"
+    return "; one of your own needs its file, extensions = ['my_file.py'] in [study]"
+
+
 def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> Model:
-    """`data` as a pydantic model; StudyFileError about its first error in the file's order."""
+    """`data` as a pydantic model; StudyFileError about all that is wrong, in the file's order."""
     try:
         return kind.model_validate(data)
     except ValidationError as e:
         problems = {_place(data, p["loc"]): p for p in e.errors(include_url=False)}
+    lines = {keys: source.lines.find(keys) for keys in list(problems)[:MOST_SOUGHT]}
     past_the_end = len(source.text) + 2  # for keys that are nowhere in the file
-    place = min(problems, key=lambda keys: source.lines.find(keys) or past_the_end)
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    raise source.error(place, _wording(kind, problems[place]) + more)
+    first, *others = sorted(lines, key=lambda keys: lines[keys] or past_the_end)
+    said = [_wording(kind, problems[first])]
+    for keys in others[:MOST_LISTED]:
+        line = f"line {lines[keys]}, " if lines[keys] else ""
+        said.append(f"{line}key '{dotted(keys)}': {_wording(kind, problems[keys])}")
+    if left := len(problems) - len(said):
+        said.append(f"and {left} more")
+    raise source.error(first, "\n".join(said))
 
 
 def _place(data: Any, loc: KeyPath) -> KeyPath:

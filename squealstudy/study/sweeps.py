@@ -26,7 +26,7 @@ BOUNDARY = "boundary"
 LEAST_GROUPS = 8  # base points of sobol_indices: fewer tell nothing
 LEAST_SWEEPS = {"sobol": 1, "latin_hypercube": 1, "sobol_indices": 2, BOUNDARY: 1}
 MOST_BOUNDARY_SWEEPS = 3
-MOST_NODES = 1_000_000  # of the full grid of a boundary design
+MOST_POINTS = 1_000_000  # of a design, of the full grid of a boundary design too
 SCATTER = ("distribution", "mean", "std", "median", "sigma")
 
 
@@ -280,6 +280,14 @@ def check_design(definition: StudyDefinition, sweeps: Sequence[Sweep], source: S
             f"expected a power of two from {LEAST_GROUPS} on, such as {below} or {2 * below}, "
             f"got {n}",
         )
+    groups = len(sweeps) + 2 if design.type == SOBOL_INDICES else 1
+    points = n * groups if random else math.prod(len(s.values) for s in sweeps)
+    if points > MOST_POINTS and design.type != "zip":
+        raise source.error(
+            ("design", "samples") if random else ("sweep",),
+            f"the design would have {points:,} points, more than {MOST_POINTS:,}: "
+            f"fewer {'samples' if random else 'values'}",
+        )
     if design.type == "zip":
         _check_zip(definition.sweep, sweeps, source)
     if design.type == BOUNDARY:
@@ -303,10 +311,10 @@ def _check_boundary(
             f"got {len(sweeps)}",
         )
     nodes = math.prod((len(s.values) - 1) * 2**design.levels + 1 for s in sweeps)
-    if nodes > MOST_NODES:
+    if nodes > MOST_POINTS:
         raise source.error(
             ("design", "levels"),
-            f"the full grid would have {nodes:,} nodes, more than {MOST_NODES:,}: "
+            f"the full grid would have {nodes:,} nodes, more than {MOST_POINTS:,}: "
             "fewer levels, or a smaller num",
         )
     for i, sweep in enumerate(sweeps):

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Hashable, Mapping
-from keyword import iskeyword
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
+from squealstudy.tables.condition import conditions
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -51,9 +49,6 @@ COLUMNS = (
     | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
 )
 SUMMARISED = ("frequency_hz", "growth_rate", "damping_ratio", "track_ambiguous")
-UNUSABLE: tuple[type[Exception], ...] = (SyntaxError, TokenError, TypeError, ValueError)
-UNUSABLE += (LookupError, AttributeError, NotImplementedError)
-_QUOTED = re.compile(r"`[^`]*`|'[^']*'|\"[^\"]*\"")
 
 
 def rank_modes(
@@ -338,45 +333,11 @@ def _held(
     """As `selection`, failed points too."""
     counted = np.ones(len(points), dtype=bool)
     wanted = np.ones(len(modes), dtype=bool)
-    for condition in [] if where is None else _conditions(where):
-        used = {c: points[c].array.take(code) for c in points.columns if c in condition}
-        if (held := _holds(points, condition)) is not None:
-            counted = counted & held
-        elif (held := _holds(modes.assign(**used), condition)) is not None:
-            wanted = wanted & held
+    known = [*points.columns, *modes.columns]
+    for condition in [] if where is None else conditions(where, known):
+        if condition.columns <= set(points.columns):
+            counted = counted & condition.holds(points)
         else:
-            names = ", ".join(dict.fromkeys([*points.columns, *modes.columns]))
-            raise ResultsError(f"query '{condition}' names an unknown column, expected {names}")
+            used = {c: points[c].array.take(code) for c in condition.columns & set(points.columns)}
+            wanted = wanted & condition.holds(modes.assign(**used))
     return counted, wanted
-
-
-def _conditions(where: str) -> list[str]:
-    """The parts of a query that `and` joins at its outermost level."""
-    flat, depth = "", 0
-    for character in _QUOTED.sub(lambda quoted: "." * len(quoted[0]), where):
-        depth += character in "([{"
-        flat += "." if depth else character
-        depth -= character in ")]}"
-    if re.search(r"\bor\b|\|", flat):
-        return [where]
-    cuts = [cut.span() for cut in re.finditer(r"\band\b|&", flat)]
-    ends = [*(start for start, _ in cuts), len(where)]
-    return [where[a:b].strip() for a, b in zip([0, *(end for _, end in cuts)], ends, strict=True)]
-
-
-def _holds(table: pd.DataFrame, condition: str) -> np.ndarray | None:
-    """Rows for which a condition holds, None where the table lacks a column. ResultsError."""
-    odd = sorted((str(c) for c in table if not str(c).isidentifier()), key=len, reverse=True)
-    words = [rf"\b{c}\b" for c in map(str, table) if iskeyword(c)]
-    names = "|".join([_QUOTED.pattern, *map(re.escape, odd), *words])
-    text = re.sub(names, lambda m: m[0] if m[0][0] in "`'\"" else f"`{m[0]}`", condition)
-    scope: dict[str, Any] = {"local_dict": {}, "global_dict": {}, "target": None}
-    try:
-        held: object = table.eval(text, engine="python", **scope)
-    except NameError:
-        return None
-    except UNUSABLE as error:
-        raise ResultsError(f"query '{condition}' cannot be used: {error}") from error
-    if not (isinstance(held, pd.Series) and pd.api.types.is_bool_dtype(held)):
-        raise ResultsError(f"query '{condition}' is no condition: it gives no true or false a row")
-    return held.fillna(False).to_numpy(bool)

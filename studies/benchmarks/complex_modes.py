@@ -10,7 +10,6 @@ where the basis was made. "Light" modes: |damping ratio| < 5 %.
 from __future__ import annotations
 
 import argparse
-import resource
 import statistics
 import time
 
@@ -18,6 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.laws import contact_law
+from squealstudy.machine import peak_memory_mb
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_modes
@@ -84,8 +84,7 @@ def main() -> None:
                 f"{name:30s}{len(full.lam):6d}{pairs.frequency_error:10.1e}{pairs.damping_error:10.1e}"
                 f"{pairs.missed:8d}{seconds:8.1f}"
             )
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(f"\npeak memory {peak:.2f} GB")
+    print(f"\npeak memory {peak_memory_mb() / 1024:.2f} GB")
 
 
 def _points(prepared) -> None:

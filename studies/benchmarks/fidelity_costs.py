@@ -109,7 +109,7 @@ def scene_of(options: argparse.Namespace) -> FidelityStudy:
     study = load_study(options.scene)
     section = study.definition.fidelity.model_copy(update={"audit": options.points})
     definition = study.definition.model_copy(update={"fidelity": section})
-    return FidelityStudy(replace(study, definition=definition), 1, lambda stage, done, total: None)
+    return FidelityStudy(replace(study, definition=definition), 1, lambda *progress: None)
 
 
 def chosen(scene: FidelityStudy) -> Choice:

@@ -13,7 +13,6 @@ results/level_over_basis/, so a second run only prints.
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +22,7 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.machine import cores
 from squealstudy.study.definition import parse_study
 
 REFERENCE = "hybrid, 1 layer"
@@ -108,7 +108,7 @@ def variants(options: argparse.Namespace) -> list[Variant]:
 def solved(variant: Variant, mesh: str) -> list[dict[str, object]]:
     plan = Plan(parse_study(variant.text, Path("level_over_basis.py")))
     directory = Path("results/level_over_basis") / mesh / plan.study.name
-    run_study(plan, directory, os.cpu_count() or 1)
+    run_study(plan, directory, cores())
     points = Results.open(directory).points
     steps = plan.study.section.duration / plan.study.section.step
     return [

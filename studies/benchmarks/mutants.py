@@ -48,7 +48,7 @@ TESTS = (
 MOST_SECONDS = 300  # of a file of tests
 LOADED_ONCE = (
     *("numba", "pandas", "pyarrow.parquet", "scipy.optimize", "scipy.sparse.linalg", "scipy.io"),
-    *("scipy.stats", "pydantic", "matplotlib.pyplot", "skfem", "joblib", "typer", "rich.console"),
+    *("scipy.stats", "pydantic", "matplotlib.pyplot", "skfem", "psutil", "typer", "rich.console"),
     *("hypothesis", "xdist", "threadpoolctl"),
 )
 COPIED = ("squealstudy", "tests", "studies", "pyproject.toml", "README.md", "CHANGELOG.md")

@@ -32,9 +32,8 @@ from scipy.stats import spearmanr
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import MODES
+from squealstudy.engine.store import MODES, Store
 from squealstudy.kinds.complex_modes.full_order_check import (
-    read_references,
     reference_roots,
 )
 from squealstudy.root_pairs import paired_with_full_order
@@ -189,7 +188,7 @@ def main() -> None:
             plan, modes, manifest = solved(study_text(case, rung, audit, given), place, given.jobs)
             ids = [task.point_id for task in plan.tasks]
             if rung == "dense":
-                found = read_references(place / "results")
+                found = Store(place / "results").references()
                 checks = [(ids.index(i), c) for i, c in found.items() if "roots" in c]
             own = {ids[i]: check for i, check in checks}
             errors = manifest["errors"]

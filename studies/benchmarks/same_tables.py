@@ -107,9 +107,7 @@ def _compared(names: list[str], tree: Path, folder: Path, jobs: int, kept: Path 
 def run(name: str, tree: Path, folder: Path, jobs: int) -> dict[str, pd.DataFrame]:
     """Tables of a study by the package in `tree`, by their names; RuntimeError where it fails."""
     folder.mkdir(exist_ok=True)
-    for path in STUDIES.glob("*.toml"):
-        (folder / path.name).write_text(path.read_text())
-    _write_matrices(folder)
+    copy_studies(folder)
     environment = os.environ | {
         "PYTHONPATH": str(tree),
         "SQUEALSTUDY_CACHE": str(folder / "cache"),
@@ -137,8 +135,10 @@ def _keep_tables(folder: Path | None, tables: dict[str, pd.DataFrame]) -> None:
             table.to_parquet(folder / f"{name}.parquet")
 
 
-def _write_matrices(folder: Path) -> None:
-    """A chain of six masses, two of whose springs friction makes unsymmetric."""
+def copy_studies(folder: Path) -> None:
+    """Study files, and the matrices of one: a chain of six masses, unsymmetric by friction."""
+    for path in STUDIES.glob("*.toml"):
+        (folder / path.name).write_text(path.read_text())
     n, stiffness = 6, 1e6
     K = sp.diags([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]) * stiffness
     coupling = sp.coo_array(([stiffness, -stiffness], ([1, 2], [2, 1])), shape=(n, n))
@@ -173,7 +173,7 @@ def table_differences(then: pd.DataFrame, now: pd.DataFrame) -> Iterator[str]:
     moved = (order != np.arange(len(now))).any()
     now = now.iloc[order]
     for column in [c for c in now.columns if c in then.columns]:
-        if not _fits(column, MEASURED) and not (moved and column == "mode"):
+        if not fits(column, MEASURED) and not (moved and column == "mode"):
             text = column_difference(column, then[column], now[column])
             if text:
                 yield f"{column}: {text}"
@@ -207,7 +207,7 @@ def column_difference(name: str, then: pd.Series, now: pd.Series) -> str:
     a, b = (_flat(column) for column in (then, now))
     if len(a) != len(b):
         return f"{len(a)} values then, {len(b)} now"
-    if _fits(name, IDENTIFIERS):
+    if fits(name, IDENTIFIERS):
         pairs = set(zip(a, b, strict=True))
         one_to_one = len(pairs) == len({x for x, _ in pairs}) == len({y for _, y in pairs})
         return "" if one_to_one else "identifiers do not map one to one"
@@ -231,7 +231,7 @@ def _number_difference(name: str, a: np.ndarray, b: np.ndarray) -> str:
     return f"off by {off:.2e} of {scale:.2e}, allowed {tolerance:g} of it"
 
 
-def _fits(name: str, patterns: tuple[str, ...]) -> bool:
+def fits(name: str, patterns: tuple[str, ...]) -> bool:
     return any(fnmatch.fnmatch(name, pattern) for pattern in patterns)
 
 

@@ -230,7 +230,7 @@ def _resolved(row: str, quick: bool, folder: Path) -> Any:
     from squealstudy.fidelity.run import resolve
 
     study = _plan(row, quick, folder).study
-    found = resolve(study, 1, lambda stage, done, total: None)
+    found = resolve(study, 1, lambda *progress: None)
     print(found.choice.chosen.text, file=sys.stderr)
     return found
 

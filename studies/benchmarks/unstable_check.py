@@ -14,13 +14,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
+from functools import partial
+from multiprocessing import get_context
 
 import one_thread  # noqa: F401
 
 # isort: split
 
 import numpy as np
-from joblib import Parallel, delayed
 from reanalysis_rungs.brake import brake_problem
 
 from squealstudy.linalg.companion import all_roots
@@ -128,7 +129,8 @@ def main() -> None:
     )
     parts = np.split(theta, range(CHUNK, len(theta), CHUNK))
     started = time.perf_counter()
-    found = Parallel(arguments.jobs)(delayed(exact_roots)(arguments, part) for part in parts)
+    with get_context("spawn").Pool(arguments.jobs) as pool:
+        found = pool.map(partial(exact_roots, arguments), parts)
     ms = 1e3 * (time.perf_counter() - started) / len(theta)
     lost = len(solved) - len(points)
     print(f"dense: {ms:.0f} ms a point on {arguments.jobs} cores; no working point: {lost}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -14,7 +13,7 @@ from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
-from squealstudy.engine.store import POINTS, write_parquet
+from squealstudy.engine.store import POINTS, Store
 from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.modes.point import state_working_point
 from squealstudy.study.design import DesignPoint
@@ -53,11 +52,11 @@ class SteadySliding(ModelKind):
         }
 
     def build_tables(
-        self, plan: Plan, directory: Path, workers: Workers
+        self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, Mapping[str, Any]]:
         """The points."""
-        table = points_table(plan, planned_rows(plan, directory, self.schema), FIELDS)
-        write_parquet(directory / POINTS, table)
+        table = points_table(plan, planned_rows(plan, store, self.schema), FIELDS)
+        store.write_table(POINTS, table)
         return table.to_pandas(), {}
 
 

@@ -6,12 +6,30 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.rung import Rung
 from squealstudy.modes.rungs import register_rung
 
 SAFETY = 1.5  # roots are no parabolas
+LEAST_MAC = 0.5  # of shapes of one mode at two points
+
+
+def taken(modes, order):
+    """Modes in another order."""
+    names = ("lam", "residual", "shapes", "error_rung")
+    parts = {name: getattr(modes, name)[order] for name in names}
+    return replace(modes, energies=modes.energies[:, order], **parts)
+
+
+def paired(modes, others):
+    """`modes` in the order of `others`, by shapes: their own order is that of the frequencies."""
+    mac = np.abs(others.shapes.conj() @ modes.shapes.T) ** 2
+    rows, order = linear_sum_assignment(-mac)
+    if len(order) < max(mac.shape) or (mac[rows, order] < LEAST_MAC).any():
+        raise ConvergenceError("not_converged", "modes cannot be paired within the box")
+    return taken(modes, order)
 
 
 class Linear(Rung):
@@ -40,17 +58,22 @@ class Linear(Rung):
             yield (
                 i,
                 replace(
-                    near,  # its shapes and residuals
+                    near,  # its shapes
                     lam=(1 - share) * low.lam + share * high.lam,
                     error_rung=SAFETY * 4 * share * (1 - share) * curved + near.error_rung,
+                    residual=np.full(len(near.lam), np.nan),  # none was computed
                     energies=(1 - share) * low.energies + share * high.energies,
                     working_point=own.working_point or near.working_point,
                     method=self.name,
                 ),
             )
 
+    @property
+    def setup_solves(self):
+        return 3  # the nodes
+
     def relative_cost(self, points, varied):
-        return 3 / max(points, 3)
+        return 0.05  # of a point between them
 
     def _ends(self, problem, box):
         """Modes at both ends, and how far roots lie off the line in the middle; once a box."""
@@ -60,8 +83,7 @@ class Linear(Rung):
             low, middle, high = (
                 problem.exact(problem.point_at(theta)) for theta in (box.low, box.middle, box.high)
             )
-            if not len(low.lam) == len(middle.lam) == len(high.lam):
-                raise ConvergenceError("not_converged", "modes leave the band within the box")
+            middle, high = paired(middle, low), paired(high, low)
             boxes[key] = low, high, np.abs(middle.lam - (low.lam + high.lam) / 2)
         return boxes[key]
 

@@ -119,6 +119,7 @@ def parsed(tmp_path, names):
         (None, "cannot be read: No such file or directory"),
         ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("def f(:", "SyntaxError"),
+        ("from squealstudy.laws import register", "registers nothing: expected register"),
     ],
 )
 def test_a_file_that_is_absent_or_fails_is_told_with_its_key(tmp_path, content, reason):
@@ -130,6 +131,16 @@ def test_a_file_that_is_absent_or_fails_is_told_with_its_key(tmp_path, content, 
     assert "'wrong.py'" in told.value.message
 
 
+def test_a_law_without_its_file_is_told_so(tmp_path):
+    text = STUDY.format(kind="complex_modes").replace(f'extensions = ["{FILE}"]\n', "")
+    with pytest.raises(StudyFileError, match=r"got 'cubic'; one of your own needs its file, ext"):
+        parse_study(text, tmp_path / "study.toml")
+    other = (HERE / FILE).read_text().replace('"cubic"', '"other"').replace(".cube", ".other")
+    (tmp_path / FILE).write_text(other)
+    with pytest.raises(StudyFileError, match=r"'cubic' is in no file of extensions = \['my_con"):
+        parsed(tmp_path, f'["{FILE}"]')
+
+
 @pytest.mark.parametrize("names", ['"my_law.py"', "[1]", "true"])
 def test_extensions_are_a_list_of_names(tmp_path, names):
     with pytest.raises(StudyFileError) as told:
@@ -139,10 +150,11 @@ def test_extensions_are_a_list_of_names(tmp_path, names):
 
 def test_a_file_that_changed_is_refused(tmp_path):
     path = tmp_path / "changing.py"
-    path.write_text("A = 1")
+    text = (HERE / FILE).read_text()
+    path.write_text(text)
     load_extension(path)
     load_extension(path)
-    path.write_text("A = 2")
+    path.write_text(text + "A = 2")
     with pytest.raises(ExtensionError, match="has changed"):
         load_extension(path)
 

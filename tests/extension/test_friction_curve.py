@@ -56,7 +56,10 @@ def flutter_root(mu_d=MU, fade=FADE):
 
 
 def test_modes_are_those_of_the_closed_form(tmp_path):
-    modes = run(STUDY.format(kind="complex_modes"), tmp_path, FILE)["modes"]
+    tables = run(STUDY.format(kind="complex_modes"), tmp_path, FILE)
+    modes, (point,) = tables["modes"], tables["points"].itertuples()
+    assert point.contact_pressure_min == point.contact_pressure_max  # one contact point
+    assert point.contact_pressure_max == pytest.approx(contact_force() / AREA, rel=1e-9)
     mu, coupling = friction_of(contact_force())
     assert coupling < 0.8 * mu  # the fall with pressure matters
     unstable = modes.loc[modes["growth_rate"].idxmax()]

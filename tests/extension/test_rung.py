@@ -10,11 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from squealstudy import open_results
+from squealstudy import extensions, open_results
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ExtensionError, StudyFileError
+from squealstudy.kinds.complex_modes.screen import SCREEN
+from squealstudy.models import catalogue
 from squealstudy.modes import rungs
 from squealstudy.modes.rungs import all_rungs, exact_rung, register_rung, rung_named, rung_names
 from squealstudy.study.definition import parse_study
@@ -85,10 +88,144 @@ def test_a_rung_of_ones_own_serves_a_study_by_name_and_its_error_holds(tmp_path)
     assert (2 * np.pi * off <= modes["error_estimate"].to_numpy() + 1e-9).all()
 
 
+@pytest.mark.usefixtures("linear")
+def test_the_error_line_says_that_checked_points_are_the_nodes(tmp_path):
+    text = HULTEN.replace("reference_points = 0", "reference_points = 2")
+    run_study(plan_of(text, tmp_path), tmp_path / "r", jobs=1)
+    facts = dict(SCREEN.facts(open_results(tmp_path / "r")))
+    assert re.search(
+        r"hardly errs there, by \de-\d+ in .* which is [\d.]+e-0\d elsewhere", facts["error"]
+    )
+    between = text.replace("reference_points = 2", "reference_points = 3")
+    run_study(plan_of(between, tmp_path), tmp_path / "between", jobs=1)
+    facts = dict(SCREEN.facts(open_results(tmp_path / "between")))
+    assert "hardly errs" not in facts["error"]
+
+
+CROSSING = """
+[study]
+name = "crossing"
+kind = "complex_modes"
+
+[model]
+name = "matrices"
+
+[[model.term]]
+matrix = "M"
+file = "M.npz"
+
+[[model.term]]
+matrix = "K"
+file = "K.npz"
+
+[[model.term]]
+matrix = "C"
+file = "C.npz"
+
+[[model.term]]
+matrix = "K"
+file = "rise.npz"
+coefficient = "friction"
+
+[parameters]
+friction = 0.5
+
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 1.0
+num = 11
+
+[modes]
+band = [10.0, 1000.0]
+reference_points = 0
+method = "linear"
+"""
+
+
+@pytest.mark.usefixtures("linear")
+def test_the_error_holds_where_two_uncoupled_modes_cross(tmp_path):
+    rising, level, damping = (2 * np.pi * 100.0) ** 2, (2 * np.pi * 109.0) ** 2, [1.0, 40.0]
+    rise = 0.21 * rising
+    terms = {"M": [1.0, 1.0], "K": [rising, level], "C": damping, "rise": [rise, 0.0]}
+    for name, diagonal in terms.items():
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(np.diag(diagonal)))
+    run_study(plan_of(CROSSING, tmp_path), tmp_path / "r", jobs=1)
+    results = open_results(tmp_path / "r")
+    assert set(results.points["method"]) == {"linear"}
+    modes = results.modes.merge(results.points[["point_id", "friction"]], on="point_id")
+    assert modes["residual"].isna().all()
+    for c, k, slope in zip(damping, (rising, level), (rise, 0.0), strict=True):
+        own = modes[np.isclose(modes["growth_rate"], -c / 2, rtol=1e-9)]
+        assert len(own) == 11
+        assert own["track"].nunique() == 1
+        exact = np.sqrt(k + slope * own["friction"]) / (2 * np.pi)
+        off = 2 * np.pi * (own["frequency_hz"] - exact).abs()
+        assert (off <= own["error_estimate"] + 1e-9).all()
+
+
 def test_results_know_the_file_of_a_rung_from_outside(linear, tmp_path, monkeypatch):
     before = plan_of(HULTEN, tmp_path).tasks[0].point_id
     monkeypatch.setattr(type(linear), "source_hash", "another text")
     assert plan_of(HULTEN, tmp_path).tasks[0].point_id != before
+
+
+def keys_with(folder, monkeypatch, file, text, helper="", study=HULTEN):
+    """Structure and identity of the first point of a study with this text as an extension."""
+    folder.mkdir()
+    (folder / file).write_text(text)
+    (folder / "constants_of_it.py").write_text(helper)
+    monkeypatch.setattr(rungs, "_registered", {})
+    monkeypatch.setattr(extensions, "_read", dict(extensions._read))  # no worker is to execute it
+    monkeypatch.setattr(catalogue, "MODELS", dict(catalogue.MODELS))
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, "constants_of_it", raising=False)
+    named = study.replace("[model]", f'extensions = ["{file}"]\n\n[model]', 1)
+    task = plan_of(named, folder).tasks[0]
+    return task.structure, task.point_id
+
+
+def test_an_edited_rung_names_rows_anew_but_no_reduction(tmp_path, monkeypatch):
+    text = FILE.read_text()
+    structure, row = keys_with(tmp_path / "a", monkeypatch, FILE.name, text)
+    edited = keys_with(
+        tmp_path / "b", monkeypatch, FILE.name, text.replace("SAFETY = 1.5", "SAFETY = 2")
+    )
+    assert edited[0] == structure
+    assert edited[1] != row
+
+
+def test_an_edited_model_names_a_reduction_anew(tmp_path, monkeypatch):
+    text = FILE.with_name("my_model.py").read_text() + "# a copy\n"
+    study = """
+[study]
+name = "rubbed"
+kind = "complex_modes"
+
+[model]
+name = "rubbed_mass"
+
+[[sweep]]
+parameter = "added_mass"
+values = [0.5, 1.0]
+
+[modes]
+band = [1.0, 1000.0]
+"""
+    before = keys_with(tmp_path / "a", monkeypatch, "my_model.py", text, study=study)
+    monkeypatch.delitem(catalogue.MODELS, "rubbed_mass")
+    after = keys_with(tmp_path / "b", monkeypatch, "my_model.py", text + "# edited\n", study=study)
+    assert after[0] != before[0]
+
+
+def test_modules_beside_a_rung_are_part_of_its_identity(tmp_path, monkeypatch):
+    text = FILE.read_text().replace("SAFETY = 1.5", "from constants_of_it import SAFETY")
+    before = keys_with(tmp_path / "a", monkeypatch, FILE.name, text, "SAFETY = 1.5")
+    after = keys_with(tmp_path / "b", monkeypatch, FILE.name, text, "SAFETY = 2.5")
+    assert after[1] != before[1]
+    (tmp_path / "b" / "constants_of_it.py").write_text("SAFETY = 3.5")
+    with pytest.raises(ExtensionError, match="has changed since it was executed"):
+        extensions.load_extension(tmp_path / "b" / FILE.name)
 
 
 def test_what_a_rung_of_ones_own_leaves_over_is_solved_exactly(linear, tmp_path, monkeypatch):
@@ -154,13 +291,28 @@ def yields(change):
     return solve
 
 
+def changed(**parts):
+    """Yields modes with these figures, made of the right ones."""
+    return lambda i, found: [(i, replace(found, **{k: f(found) for k, f in parts.items()}))]
+
+
 WRONG = {
-    "lam of (1,)": lambda i, found: [(i, replace(found, lam=found.lam[:1]))],
-    "lam of ()": lambda i, found: [(i, replace(found, lam=found.lam[0]))],
-    "shapes (1,)": lambda i, found: [(i, replace(found, shapes=found.shapes[:1]))],
-    "roots of point 0 are not finite": lambda i, found: [
-        (i, replace(found, lam=np.full(2, np.nan + 0j)))
-    ],
+    "lam of (1,)": changed(lam=lambda found: found.lam[:1]),
+    "lam is complex128, expected a complex array": changed(lam=lambda found: found.lam[0]),
+    "lam is list, expected a complex array": changed(lam=lambda found: list(found.lam)),
+    "shapes is of shape (1, 2)": changed(shapes=lambda found: found.shapes[:1]),
+    "shapes is of shape (2, 7), lam of (2,): expected (2, 2)": changed(
+        shapes=lambda found: np.ones((2, 7), dtype=np.complex64)
+    ),
+    "shapes is not finite": changed(shapes=lambda found: np.nan * found.shapes),
+    "energies is not finite": changed(energies=lambda found: np.nan * found.energies),
+    "energies is of shape (0, 2)": changed(energies=lambda found: found.energies[:0]),
+    "point 0 (friction = 0): lam is not finite": changed(lam=lambda found: np.nan * found.lam),
+    "error_rung is -1, expected >= 0": changed(error_rung=lambda found: -np.ones(2)),
+    "error_rung is of complex128, expected a real": changed(error_rung=lambda f: 1e-9j * f.lam),
+    "a root has Im lambda < 0": changed(lam=lambda found: found.lam.conj()),
+    "expected roots from 1 to 1000 Hz alone": changed(lam=lambda found: 1e3 * found.lam),
+    "working_point is missing": changed(working_point=lambda found: None),
     "expected an index from 0 to": lambda i, found: [(i + 30, found)],
     "yielded point 0 twice": lambda i, found: [(0, found)],
     "expected PointModes": lambda i, found: [(i, found.lam)],
@@ -175,6 +327,15 @@ def test_what_is_no_answer_of_a_rung_ends_a_study_with_its_name(
 ):
     monkeypatch.setattr(type(linear), "solve", yields(WRONG[message]))
     with pytest.raises(ExtensionError, match=rf"my_rung.py: rung 'linear': .*{re.escape(message)}"):
+        run_study(plan_of(HULTEN, tmp_path), tmp_path / "r", jobs=1)
+
+
+def test_an_error_of_a_rung_s_own_code_is_told_with_its_line(linear, tmp_path, monkeypatch):
+    monkeypatch.setattr(linear, "_known", None)
+    line = 1 + FILE.read_text().splitlines().index(
+        "        boxes = self._known.setdefault(problem, {})"
+    )
+    with pytest.raises(ExtensionError, match=rf"my_rung.py: line {line}: rung 'linear': Attribute"):
         run_study(plan_of(HULTEN, tmp_path), tmp_path / "r", jobs=1)
 
 

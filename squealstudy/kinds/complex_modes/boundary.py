@@ -15,15 +15,15 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import Store
 from squealstudy.kinds.complex_modes.rows import damping_ratios, read_roots, unstable_roots
 from squealstudy.root_pairs import partners
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import count_points
 
 
@@ -69,7 +69,7 @@ class BoundaryGrid:
     levels: int
 
     @classmethod
-    def of(cls, study: Study) -> BoundaryGrid:
+    def of(cls, study: ResolvedStudy) -> BoundaryGrid:
         """The grid of a study with a boundary design."""
         n = study.definition.design.levels
         return cls(tuple(s.name for s in study.sweeps), tuple(s.halved(n) for s in study.sweeps), n)
@@ -247,8 +247,8 @@ def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return partners(df + dz, 1.0)
 
 
-def grown(plan: Plan, directory: Path) -> Plan:
-    """The plan with all points that the finished ones of `directory` ask for.
+def grown(plan: Plan, store: Store) -> Plan:
+    """The plan with all points that the finished ones ask for.
 
     The plan itself where some of its points are not finished, or where no more are needed. What is
     added depends on the rows of the plan's points alone.
@@ -257,7 +257,7 @@ def grown(plan: Plan, directory: Path) -> Plan:
         grid = BoundaryGrid.of(plan.study)
         ids = [t.point_id for t in plan.tasks]
         tolerance, largest = plan.method.tolerance, plan.method.largest_error
-        finished = read_roots(directory, ids, tolerance=tolerance, largest_error=largest)
+        finished = read_roots(store, ids, tolerance=tolerance, largest_error=largest)
         if len(finished) < len(plan.tasks):
             break
         roots = {
@@ -272,7 +272,7 @@ def grown(plan: Plan, directory: Path) -> Plan:
     return plan
 
 
-def most_points(study: Study) -> int:
+def most_points(study: ResolvedStudy) -> int:
     """Number of design points that a study may come to."""
     if not study.grows:
         return count_points(study)

@@ -6,14 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import MODES
+from squealstudy.engine.store import MODES, Store
 from squealstudy.kinds.complex_modes.full_order_check import reference_roots
 from squealstudy.kinds.complex_modes.reduction_errors import (
     ReductionErrors,
@@ -109,7 +107,7 @@ FACTORS = (2.0, 5.0)
 
 
 def audited(
-    directory: Path, ids: Sequence[str], references: Mapping[str, Mapping[str, Any]]
+    store: Store, ids: Sequence[str], references: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """True errors beside estimates over the light modes of the checked points among `ids`.
 
@@ -124,7 +122,7 @@ def audited(
     """
     checked = [i for i in ids if "roots" in references.get(i, {})]
     columns = ["point_id", "frequency_hz", "growth_rate", "error_estimate"]
-    modes = pq.read_table(directory / MODES, columns=columns).to_pandas()
+    modes = store.read_table(MODES, columns).to_pandas()
     true, estimate, missed = [np.zeros(0)], [np.zeros(0)], 0
     for point_id in checked:
         own = modes[modes["point_id"] == point_id]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,6 @@ from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
 
-REFERENCES = "references"
 UNTOLD = 1e-11  # relative error of a check that does not say its own
 
 
@@ -60,13 +57,6 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
 
 def _errors(pairs: FullOrderPairs) -> dict[str, float]:
     return {"frequency_error": pairs.frequency_error, "damping_error": pairs.damping_error}
-
-
-def read_references(directory: Path) -> dict[str, dict[str, Any]]:
-    """Full-order checks by point id."""
-    files = sorted((directory / REFERENCES).glob("*.json"))
-    results = [json.loads(path.read_text(encoding="utf-8")) for path in files]
-    return {r["point_id"]: r for r in results}
 
 
 def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:

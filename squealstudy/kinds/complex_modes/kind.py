@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +11,11 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.store import MODES, ONSETS, POINTS, write_json, write_text
+from squealstudy.engine.store import MODES, ONSETS, POINTS, REFERENCES, Store
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 EXACT, REANALYSIS = (0.9, 1.1), (0.5, 1.5)
 BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
 SAMPLE = 3.0  # exact solves that a sample point of the reduction's error costs: of two models
+SOURCES = ("kinds/complex_modes",)
 FULL_ORDER = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
 
@@ -68,6 +69,10 @@ class ComplexModes(ModelKind):
         for key in plan.structures:
             if is_prepared(key):
                 plan.check_assembly_modes(load_any(key).model.n)
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """The code of boxes and charts, and of what a basis must reach."""
+        return [source_hash(SOURCES)]
 
     def warnings(self, plan: Plan) -> list[str]:
         """A method that keeps no tolerance."""
@@ -103,13 +108,13 @@ class ComplexModes(ModelKind):
     @staticmethod
     def _make_basis(plan: Plan, structure: SweptStructure, report: Progress) -> None:
         chosen, rung = plan.study.definition.modes.method != AUTO, plan.method.rung
-        if structure.refusal.is_file() and not chosen:
+        if structure.refusal and not chosen:
             return
         try:
             make_basis(structure, rung, lambda done, most: report("sweep basis", done, most))
         except (ConvergenceError, np.linalg.LinAlgError) as error:
             if not chosen:  # all its points are then exact
-                write_text(structure.refusal, str(error))
+                structure.refuse(str(error))
                 return
             raise plan.study.error(
                 ("modes", "method"),
@@ -126,13 +131,13 @@ class ComplexModes(ModelKind):
         """Solve the points of a task in a worker."""
         return solve_points(task)
 
-    def grown(self, plan: Plan, directory: Path) -> Plan:
+    def grown(self, plan: Plan, store: Store) -> Plan:
         """With the nodes that a boundary design asks for."""
         if not plan.study.grows:
             return plan
         from squealstudy.kinds.complex_modes.boundary import grown
 
-        return grown(plan, directory)
+        return grown(plan, store)
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """The grid of a boundary design, and how much of it is solved."""
@@ -144,36 +149,33 @@ class ComplexModes(ModelKind):
         return facts | {"boundary": map_facts(plan)}
 
     def verify(
-        self, plan: Plan, directory: Path, failures: Mapping[str, str], workers: Workers
+        self, plan: Plan, store: Store, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
         """Solve the chosen points at full order, those not checked before; all their errors."""
         from squealstudy.kinds.complex_modes.full_order_check import (
-            REFERENCES,
             FullOrderTask,
             check_reference,
-            read_references,
         )
 
         chosen = [plan.tasks[i] for i in checked_points(plan)]
-        present = read_references(directory) if (directory / REFERENCES).is_dir() else {}
+        present = store.references()
         wanted = [t for t in chosen if t.point_id not in present]
-        found = read_roots(directory, [t.point_id for t in wanted], overdamped=True)
+        found = read_roots(store, [t.point_id for t in wanted], overdamped=True)
         tasks = [
             FullOrderTask(t, lam, plan.settings, plan.band_hz)
             for t in wanted
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
         for result in workers.each(check_reference, tasks, "full-order check"):
-            write_json(directory / REFERENCES / f"{result['point_id']}.json", result)
+            store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
         ids = {t.point_id for t in chosen}
-        return [r for i, r in read_references(directory).items() if i in ids]
+        return [r for i, r in store.references().items() if i in ids]
 
     def build_tables(
-        self, plan: Plan, directory: Path, workers: Workers
+        self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and onsets."""
         from squealstudy.kinds.complex_modes.errors import audited
-        from squealstudy.kinds.complex_modes.full_order_check import read_references
         from squealstudy.kinds.complex_modes.reduction_errors import make_samples
         from squealstudy.kinds.complex_modes.tables import build_tables
 
@@ -181,15 +183,15 @@ class ComplexModes(ModelKind):
             self.prepare(plan, workers.report)
         built = {key: "" for key in plan.structures if not is_prepared(key)}
         samples = make_samples(plan, built, workers)
-        points, facts = build_tables(plan, directory, workers, samples)
+        points, facts = build_tables(plan, store, workers, samples)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
         if plan.study.definition.modes.audit:
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]
-            facts["audit"] = audited(directory, ids, read_references(directory))
+            facts["audit"] = audited(store, ids, store.references())
         reason = plan.method.reason
         for structure in swept_structures(plan) if plan.method.rung.over_a_basis else ():
-            if structure.refusal.is_file() and not structure.has_basis:
-                reason += f"; no basis, all points are exact: {structure.refusal.read_text()}"
+            if structure.refusal and not structure.has_basis:
+                reason += f"; no basis, all points are exact: {structure.refusal}"
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}
         if len(left := points.loc[(points["status"] == "ok") & (points["message"] != "")]):

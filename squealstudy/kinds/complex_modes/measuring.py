@@ -19,8 +19,8 @@ from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.store import onset_parameter, read_chunks, write_rows
-from squealstudy.engine.workers import Workers, memory_above
+from squealstudy.engine.store import Store, onset_parameter
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
@@ -28,6 +28,7 @@ from squealstudy.kinds.complex_modes.problems import problem_of
 from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns, settled
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
+from squealstudy.machine import memory_above
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.design import DesignPoint
@@ -60,13 +61,14 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurem
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
             seconds, found_rows = _solved(kind, tasks)
-        write_rows(Path(scratch), found_rows, SCHEMA)
+        store = Store(Path(scratch))
+        store.write_rows(found_rows, SCHEMA)
         seconds /= len(solved)
-        rows = read_chunks(Path(scratch), {t.point_id for t in chosen}, SCHEMA)
+        rows = store.rows([t.point_id for t in chosen], SCHEMA)
         findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
         following_s = []
         for n, line in lines.items():
-            found, spent = onset_finding(LinePlan(plan, line), Path(scratch))
+            found, spent = onset_finding(LinePlan(plan, line), store)
             findings[str(n)] |= found
             following_s.append(spent)
     line_points = len(on_lines) / len(lines) if lines else np.nan
@@ -84,12 +86,12 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurem
     )
 
 
-def onset_finding(line: LinePlan, directory: Path) -> tuple[dict[str, Any], float]:
+def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
     """Part of a finding that holds the onset on a line of solved points, and seconds."""
     started = time.process_time()
     try:
         with threadpool_limits(1):
-            value, width = find_onset(line, directory)
+            value, width = find_onset(line, store)
     except FAILURES as error:
         status, message = reason(error)
         found: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
@@ -232,15 +234,15 @@ class LinePlan(Plan):
         )
 
 
-def find_onset(plan: LinePlan, directory: Path) -> tuple[Interval, float]:
-    """The first onset on a line whose points are solved in a directory, and the range searched.
+def find_onset(plan: LinePlan, store: Store) -> tuple[Interval, float]:
+    """The first onset on a line whose points are solved, and the range searched.
 
     Raises
     ------
     ConvergenceError
         Where a point of the line has no modes: the onset may lie there.
     """
-    columns = read_columns(directory, [task.point_id for task in plan.tasks])
+    columns = read_columns(store, [task.point_id for task in plan.tasks])
     points = columns.points.select(["point_id", "status", "message"]).to_pandas()
     try:
         bad = points[points["status"] != "ok"]

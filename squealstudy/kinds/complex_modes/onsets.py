@@ -35,6 +35,7 @@ from squealstudy.tables.stability import (
 
 PRECISION = 1e-4
 INTERPOLATED = "interpolated"
+WITHIN_ERROR = "within_error"
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
 EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
 EXPECTED = 8  # evaluations an onset
@@ -96,7 +97,8 @@ class OnsetSearch:
         ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
         ("refined" by root finding, "cubic" where four neighbouring points tell as much,
-        "interpolated" linearly, or put at a point that grows by less than its error, "failed"
+        "interpolated" linearly, "within_error" put at a point that grows by less than its error,
+        with a bracket to the next point beyond that does not (NaN where there is none), "failed"
         refinement of such a value or the next, "renumbered" where refinement finds that the
         unstable mode stays so and only its number changes: NaN, "bracketed" where nothing is damped
         on the stable side: put at the unstable end, "below_range" for a mode that is unstable at
@@ -178,16 +180,26 @@ class OnsetSearch:
         into = (events["direction"] == INTO).to_numpy()
         crossing = (events["before"] >= 0).to_numpy()
         stable = np.where(into, events["before"], events["after"])
-        rows = np.flatnonzero(crossing & self._neutral[np.where(crossing, stable, 0)])
-        ends = events[["before", "after"]].to_numpy()[rows]
-        x = self._plan.coordinates[:, self._column][self._point[stable[rows]]]
-        for row, at, off in zip(rows, x, self._shift(ends[:, 0], ends[:, 1]), strict=True):
-            self._enter_value(table, int(row), float(at), float(off))
-            table.loc[row, "status"] = INTERPOLATED
+        x = self._plan.coordinates[:, self._column][self._point]
+        values = self._points[self._along].to_numpy()[self._point]
+        outward = self._neighbours()
+        for row in np.flatnonzero(crossing & self._neutral[np.where(crossing, stable, 0)]):
+            at = int(stable[row])
+            side = outward[0 if into[row] else 1]
+            end = int(side[at])
+            while end >= 0 and self._neutral[end]:
+                end = int(side[end])
+            ends = events[["before", "after"]].to_numpy()[[row]]
+            inside = float(self._shift(ends[:, 0], ends[:, 1])[0])
+            error = max(inside, abs(float(x[end] - x[at]))) if end >= 0 else np.nan
+            self._enter_value(table, int(row), float(x[at]), error)
+            table.loc[row, "status"] = WITHIN_ERROR
+            bracket = "bracket_low" if into[row] else "bracket_high"
+            table.loc[row, bracket] = values[end] if end >= 0 else np.nan
 
     def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
-        crossing = np.flatnonzero((events["before"] >= 0) & table["error_estimate"].isna())
+        crossing = np.flatnonzero(self._open(events, table))
         ends = events[["before", "after"]].to_numpy()[crossing]
         before, after = self._neighbours()
         rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
@@ -202,6 +214,11 @@ class OnsetSearch:
         for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
             self._enter_value(table, int(row), float(at), float(off))
             table.loc[row, "status"] = CUBIC
+
+    def _open(self, events: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
+        """Which crossings may yet be told better."""
+        told = table["error_estimate"].notna() | (table["status"] == WITHIN_ERROR)
+        return (events["before"] >= 0) & ~told
 
     def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
         """Row of each mode's track at the point before and after on its line, -1 where none."""
@@ -269,7 +286,7 @@ class OnsetSearch:
 
     def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
-        crossing = events[(events["before"] >= 0) & table["error_estimate"].isna()]
+        crossing = events[self._open(events, table)]
         near = self._follower.near
         ends = [
             (int(self._point[a]), int(self._point[b]))

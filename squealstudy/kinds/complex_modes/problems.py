@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,6 +21,7 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
+from squealstudy.engine.files import sealed, unsealed, write_text
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
@@ -87,9 +89,19 @@ class SweptStructure:
         return basis
 
     @property
-    def refusal(self) -> Path:
-        """Where it is said why there is no basis over this box."""
+    def _refusal(self) -> Path:
         return self.path.with_suffix(".reason")
+
+    @property
+    def refusal(self) -> str:
+        """Why there can be no basis over this box; empty where none was refused."""
+        with contextlib.suppress(OSError, ValueError):  # not there, or damaged
+            return str(unsealed(self._refusal.read_bytes())["reason"])
+        return ""
+
+    def refuse(self, reason: str) -> None:
+        """Keep why there can be no basis, for other runs."""
+        write_text(self._refusal, sealed({"reason": reason}))
 
 
 def swept_structures(plan: Plan) -> list[SweptStructure]:

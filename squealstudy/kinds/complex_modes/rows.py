@@ -6,9 +6,8 @@ over all modes of all points.
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Collection, Sequence
+import contextlib
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,17 +15,17 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.rows import HEAD, head
-from squealstudy.engine.store import INACCURATE, read_tables
-from squealstudy.errors import ResultsError
+from squealstudy.engine.files import temporary_name
+from squealstudy.engine.rows import HEAD, WORKING_POINT_FIELDS, head, working_point_cells
+from squealstudy.engine.store import INACCURATE, Store
+from squealstudy.faults import named
 from squealstudy.modes.point import PointModes
 from squealstudy.root_pairs import LIGHT_DAMPING
 
 POINT_FIELDS = (
     *HEAD,
     ("method", pa.string()),
-    ("working_point_residual", pa.float64()),
-    ("open_share", pa.float64()),
+    *WORKING_POINT_FIELDS,
 )
 MODE_FIELDS = (
     ("re", pa.list_(pa.float64())),
@@ -47,11 +46,9 @@ def solved_row(
     point_id: str, wall_s: float, modes: PointModes, message: str = ""
 ) -> dict[str, Any]:
     """Chunk row of a solved point; models without a working point have none of its figures."""
-    point = modes.working_point
     return head(point_id, wall_s, message=message) | {
         "method": modes.method,
-        "working_point_residual": np.nan if point is None else point.residual,
-        "open_share": np.nan if point is None else point.open_share,
+        **working_point_cells(modes.working_point),
         "re": modes.lam.real,
         "im": modes.lam.imag,
         "overdamped": modes.overdamped,
@@ -66,7 +63,7 @@ COLUMNS = ("point_id", "status", "re", "im", "error_rung", "overdamped")
 
 
 def read_roots(
-    directory: Path,
+    store: Store,
     wanted: Collection[str],
     overdamped: bool = False,
     tolerance: float | None = None,
@@ -84,7 +81,7 @@ def read_roots(
     """
     ids = set(wanted)
     found: dict[str, np.ndarray | None] = {}
-    for table in read_tables(directory, SCHEMA, COLUMNS):
+    for table in store.chunks(SCHEMA, COLUMNS):
         for batch in table.to_batches():
             found.update(_batch_roots(batch, ids, overdamped, tolerance, largest_error))
     return found
@@ -261,13 +258,13 @@ class ModeColumns:
 
 
 def read_columns(
-    directory: Path, ids: Sequence[str], shapes: bool = True, largest_error: float = np.inf
+    store: Store, ids: Sequence[str], shapes: bool = True, largest_error: float = np.inf
 ) -> ModeColumns:
     """Read all chunk files once.
 
     Parameters
     ----------
-    directory : Path
+    store : Store
     ids : sequence of str (n,)
         Points in the order that is wanted.
     shapes : bool
@@ -279,13 +276,13 @@ def read_columns(
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point is in no chunk.
     """
     names = [name for name, _ in (*POINT_FIELDS, *MODE_FIELDS)]
     tables = [SCHEMA.empty_table().select(names)]
-    writer = _ShapeWriter(directory) if shapes else None
-    for found in read_tables(directory, SCHEMA, None if shapes else names):
+    writer = _ShapeWriter(store.directory) if shapes else None
+    for found in store.chunks(SCHEMA, None if shapes else names):
         tables.append(found.select(names))
         if writer is not None:
             writer.write(found[SHAPES])
@@ -295,7 +292,7 @@ def read_columns(
     if missing:
         if writer is not None:
             writer.discard()
-        raise ResultsError(f"{directory}: {missing} of {len(ids)} design points are not solved")
+        raise store.unsolved(missing, len(ids))
     order = np.array([row[i] for i in ids], dtype=np.int64)
     table = table.take(order).combine_chunks()
     counts = table["re"].combine_chunks().value_lengths().to_numpy(zero_copy_only=False)
@@ -340,23 +337,36 @@ class _ShapeWriter:
     """Puts the shapes of chunk files one after the other."""
 
     def __init__(self, directory: Path) -> None:
-        handle, path = tempfile.mkstemp(prefix=".shapes.", suffix=".tmp", dir=directory)
-        self._path, self._file = Path(path), os.fdopen(handle, "wb")
+        self._path = temporary_name(directory / SHAPES)
+        self._file = self._path.open("wb")
         self._sizes: list[int] = []
 
     def write(self, column: pa.ChunkedArray) -> None:
         """Append the bytes of a binary column as they stand."""
-        for value in column:
-            self._sizes.append(self._file.write(value.as_buffer()))
+        with self._whole_or_gone():
+            for value in column:
+                self._sizes.append(self._file.write(value.as_buffer()))
 
     def discard(self) -> None:
         """Close the unfinished file and delete it."""
-        self._file.close()
+        with contextlib.suppress(OSError):  # a full disk refuses what is left to write
+            self._file.close()
         self._path.unlink()
+
+    @contextlib.contextmanager
+    def _whole_or_gone(self) -> Iterator[None]:
+        """Leave no part of the file on a disk that is full."""
+        try:
+            with named(self._path.parent):
+                yield
+        except OSError:
+            self.discard()
+            raise
 
     def close(self, order: np.ndarray, counts: np.ndarray) -> ShapeFile:
         """The file, its points in `order`, each with its number of modes."""
-        self._file.close()
+        with self._whole_or_gone():
+            self._file.close()
         size = np.array(self._sizes, dtype=np.int64)
         offset = np.cumsum(size) - size
         return ShapeFile(path=self._path, offset=offset[order], size=size[order], count=counts)

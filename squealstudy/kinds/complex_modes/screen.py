@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
 from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
@@ -35,13 +37,16 @@ if TYPE_CHECKING:
 
 
 ONSETS = {
-    CROSSING: "~ before an onset: interpolated between two design points, not refined",
+    CROSSING: "~ before an onset: interpolated between two design points, or put at a point that "
+    "grows by less than its error; not refined",
     FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
     "track was found",
     BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
 BOUNDS = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}
+EXACT = 1e-9  # relative error of a method below which nothing is left to check
+SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
 
@@ -104,7 +109,8 @@ class ComplexModesScreen(KindScreen):
     def facts(self, results: Results) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
-        return [*_method(manifest), ("error", _full_order_error(manifest))]
+        error = _full_order_error(manifest) + _unseen(results)
+        return [*_method(manifest), ("error", error)]
 
 
 def _nothing(results: Results, where: str | None) -> str:
@@ -277,6 +283,23 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
         f"modes of damping < 5 % against {other} at {points}{OF_MESH if meshed else ''}"
+    )
+
+
+def _unseen(results: Results) -> str:
+    """That checked points are such where the method hardly errs, as nodes of an interpolation."""
+    checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
+    modes = results.modes
+    if not checked or "error_rung" not in modes:
+        return ""
+    light = modes["damping_ratio"].abs() < LIGHT_DAMPING
+    estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
+    there, anywhere = estimate[modes["point_id"].isin(checked)].max(), estimate.max()
+    if not (anywhere > EXACT and there < SEEN * anywhere):
+        return ""
+    return (
+        f"; the method hardly errs there, by {there:.0e} in its own estimate, which is "
+        f"{anywhere:.1e} elsewhere: audit checks points drawn at random"
     )
 
 

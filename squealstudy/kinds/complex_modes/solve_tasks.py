@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import NewGaps, known_gap
-from squealstudy.engine.keys import chunk_id
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
 from squealstudy.engine.workers import Solved, split_chunks
@@ -159,7 +158,7 @@ def solve_points(task: SolveTask) -> Solved:
         else:
             rows.append(failed_row(SCHEMA, point.point_id, *reason(found), now - last))
         last = now
-    new_gaps.save(chunk_id(p.point_id for p in task.points))
+    new_gaps.save()
     return Solved(rows, known=len(known))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,10 @@ import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import COUNT, HEAD, REAL
-from squealstudy.engine.store import MODES, ONSETS, write_parquet
+from squealstudy.engine.store import MODES, ONSETS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
-from squealstudy.kinds.complex_modes.full_order_check import read_references
 from squealstudy.kinds.complex_modes.onsets import onsets_arrow
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import (
@@ -43,7 +41,7 @@ UNTRACKED = -1  # in place of a track number
 
 def build_tables(
     plan: Plan,
-    directory: Path,
+    store: Store,
     workers: Workers,
     samples: Sequence[tuple[int, ReductionErrors]] = (),
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -58,14 +56,14 @@ def build_tables(
     """
     section = plan.study.definition.modes
     ids = [task.point_id for task in plan.tasks]
-    columns = read_columns(directory, ids, section.track, plan.method.largest_error)
-    references = read_references(directory)
+    columns = read_columns(store, ids, section.track, plan.method.largest_error)
+    references = store.references()
     errors, facts = mode_errors(plan, columns, samples, references)
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
     rows = _point_rows(columns, unstable, uncertain, references)
-    points = write_points(plan, directory, rows, POINT_COLUMNS)
+    points = write_points(plan, store, rows, POINT_COLUMNS)
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
     try:
@@ -75,11 +73,11 @@ def build_tables(
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()
-    write_parquet(directory / ONSETS, onsets_arrow(onsets))
+    store.write_table(ONSETS, onsets_arrow(onsets))
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     stability = stability_names(unstable, uncertain)
     modes = modes_table(columns, errors, tracks, unstable, stability, names)
-    write_parquet(directory / MODES, modes)
+    store.write_table(MODES, modes)
     return points, {**summary, "errors": facts}
 
 

@@ -6,7 +6,6 @@ import itertools
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import pyarrow as pa
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
-from squealstudy.engine.store import CELLS, read_chunks, write_parquet
+from squealstudy.engine.store import CELLS, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
@@ -126,14 +125,14 @@ class MethodStability(Kind):
         }
 
     def build_tables(
-        self, plan: MethodsPlan, directory: Path, workers: Workers
+        self, plan: MethodsPlan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write the cells; how often the prediction held."""
         ids = [cell.point_id for cell in plan.tasks]
-        rows = read_chunks(directory, set(ids), self.schema)
+        rows = store.rows(ids, self.schema)
         table = pa.Table.from_pylist([rows[i] for i in ids], schema=self.schema).to_pandas()
         table = table.rename(columns=dict(zip("xy", plan.content[1], strict=True)))
-        write_parquet(directory / CELLS, pa.Table.from_pandas(table, preserve_index=False))
+        store.write_table(CELLS, pa.Table.from_pandas(table, preserve_index=False))
         return table, agreement(table)
 
 

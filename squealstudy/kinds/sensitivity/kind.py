@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -17,7 +16,7 @@ from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
-from squealstudy.engine.store import POINTS, SENSITIVITIES
+from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
 from squealstudy.engine.workers import Solved, Workers, split_chunks
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity.parameters import (
@@ -99,11 +98,11 @@ class Sensitivities(ModelKind):
         return Solved([_row(point, task.request) for point in task.points], known=known)
 
     def build_tables(
-        self, plan: Plan, directory: Path, workers: Workers
+        self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write the tables of points and of sensitivities from the chunk files."""
         section = plan.study.section
-        return build_tables(plan, directory), {"sensitivity": section.model_dump(mode="json")}
+        return build_tables(plan, store), {"sensitivity": section.model_dump(mode="json")}
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point, from a few of its parameters."""

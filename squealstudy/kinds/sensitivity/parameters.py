@@ -11,14 +11,13 @@ from squealstudy.models.operating import (
     DAMPING,
     IN_TIME_ONLY,
     ModeKey,
-    OperatingPoint,
     contact_parameters,
-    friction_parameters,
 )
 from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_derivatives import FREQUENCY, StateParameter
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.laws import expect_acting
 from squealstudy.study.parameters import (
     ModeParameter,
     PlainParameter,
@@ -46,7 +45,7 @@ class RequestedParameter:
         return self.parameter.structural
 
 
-def asked_parameters(study: Study, design: DesignPoint) -> tuple[RequestedParameter, ...]:
+def asked_parameters(study: ResolvedStudy, design: DesignPoint) -> tuple[RequestedParameter, ...]:
     """The parameters of the [sensitivity] section, or the default ones.
 
     Raises
@@ -60,38 +59,32 @@ def asked_parameters(study: Study, design: DesignPoint) -> tuple[RequestedParame
             f"model '{study.model.name}' has no components and no contact: there are no "
             "sensitivities of it",
         )
-    section, operating = study.section, design.operating_point()
+    section = study.section
     if not section.parameters:
-        return tuple(_asked(name, study, operating) for name in _default_names(study, operating))
+        return tuple(_asked(name, study, design) for name in _default_names(study, design))
     found = []
     for number, name in enumerate(section.parameters):
         try:
-            found.append(_asked(name, study, operating))
+            found.append(_asked(name, study, design))
         except ParameterError as error:
             raise study.error(("sensitivity", "parameters", number), error.message) from None
     return tuple(found)
 
 
-def _asked(name: str, study: Study, operating: OperatingPoint) -> RequestedParameter:
+def _asked(name: str, study: ResolvedStudy, design: DesignPoint) -> RequestedParameter:
     every = EVERY in name
     parameter = parse_parameter(name.replace(EVERY, ONE), study.model)
     if every and not (isinstance(parameter, ModeParameter) and parameter.component):
         raise ParameterError(name, f"expected mode numbers of the assembly, got '{name}'")
     if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
-    for law, sort, known in (
-        (operating.law, "contact law", contact_parameters()),
-        (operating.curve, "friction law", friction_parameters()),
-    ):
-        if name in {p.name for p in known} - set(law.names):
-            its = ", ".join(law.names) or "no parameters"
-            raise ParameterError(name, f"the {law.kind} {sort} has {its}, not '{name}'")
+    expect_acting(parameter, design)
     return RequestedParameter(name, parameter, every)
 
 
-def _default_names(study: Study, operating: OperatingPoint) -> Iterator[str]:
+def _default_names(study: ResolvedStudy, design: DesignPoint) -> Iterator[str]:
     known = {p.name for p in study.model.parameters}
-    ignored = {p.name for p in contact_parameters()} - set(operating.law.names)
+    ignored = {p.name for p in contact_parameters()} - set(design.operating_point().law.names)
     yield from (name for name in DEFAULTS if name in known - ignored)
     for component in study.model.components:
         yield f"{component}.modes{EVERY}.{FREQUENCY}"
@@ -161,7 +154,7 @@ def structural_names(asked: Sequence[RequestedParameter]) -> list[str]:
     return [item.name for item in asked if item.structural]
 
 
-def error_at_name(study: Study, error: ParameterError) -> StudyFileError:
+def error_at_name(study: ResolvedStudy, error: ParameterError) -> StudyFileError:
     """The error of a parameter as one of the study file, where its name stands in it."""
     names = study.section.parameters
     if error.key in names:

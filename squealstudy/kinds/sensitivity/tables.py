@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,18 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FLAG, HEAD, REAL, TEXT, WHOLE, head, planned_rows
-from squealstudy.engine.store import SENSITIVITIES, write_parquet
+from squealstudy.engine.rows import (
+    FLAG,
+    HEAD,
+    REAL,
+    TEXT,
+    WHOLE,
+    WORKING_POINT_FIELDS,
+    head,
+    planned_rows,
+    working_point_cells,
+)
+from squealstudy.engine.store import SENSITIVITIES, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     ModeSensitivities,
@@ -23,7 +32,6 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
 )
 from squealstudy.reduction.working_point import WorkingPoint
 
-WORKING_POINT_FIELDS = (("working_point_residual", REAL), ("open_share", REAL))
 SENSITIVITY_FIELDS = (
     ("parameter", TEXT),
     ("value", REAL),
@@ -66,7 +74,7 @@ TYPES = {
 }
 
 
-def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
+def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     """Read all chunks, write both tables, return that of the points.
 
     Raises
@@ -74,14 +82,14 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    rows = planned_rows(plan, directory, SCHEMA)
-    write_parquet(directory / SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
+    rows = planned_rows(plan, store, SCHEMA)
+    store.write_table(SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
     filled = []
     for row in rows:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
         count = len(row["modes"]) if row["status"] == "ok" else None
         filled.append({**row, "n_modes": count, "max_growth_rate": growth})
-    return write_points(plan, directory, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    return write_points(plan, store, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
 
 
 def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -158,8 +166,7 @@ def solved_row(
     """Chunk row of a solved point."""
     return {
         **head(point_id, wall_s),
-        "working_point_residual": point.residual,
-        "open_share": point.open_share,
+        **working_point_cells(point),
         "modes": [_mode(mode) for mode in modes],
     }
 

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -15,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import GROWTH, MODES, POINTS
+from squealstudy.engine.store import GROWTH, MODES, POINTS, Store
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient import preparation
@@ -43,7 +42,7 @@ from squealstudy.kinds.transient.tables import SCHEMA, build_tables, lost_row, s
 from squealstudy.kinds.transient.worker import solve_batch
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class Transient(ModelKind):
     tells_reduction = False
     has_fidelity = True
 
-    def resolver(self, study: Study) -> Callable[[dict[str, float]], dict[str, float]]:
+    def resolver(self, study: ResolvedStudy) -> Callable[[dict[str, float]], dict[str, float]]:
         """Fills in the speed at which friction saturates, of the slowest design point."""
         return partial(with_speed, slowest=slowest_speed(study))
 
@@ -161,17 +160,17 @@ class Transient(ModelKind):
         return lost_row(point_id, status, message)
 
     def build_tables(
-        self, plan: Plan, directory: Path, workers: Workers
+        self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write points, modes and growth; what ending early has saved."""
-        points = build_tables(plan, directory)
+        points = build_tables(plan, store)
         section = plan.study.section
         facts: dict[str, Any] = {}
         if (regularisation := regularisation_of(plan)) is not None:
             from squealstudy.kinds.transient.slope_pilot import slope_pilot  # of all kinds of study
 
             facts["regularisation"] = regularisation | {
-                "pilot": slope_pilot(plan, directory, points, workers.report)
+                "pilot": slope_pilot(plan, store, points, workers.report)
             }
         if section.stop != "end":
             facts["simulated_time"] = simulated_time(points, section.duration)

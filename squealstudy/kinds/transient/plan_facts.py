@@ -14,11 +14,10 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import POINTS, STATES, read_manifest
+from squealstudy.engine.store import POINTS, STATES, Store, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.models.operating import (
@@ -27,7 +26,7 @@ from squealstudy.models.operating import (
     SLIDING_SPEED,
     SLOPE,
 )
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 from squealstudy.study.source import SourceText
@@ -64,7 +63,7 @@ def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
 
-def slowest_speed(study: Study) -> float:
+def slowest_speed(study: ResolvedStudy) -> float:
     """Slowest sliding speed of the design points of a study, m/s."""
     nominal = study.values[SLIDING_SPEED.name]
     return min(abs(point.get(SLIDING_SPEED.name, nominal)) for point in design_points(study))
@@ -167,25 +166,29 @@ def start_of(plan: Plan) -> StartState | None:
         raise source.error(
             KEY, f"'{section.start}' holds a {manifest.get('kind')} study, which has no final state"
         )
-    known = _finished(directory)
-    files = sorted((directory / STATES).glob("*.npz"))
-    states = {path.stem: path for path in files if known is None or path.stem in known}
-    path = _chosen(section, source, states)
+    store = Store(directory)
+    try:
+        known = _finished(store)
+        states = {Path(name).stem: name for name in store.names(STATES)}
+        states = {k: name for k, name in states.items() if known is None or k in known}
+        path = store.whole(_chosen(section, source, states))
+    except ResultsError as error:
+        raise source.error(KEY, str(error)) from None
     try:
         return _read(path)
     except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise source.error(KEY, f"{path} is no final state ({error})") from None
 
 
-def _finished(directory: Path) -> set[str] | None:
+def _finished(store: Store) -> set[str] | None:
     """DesignPoint points of the table that reached their end; None before there is a table."""
-    if not (directory / POINTS).is_file():
+    if not (store.directory / POINTS).is_file():
         return None
-    table = pq.read_table(directory / POINTS, columns=["point_id", "status"]).to_pylist()
+    table = store.read_table(POINTS, ["point_id", "status"]).to_pylist()
     return {row["point_id"] for row in table if row["status"] == "ok"}
 
 
-def _chosen(section: TransientSection, source: SourceText, states: dict[str, Path]) -> Path:
+def _chosen(section: TransientSection, source: SourceText, states: dict[str, str]) -> str:
     wanted = section.start_point
     if not states:
         raise source.error(KEY, f"no design point of '{section.start}' has reached its end")
@@ -197,7 +200,7 @@ def _chosen(section: TransientSection, source: SourceText, states: dict[str, Pat
             f"'{section.start}' has {len(states)} final states: name one by start_point, "
             f"for example '{next(iter(states))}'",
         )
-    found = [path for name, path in states.items() if name.startswith(wanted)]
+    found = [name for point, name in states.items() if point.startswith(wanted)]
     if len(found) != 1:
         what = "is not unique" if found else "is not finished, failed, or is unknown"
         raise source.error(POINT_KEY, f"point '{wanted}' of '{section.start}' {what}")

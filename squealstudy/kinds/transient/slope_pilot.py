@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ import pandas as pd
 from squealstudy.engine.measurement import Asked
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.store import read_chunks
+from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.measuring import measure_points, run_finding
@@ -38,16 +37,14 @@ QUANTITIES = ("torque_rms", "growth_rate", "torque_mean", "dominant_frequency")
 OK, UNDECIDED, FAILED, SKIPPED = "ok", "undecided", "failed", "skipped"
 
 
-def slope_pilot(
-    plan: Plan, directory: Path, points: pd.DataFrame, report: Progress
-) -> dict[str, Any]:
+def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress) -> dict[str, Any]:
     """Run a design point at 2 k_t, and compare.
 
     Parameters
     ----------
     plan : Plan
         With design points whose slope follows from a regularisation speed.
-    directory : Path
+    store : Store
         Of the finished study.
     points : DataFrame
         Its points, in the order of the plan.
@@ -68,7 +65,7 @@ def slope_pilot(
     if chosen is None:
         return {"status": FAILED, "message": "every design point failed"}
     task = plan.tasks[chosen]
-    own = run_finding(read_chunks(directory, {task.point_id}, SCHEMA)[task.point_id])
+    own = run_finding(store.rows({task.point_id}, SCHEMA)[task.point_id])
     report("slope of friction", 0, 1)
     values = dict(task.values)
     values[REGULARISATION_SPEED.name] *= 0.5

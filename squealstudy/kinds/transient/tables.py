@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -20,7 +19,7 @@ from squealstudy.engine.rows import (
     failed_row,
     planned_rows,
 )
-from squealstudy.engine.store import GROWTH, HISTORIES, MODES, STATES, write_parquet
+from squealstudy.engine.store import GROWTH, MODES, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.motion.outcome.settling import DECAYED, SETTLED
 from squealstudy.wording import FAILED
@@ -101,7 +100,7 @@ GROWTH_FIELDS = (
 )
 
 
-def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
+def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     """Read all chunks, write the three tables, return that of the points.
 
     Raises
@@ -109,11 +108,10 @@ def build_tables(plan: Plan, directory: Path) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    rows = planned_rows(plan, directory, SCHEMA)
-    _remove_unplanned(directory, {row["point_id"] for row in rows})
-    write_parquet(directory / MODES, _modes(plan, rows))
-    write_parquet(directory / GROWTH, _growth(rows))
-    return write_points(plan, directory, rows, SUMMARY_FIELDS)
+    rows = planned_rows(plan, store, SCHEMA)
+    store.write_table(MODES, _modes(plan, rows))
+    store.write_table(GROWTH, _growth(rows))
+    return write_points(plan, store, rows, SUMMARY_FIELDS)
 
 
 def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
@@ -131,14 +129,6 @@ def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
         "asked_s": float(duration * (points["status"] == "ok").sum()),
         "saved_s": float((duration - early["time_reached"]).sum()),
     }
-
-
-def _remove_unplanned(directory: Path, ids: set[str]) -> None:
-    """Histories and final states of points that the study no longer has."""
-    for name in (HISTORIES, STATES):
-        for path in (directory / name).glob("*"):
-            if path.stem not in ids:
-                path.unlink()
 
 
 def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:

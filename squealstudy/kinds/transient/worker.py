@@ -21,7 +21,7 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
-from squealstudy.engine.keys import chunk_id, content_hash, source_hash
+from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import history_file
 from squealstudy.engine.validity import open_reason
@@ -79,7 +79,7 @@ def solve_batch(task: BatchTask) -> Solved:
         for point, motion in zip(chosen, motions, strict=True):
             rows.append(_row(task, point, motion, wall))
             files |= _files(task, point, motion)
-    gaps.save(chunk_id(p.point_id for p in task.points))
+    gaps.save()
     return Solved(rows, files)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -17,7 +16,7 @@ from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.store import ERRORS, MEASUREMENTS, read_chunks, write_parquet
+from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
 from squealstudy.engine.workers import Solved, Workers, at_once
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run
@@ -36,6 +35,7 @@ from squealstudy.motion.warmup import warm
 from squealstudy.study.definition import load_study
 from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText, validate
+from squealstudy.wording import TORQUE
 
 
 class WorkPrecision(Kind):
@@ -136,15 +136,16 @@ class WorkPrecision(Kind):
             "tolerance": section.tolerance,
             "over": _over(study),
             "reference": study.definition.reference.name,
+            "units": {TORQUE: study.base.model.torque_unit},
             "measured_at": [first.plan.swept[i] for i in first.measured],
         }
 
     def build_tables(
-        self, plan: MethodsPlan, directory: Path, workers: Workers
+        self, plan: MethodsPlan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write measurements and errors."""
         study, variants = plan.study, plan.content
-        found = read_chunks(directory, {run.point_id for run in plan.tasks}, self.schema)
+        found = store.rows([run.point_id for run in plan.tasks], self.schema)
         by_variant: dict[str, list[Mapping[str, Any]]] = {v.identity: [] for v in variants}
         for run in plan.tasks:
             by_variant[run.content[0].identity].append(found[run.point_id])
@@ -152,7 +153,7 @@ class WorkPrecision(Kind):
             variants, by_variant, quantities(study), _over(study), _measuring(study)
         )
         for name, table in ((MEASUREMENTS, measured), (ERRORS, errors)):
-            write_parquet(directory / name, pa.Table.from_pandas(table, preserve_index=False))
+            store.write_table(name, pa.Table.from_pandas(table, preserve_index=False))
         return measured, {"reference": study.definition.reference.name}
 
 

@@ -23,7 +23,7 @@ from squealstudy.kinds.work_precision.section import (
     WorkPrecisionDefinition,
 )
 from squealstudy.motion.integrator import integrator
-from squealstudy.study.definition import Study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_text import KeyPath
@@ -35,7 +35,7 @@ REFERENCE = "reference"
 class PrecisionFile(MethodsFile[WorkPrecisionDefinition]):
     """A work-precision study's file, with the study it is made on."""
 
-    base: Study
+    base: ResolvedStudy
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def onset_lines(
     return {n: [{**points[n], str(along): v} for v in values] for n in first.values()}
 
 
-def common_study(study_file: PrecisionFile) -> Study:
+def common_study(study_file: PrecisionFile) -> ResolvedStudy:
     """The base study with what is changed for all methods; StudyFileError."""
     try:
         return study_file.base.variant(study_file.definition.work_precision.set)
@@ -214,7 +214,7 @@ def measured_points(study_file: PrecisionFile) -> list[dict[str, float]]:
 
 
 def _in_box(
-    own: list[dict[str, float]], study: Study, rng: np.random.Generator
+    own: list[dict[str, float]], study: ResolvedStudy, rng: np.random.Generator
 ) -> dict[str, float]:
     """A random point of the swept box; structures are among those there are."""
     point = {}
@@ -229,7 +229,7 @@ def _in_box(
 
 
 def _between(
-    own: list[dict[str, float]], study: Study, rng: np.random.Generator
+    own: list[dict[str, float]], study: ResolvedStudy, rng: np.random.Generator
 ) -> dict[str, float]:
     """A random point between two neighbours of a design whose values stand side by side."""
     i, u = int(rng.integers(max(len(own) - 1, 1))), float(rng.random())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from pkgutil import iter_modules
 
+from squealstudy.extensions import note_registered
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 
@@ -16,6 +17,7 @@ def register_model(model: ModelDefinition) -> None:
     if model.name == MATRICES or MODELS.get(model.name, model) != model:
         raise ValueError(f"there is a model '{model.name}' already")
     MODELS[model.name] = model
+    note_registered(model.build.__module__, in_models=True)
 
 
 def model_names() -> tuple[str, ...]:

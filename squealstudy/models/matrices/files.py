@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -14,44 +13,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-
-TYPE_LINE, FORMAT_LINE = 2, 3  # of the header, from 0; the first three letters are the type
-SCALE_FACTOR = re.compile(r"\(\s*\d+P\s*,?", re.IGNORECASE)  # means nothing for E and D on input
-SIGNS = {"s": 1.0, "z": -1.0, "u": 0.0}  # of the upper triangle: symmetric, skew, all stored
-
-
-def read_harwell_boeing(path: Path) -> sp.csr_matrix:
-    """A real assembled matrix (n, n); of symmetric and skew ones both triangles.
-
-    Raises
-    ------
-    ModelError
-        A pattern without values, a complex, Hermitian or unassembled matrix.
-    ValueError, IndexError
-        What SciPy's reader raises on a damaged file.
-    """
-    lines = path.read_text(encoding="ascii", errors="replace").splitlines(keepends=True)
-    kind = lines[TYPE_LINE][:3].lower() if len(lines) > TYPE_LINE else ""
-    if len(kind) != 3 or kind[0] not in "rp" or kind[1] not in SIGNS or kind[2] != "a":
-        wanted = "a real assembled matrix (RSA, RUA, RZA)"
-        raise ModelError(f"{path}: expected {wanted}, found type '{kind}'")
-    if kind[0] == "p":
-        raise ModelError(f"{path}: a pattern without values")
-    lines[TYPE_LINE] = "RUA" + lines[TYPE_LINE][3:]
-    numbers = "".join(lines[FORMAT_LINE:]).upper().replace("D", "E")  # Fortran's double exponent
-    text = "".join(lines[:FORMAT_LINE]) + SCALE_FACTOR.sub("(", numbers)
-    import scipy.io
-
-    stored: Any = sp.csr_matrix(scipy.io.hb_read(io.StringIO(text)))
-    if kind[1] == "u":
-        return stored
-    return (stored + SIGNS[kind[1]] * sp.tril(stored, -1).T).tocsr()
-
+from squealstudy.models.matrices.entries import check_size
+from squealstudy.models.matrices.harwell_boeing import read_harwell_boeing
+from squealstudy.models.matrices.matlab import HDF5, MATLAB_5, Variable, variables, version_of
+from squealstudy.models.matrices.matrix_market import read_matrix_market
 
 Reader = Callable[[Path, str | None], Any]
+PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
 LISTED = 12  # variables of a file that a message names
-UNREADABLE: tuple[type[Exception], ...] = (ValueError, TypeError, KeyError, IndexError, EOFError)
-UNREADABLE += (OSError, OverflowError, NotImplementedError, zipfile.BadZipFile)
 
 
 def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
@@ -59,7 +28,7 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
 
     ``.mtx`` (also ``.mtx.gz``, ``.mtx.bz2``) Matrix Market, ``.mat`` MATLAB up to version 7,
     ``.rb .hb .rsa .rua .psa`` and the like Harwell-Boeing, ``.npz`` SciPy's `save_npz` or arrays
-    by NumPy's `savez`. Symmetric storage is expanded.
+    by NumPy's `savez`. Symmetric storage is expanded, entries of one place are added up.
 
     Parameters
     ----------
@@ -83,10 +52,20 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
     try:
         with warnings.catch_warnings():  # SciPy's of sparse arrays to come: `_checked` takes both
             warnings.simplefilter("ignore", DeprecationWarning)
-            found = reader(path, variable)
-    except UNREADABLE as error:
-        raise ModelError(f"{path} cannot be read: {error}") from error
-    return _checked(found, path)
+            return _checked(reader(path, variable))
+    except ModelError:
+        raise
+    except MemoryError:
+        raise ModelError(f"{path} does not fit into memory") from None
+    except Exception as error:  # a damaged file is whatever its reader runs into
+        raise ModelError(f"{path} cannot be read: {_said(error)}") from error
+
+
+def _said(error: Exception) -> str:
+    """What went wrong, with the kind of error where its text alone says nothing."""
+    if isinstance(error, ValueError | OSError | zipfile.BadZipFile) and str(error):
+        return str(error)
+    return f"{type(error).__name__} {error}".strip()
 
 
 def _reader(path: Path) -> Reader:
@@ -100,9 +79,7 @@ def _reader(path: Path) -> Reader:
 
 def _matrix_market(path: Path, variable: str | None) -> Any:
     _only_one(path, variable)
-    import scipy.io
-
-    return scipy.io.mmread(path)
+    return read_matrix_market(path)
 
 
 def _harwell_boeing(path: Path, variable: str | None) -> Any:
@@ -111,22 +88,40 @@ def _harwell_boeing(path: Path, variable: str | None) -> Any:
 
 
 def _matlab(path: Path, variable: str | None) -> Any:
-    import scipy.io
+    data = path.read_bytes()
+    version = version_of(data)
+    if version is None:  # before 5
+        import scipy.io
 
-    try:
-        content = scipy.io.loadmat(path)
-    except NotImplementedError:  # version 7.3 is HDF5
-        raise ModelError(f"{path}: a MATLAB 7.3 file; save it with '-v7'") from None
-    except scipy.io.matlab.MatReadError as error:
-        raise ValueError(str(error)) from error
-    return _chosen({k: v for k, v in content.items() if not k.startswith("__")}, path, variable)
+        content = scipy.io.loadmat(io.BytesIO(data))
+        return _chosen({k: v for k, v in content.items() if not k.startswith("__")}, path, variable)
+    if version == HDF5:
+        raise ModelError(f"{path}: a MATLAB 7.3 file; save it with '-v7'")
+    if version != MATLAB_5:
+        raise ValueError(f"unknown version {version} of MATLAB's format")
+    found: dict[str, Variable] = {}
+    for one in variables(data):
+        if one.name in found:
+            raise ModelError(f"{path} has two variables '{one.name}'")
+        found[one.name] = one
+    return _chosen(found, path, variable).matrix()
 
 
 def _npz(path: Path, variable: str | None) -> Any:
+    with zipfile.ZipFile(path) as archive:
+        if damaged := archive.testzip():  # NumPy reads no further than a damaged header says
+            raise ValueError(f"'{damaged}' is damaged")
     with np.load(path, allow_pickle=False) as content:
         if "format" not in content:
-            return _chosen(dict(content), path, variable)
-    _only_one(path, variable)
+            return _chosen(content, path, variable)
+        _only_one(path, variable)
+        if "shape" in content:
+            check_size(*content["shape"].tolist())  # before SciPy makes room for it
+        for name in PLACES:
+            if name in content and content[name].dtype.kind not in "iu":
+                raise ValueError(f"expected whole numbers in '{name}'")
+        if "indptr" in content and content["indptr"][-1] != len(content["indices"]):
+            raise ValueError("the last of 'indptr' is not the number of 'indices'")
     return sp.load_npz(path)
 
 
@@ -155,18 +150,22 @@ def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any
     return content[name]
 
 
-def _checked(found: Any, path: Path) -> sp.csr_matrix:
-    """`found` as csr of float64; ModelError where it is no square matrix of finite real numbers."""
+def _checked(found: Any) -> sp.csr_matrix:
+    """`found` as csr of float64; ValueError where it is no square matrix of finite real numbers."""
     if not (sp.issparse(found) or isinstance(found, np.ndarray)) or found.dtype.kind not in "biufc":
-        raise ModelError(f"{path}: expected a matrix of numbers, found {type(found).__name__}")
-    if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.shape[0]:
-        size = " x ".join(map(str, found.shape))
-        raise ModelError(f"{path}: expected a square matrix, found {size}")
-    matrix = sp.csr_matrix(found)
-    if np.iscomplexobj(matrix):
-        raise ModelError(f"{path}: expected real values, found complex ones")
-    matrix = matrix.astype(float)
+        raise ValueError(f"expected a matrix of numbers, found {type(found).__name__}")
+    if found.ndim != 2:
+        raise ValueError(f"expected a square matrix, found {' x '.join(map(str, found.shape))}")
+    check_size(*found.shape)
+    if np.iscomplexobj(found):
+        raise ValueError("expected real values, found complex ones")
+    if hasattr(found, "check_format"):  # indices that SciPy would follow out of its arrays
+        found.check_format(full_check=True)
+    matrix = sp.csr_matrix(found).astype(float)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
-        raise ModelError(f"{path}: {int((~np.isfinite(matrix.data)).sum())} values are not finite")
+        wrong = sp.coo_matrix(matrix)
+        at = np.flatnonzero(~np.isfinite(wrong.data))
+        first = f"row {wrong.row[at[0]] + 1}, column {wrong.col[at[0]] + 1}"
+        raise ValueError(f"{len(at)} values are not finite, the first in {first}")
     return matrix

@@ -30,6 +30,7 @@ from squealstudy.reduction.working_point import (
     WorkingPoint,
     WorkingPointField,
     anchor_at,
+    expect_consistent_laws,
 )
 from squealstudy.system.linearise import (
     ContactStructure,
@@ -218,7 +219,7 @@ class BrakeProblem(DenseProblem):
             changes = [self._changes(state) for state in states]
             found = field.solve(theta, [s.operating for s in states], changes)
         return [
-            _alone(self.prepared, state) if point is None else point
+            _alone(self.prepared, state) if point is None else _tried(point, state)
             for state, point in zip(states, found, strict=True)
         ]
 
@@ -276,6 +277,14 @@ def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | Conver
         return state_working_point(prepared, state)
     except ConvergenceError as error:
         return error
+
+
+def _tried(point: WorkingPoint, state: DesignState) -> WorkingPoint | ConvergenceError:
+    try:
+        expect_consistent_laws(state.operating, point)
+    except ConvergenceError as error:
+        return error
+    return point
 
 
 @dataclass(frozen=True)

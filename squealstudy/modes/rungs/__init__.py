@@ -7,6 +7,8 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from squealstudy.extensions import note_registered
+
 if TYPE_CHECKING:
     from squealstudy.modes.rung import Rung
 
@@ -32,6 +34,7 @@ def register_rung(rung: Rung) -> None:
     if rung.name in (*_own_names(), AUTO) or type(known).__module__ != type(rung).__module__:
         raise ValueError(f"there is a rung named '{rung.name}' already")
     _registered[rung.name] = rung
+    note_registered(type(rung).__module__)
 
 
 def rung_names() -> tuple[str, ...]:

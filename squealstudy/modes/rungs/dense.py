@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.rung import Found, Rung, Scope
+from squealstudy.modes.rung import Rung, Scope
 
 
 class Dense(Rung):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.rung import Found, Rung
+from squealstudy.modes.rung import Rung
 
 COST = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
 

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.linalg.companion import Eigenpairs
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
-from squealstudy.modes.rung import Found, Rung
+from squealstudy.modes.rung import Rung
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,

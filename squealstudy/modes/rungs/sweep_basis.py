@@ -13,6 +13,7 @@ import numpy as np
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
@@ -25,7 +26,7 @@ from squealstudy.modes.reanalysis.estimate import (
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
-from squealstudy.modes.rung import Found, Offer, Rung, Scope
+from squealstudy.modes.rung import Offer, Rung, Scope
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.system.parametric import Weights
 

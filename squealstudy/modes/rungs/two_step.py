@@ -14,11 +14,12 @@ import scipy.sparse as sp
 
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import SweptProblem
-from squealstudy.modes.rung import Found, Rung
+from squealstudy.modes.rung import Rung
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
@@ -32,7 +33,7 @@ from squealstudy.modes.reanalysis.patch import (
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
 from squealstudy.modes.reanalysis.ritz import RitzRoots, ritz_roots
-from squealstudy.modes.rung import Found, Offer, Scope
+from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 

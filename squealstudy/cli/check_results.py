@@ -1,0 +1,105 @@
+"""What `squealstudy check` prints of a results directory: what it holds, whether it is whole."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from squealstudy.engine.files import TEMPORARY
+from squealstudy.engine.journal import JOURNAL, UNFINISHED
+from squealstudy.engine.store import (
+    LOCK,
+    MANIFEST,
+    PICTURES,
+    SET_ASIDE,
+    Store,
+    read_manifest,
+    version_of,
+)
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows
+from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.wording import failure_counts, plural
+
+FOREIGN = "of others"
+
+
+def check_results(directory: Path) -> tuple[Rows, bool]:
+    """Facts of a results directory, and whether every file is as the run wrote it.
+
+    Reads each file once and writes nothing.
+
+    Raises
+    ------
+    ResultsError
+        Where there are no results of squealstudy.
+    """
+    store = Store(directory)
+    try:
+        manifest = read_manifest(directory) or {}
+    except ResultsError:
+        manifest = {}  # `Store.faults` tells
+    if not manifest and not store.journal.begun:
+        raise ResultsError(f"{directory}: holds no results of squealstudy")
+    told = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
+    name, kind, model = told if manifest else store.journal.owner or told
+    rows: Rows = [("study", f"{name}: {kind} of {model}"), *_run(store, manifest), *_sizes(store)]
+    if not store.journal.begun:
+        return [*rows, ("whole", "cannot be told: a version that kept no journal wrote it")], True
+    faults = store.faults()
+    finished = manifest.get("status") == "complete"
+    for fault, names in _in_no_journal(store, manifest).items():
+        faults.setdefault(fault, []).extend(names)
+    rows += [(fault, one) for fault, names in faults.items() for one in sorted(names)]
+    harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
+    whole = faults.keys() <= harmless
+    verdict = "yes" if whole else "no: run the study again, which makes anew what is not"
+    return [*rows, ("whole", verdict)], whole
+
+
+def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
+    """How far the run came, and how many points are ok, failed and missing."""
+    if not manifest:
+        return []
+    status, kind = manifest.get("status", "unknown"), manifest["kind"]
+    rows = [("run", f"{status}, by squealstudy {version_of(dict(manifest))}")]
+    if kind not in kind_names():  # of an extension
+        return rows
+    found = kind_named(kind)
+    if status == "complete" and not store.fault(found.tables[0]):
+        points = [store.read_table(found.tables[0], ["status"])]
+    else:
+        points = list(store.chunks(found.schema, ["status"]))
+    statuses = [text for table in points for text in table["status"].to_pylist()]
+    total = int(manifest.get("n_points", 0))
+    counts = [f"{statuses.count('ok')} ok", failure_counts(statuses)]
+    counts.append(f"{max(0, total - len(statuses))} missing")
+    return [*rows, (f"{found.row_word}s", f"{total}: {', '.join(filter(None, counts))}")]
+
+
+def _sizes(store: Store) -> Rows:
+    """Number and size of the finished files of each folder."""
+    count: Counter[str] = Counter()
+    size: Counter[str] = Counter()
+    for name, entry in store.journal.entries.items():
+        folder = name.rpartition("/")[0] or "tables"
+        count[folder] += 1
+        size[folder] += entry.size
+    return [(key, f"{plural(n, 'file')}, {size[key] / 1e6:.3g} MB") for key, n in count.items()]
+
+
+def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Files that no run has finished: of our own making, and of others."""
+    known = {*store.journal.entries, MANIFEST, LOCK, JOURNAL, *manifest.get(PICTURES, [])}
+    own = set(store.unfinished())
+    if manifest.get("kind") in kind_names():
+        own |= {*kind_named(manifest["kind"]).tables} - known
+    found: dict[str, list[str]] = {}
+    for path in sorted(p for p in store.directory.rglob("*") if p.is_file()):
+        name = path.relative_to(store.directory).as_posix()
+        if name not in known and not name.startswith(f"{SET_ASIDE}/"):
+            ours = name in own or path.match(TEMPORARY)
+            found.setdefault(UNFINISHED if ours else FOREIGN, []).append(name)
+    return found

@@ -1,0 +1,108 @@
+"""Files that are whole or absent: written under a temporary name, flushed, renamed.
+
+A sealed file is JSON with a hash of its own content, for what stands in no journal.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import secrets
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from squealstudy.faults import named
+from squealstudy.machine import flush, is_running
+
+SEAL = "sha256"
+TEMPORARY = ".*.tmp"
+
+
+def temporary_name(path: Path) -> Path:
+    """A name beside `path` that no other process uses; it tells who does."""
+    owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return path.parent / f".{path.name}.{owner}.tmp"
+
+
+def _host() -> str:
+    return "".join(c for c in platform.node() if c.isalnum()) or "here"
+
+
+def abandoned(path: Path) -> bool:
+    """Whether the process that used a temporary name of this machine is gone."""
+    parts = path.name.removesuffix(".tmp").rpartition(".")[2].split("-")
+    known = len(parts) == 3 and parts[0] == _host() and parts[1].isdigit()
+    return known and not is_running(int(parts[1]))
+
+
+def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
+    """Call `write` on a temporary file beside `path`, flush it to disk and rename it.
+
+    A crash leaves the old file or the new one, and at most a ``.tmp`` that readers never look at.
+    """
+    with named(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = temporary_name(path)
+        try:
+            write(temporary)
+            flush(temporary)
+            temporary.replace(path)
+            flush(path.parent)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write bytes to a file that is whole or absent."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(content)
+
+    write_atomic(path, write)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text atomically, in UTF-8."""
+    write_bytes(path, text.encode())
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays by name to an npz file atomically."""
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as handle:
+            np.savez(handle, **arrays)
+
+    write_atomic(path, write)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def sealed(content: Mapping[str, Any]) -> str:
+    """Content as JSON with its hash; what JSON does not know is written as text."""
+    plain = json.loads(json.dumps({k: v for k, v in content.items() if k != SEAL}, default=str))
+    return json.dumps(plain | {SEAL: _seal(plain)}, indent=2) + "\n"
+
+
+def unsealed(text: str | bytes) -> dict[str, Any]:
+    """What `sealed` wrote; ValueError where it is not what was written, or was never sealed."""
+    content = json.loads(text)
+    if not isinstance(content, dict) or SEAL not in content:
+        raise ValueError("it has no hash of its content")
+    if content.pop(SEAL) != _seal(content):
+        raise ValueError("its content is not what its hash says")
+    return content
+
+
+def _seal(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()

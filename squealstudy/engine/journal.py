@@ -1,0 +1,128 @@
+"""The journal of a results directory: which files are finished, with their sizes and hashes.
+
+Lines of JSON, appended by the one writer after a file is whole on disk. Files of one line belong
+together: a chunk with the histories of its points. What stands in no line was never finished; a
+line that cannot be read, as the last one of a killed run, counts for nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from squealstudy.engine.files import file_hash, write_text
+from squealstudy.faults import named
+
+JOURNAL = "journal.jsonl"
+Owner = tuple[str, str, str]  # name, kind and model of the study
+DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
+
+
+class Line(BaseModel):
+    """What one line may say: whose directory it is, finished files, files that are no more."""
+
+    owner: Owner | None = None
+    files: dict[str, tuple[int, str]] = {}
+    gone: list[str] = []
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A finished file: bytes, SHA-256, and the names that it belongs together with, its own too."""
+
+    size: int
+    sha256: str
+    group: frozenset[str]
+
+
+class Journal:
+    """Reads the lines there are, and appends to them; names are paths below the directory.
+
+    Attributes
+    ----------
+    owner : tuple of str or None
+        The study that began it; None without a journal, or where that line is lost.
+    entries : dict of str -> Entry
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory, self._path = directory, directory / JOURNAL
+        self.owner: Owner | None = None
+        self.entries: dict[str, Entry] = {}
+        for line in _read(self._path):
+            self._take(line)
+
+    def _take(self, line: Line) -> None:
+        self.owner = line.owner or self.owner
+        for name in line.gone:
+            self.entries.pop(name, None)
+        for name, (size, sha256) in line.files.items():
+            self.entries[name] = Entry(size, sha256, frozenset(line.files))
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is one: results of earlier versions have none."""
+        return self._path.is_file()
+
+    def begin(self, owner: Owner) -> None:
+        """Say whose the directory is, where no line does."""
+        if self.owner != owner:
+            self._append(Line(owner=owner))
+
+    def restart(self, owner: Owner) -> None:
+        """Begin anew, with no file."""
+        write_text(self._path, _text(Line(owner=owner)))
+        self.owner, self.entries = owner, {}
+
+    def add(self, names: Sequence[str]) -> None:
+        """Files that are whole on disk, and belong together."""
+        paths = {name: self._directory / name for name in names}
+        found = {name: (path.stat().st_size, file_hash(path)) for name, path in paths.items()}
+        self._append(Line(files=found))
+
+    def withdraw(self, names: Sequence[str]) -> None:
+        """Files that are about to be replaced or removed; those in no line are passed over."""
+        if known := [name for name in names if name in self.entries]:
+            self._append(Line(gone=known))
+
+    def _append(self, line: Line) -> None:
+        with named(self._path), self._path.open("ab+") as handle:
+            if handle.tell():
+                handle.seek(-1, os.SEEK_END)
+                torn = handle.read(1) != b"\n"
+                handle.write(b"\n" if torn else b"")
+            handle.write(_text(line).encode())
+            handle.flush()
+            os.fsync(handle.fileno())
+        self._take(line)
+
+    def fault(self, name: str, thoroughly: bool = True) -> str:
+        """What is wrong with a file: DAMAGED, MISSING or UNFINISHED; empty where it is whole.
+
+        By its size alone where not `thoroughly`.
+        """
+        entry, path = self.entries.get(name), self._directory / name
+        if entry is None:
+            return UNFINISHED
+        if not path.is_file():
+            return MISSING
+        whole = path.stat().st_size == entry.size
+        if whole and thoroughly:
+            whole = file_hash(path) == entry.sha256
+        return "" if whole else DAMAGED
+
+
+def _text(line: Line) -> str:
+    return line.model_dump_json(exclude_defaults=True) + "\n"
+
+
+def _read(path: Path) -> Iterator[Line]:
+    """Lines that can be read."""
+    for line in path.read_bytes().split(b"\n") if path.is_file() else ():
+        with contextlib.suppress(ValueError):
+            yield Line.model_validate_json(line, strict=True)

@@ -1,0 +1,125 @@
+"""Matrix Market files (Boisvert, Pozo, Remington 1996), read to the letter.
+
+SciPy's own reader takes "1,5" and "1.5D2" for 1 and 1.5 without a word.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_entries
+from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
+
+BANNER = re.compile(r"%%?matrixmarket\s+matrix\s+(\S+)\s+(\S+)\s+(\S+)\s*", re.IGNORECASE)
+FORTRAN = str.maketrans("dD", "eE")  # its double exponents
+PLACES = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value
+TYPES = ("real", "double", "integer", "unsigned-integer")
+WHOLE = r"[+-]?\d+"
+
+
+def read_matrix_market(path: Path) -> sp.csr_matrix:
+    """A real matrix (n, n) from a file of coordinates or of all values; both triangles.
+
+    Raises
+    ------
+    ModelError
+        With the line of what is not as the format has it; a pattern without values, complex ones.
+    OSError, EOFError, ValueError
+        A damaged compressed file; a matrix that is not square.
+    """
+    text = TextFile.read(path)
+    layout, kind, symmetry = _banner(text)
+    at = 1
+    while text.line(at).startswith("%") or not text.line(at).strip():
+        at += 1
+    words = text.line(at).split()
+    wanted = "rows, columns and entries" if layout == "coordinate" else "rows and columns"
+    if len(words) != (3 if layout == "coordinate" else 2):
+        raise text.error(at, f"expected {wanted}, found '{shortened(text.line(at))}'")
+    rows, columns, *entries = text.counts(at, words, wanted)
+    check_size(rows, columns)
+    places = [i for i in range(at + 1, len(text.lines)) if text.lines[i].strip()]
+    stored = entries[0] if entries else _stored(rows, symmetry)
+    if len(places) != stored:
+        what = f"{stored:,} entries" if entries else f"{stored:,} values"
+        raise text.error(at, f"the header says {what}, {len(places):,} lines follow")
+    table = _table(text, places, layout, kind)
+
+    def refused(k: int, message: str) -> ModelError:
+        return text.error(places[k], message)
+
+    if layout == "coordinate":
+        i, j = table["row"], table["column"]
+    else:
+        i, j = _packed(rows, symmetry)
+    return matrix_of_entries(i, j, table["value"], rows, symmetry, refused)
+
+
+def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
+    """Layout, type of the values and symmetry, as the first line says."""
+    first = text.line(0)
+    found = BANNER.fullmatch(first)
+    if found is None:
+        wanted = "%%MatrixMarket matrix, layout, type and symmetry"
+        raise text.error(0, f"expected {wanted}, found '{shortened(first)}'")
+    layout, kind, symmetry = (word.lower() for word in found.groups())
+    if kind == "pattern":
+        raise text.error(0, "a pattern without values")
+    if kind == "complex" or symmetry == "hermitian":
+        raise text.error(0, f"expected real values, found {kind} {symmetry} ones")
+    for word, known in (
+        (layout, tuple(PLACES)),
+        (kind, TYPES),
+        (symmetry, ("general", "symmetric", "skew-symmetric")),
+    ):
+        if word not in known:
+            raise text.error(0, f"expected {' or '.join(known)}, found '{shortened(word)}'")
+    return layout, kind, cast("Symmetry", symmetry)
+
+
+def _table(text: TextFile, places: list[int], layout: str, kind: str) -> np.ndarray:
+    """The numbers of the lines at `places`, by field; ModelError about a line."""
+    whole = "integer" in kind
+    before = PLACES[layout]
+    fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
+    if not places:
+        return np.zeros(0, fields)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # such as an integer read by way of a float
+            lines = (text.lines[i].translate(FORTRAN) for i in places)
+            return np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
+    except (ValueError, DeprecationWarning, OverflowError) as error:
+        words = [*(WHOLE for _ in before), WHOLE if whole else NUMBER]
+        pattern = re.compile(r"\s+".join(words), re.ASCII)
+        wanted = " and ".join([*before, "an integer" if whole else "a value"])
+        for place in places:
+            if not pattern.fullmatch(text.lines[place].strip()):
+                found = shortened(text.lines[place])
+                raise text.error(place, f"expected {wanted}, found '{found}'") from error
+        raise
+
+
+def _stored(n: int, symmetry: Symmetry) -> int:
+    """How many values of an (n, n) matrix a file of all values has."""
+    return {
+        "general": n * n,
+        "symmetric": n * (n + 1) // 2,
+        "skew-symmetric": n * (n - 1) // 2,
+    }[symmetry]
+
+
+def _packed(n: int, symmetry: Symmetry) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, from 1, of the values of such a file: by columns, from the diagonal."""
+    if symmetry == "general":
+        j, i = np.divmod(np.arange(n * n), n)
+    else:
+        j, i = np.triu_indices(n, 0 if symmetry == "symmetric" else 1)
+    return i + 1, j + 1

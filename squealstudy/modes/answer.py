@@ -1,0 +1,117 @@
+"""What a rung from outside yields, held against what it is to yield, before anyone reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.modes.point import ROUND_OFF, PointModes
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+
+Found = tuple[int, PointModes | ConvergenceError]
+REAL, COMPLEX = "f", "fc"  # kinds of dtypes
+
+
+def checked(
+    item: Any, name: str, problem: Problem, points: Sequence[Point], known: Collection[int]
+) -> Found:
+    """An item that the rung `name` yields for some points, its modes in order and under its name.
+
+    Raises
+    ------
+    TypeError
+        What is none, or is of a point in `known`, which has been yielded already.
+    ValueError
+        Modes with figures that no mode of the point has: these would stand in tables.
+    """
+    if not isinstance(item, tuple) or len(item) != 2:
+        raise TypeError(f"expected to yield an index and modes, got {type(item).__name__}")
+    index, found = item
+    if not isinstance(index, int | np.integer) or not 0 <= index < len(points):
+        raise TypeError(f"expected an index from 0 to {len(points) - 1}, yielded {index!r}")
+    if index in known:
+        raise TypeError(f"yielded point {index} twice")
+    if isinstance(found, ConvergenceError):
+        return int(index), found
+    if not isinstance(found, PointModes):
+        raise TypeError(
+            f"expected PointModes or a ConvergenceError of point {index}, "
+            f"yielded {type(found).__name__}"
+        )
+    if wrong := _fault(found, problem):
+        raise ValueError(f"point {index}{_place(problem, points[int(index)])}: {wrong}")
+    return int(index), _ordered(found, name)
+
+
+def _fault(found: PointModes, problem: Problem) -> str:
+    """What is wrong with modes, and what was expected; '' of what may stand in tables."""
+    m = np.size(found.lam)
+    model, width = problem.prepared.model, problem.prepared.shape_rows.shape[0]
+    components = len(model.offsets) if isinstance(model, ReducedModel) else 0
+    expected = {
+        "lam": ((m,), COMPLEX),
+        "residual": ((m,), REAL),
+        "error_rung": ((m,), REAL),
+        "energies": ((components, m), REAL),
+        "shapes": ((m, width), COMPLEX),
+    }
+    for name, (shape, kinds) in expected.items():
+        array = getattr(found, name)
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in kinds:
+            what = "real" if kinds == REAL else "complex"
+            got = f"of {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
+            return f"{name} is {got}, expected a {what} array"
+        if array.shape != shape:
+            return (
+                f"{name} is of shape {array.shape}, lam of {np.shape(found.lam)}: expected {shape}"
+            )
+        if name in ("lam", "energies", "shapes") and not np.isfinite(array).all():
+            return f"{name} is not finite"
+        if name in ("residual", "error_rung") and (array < 0).any():
+            return f"{name} is {array.min():.3g}, expected >= 0, or NaN where it is not known"
+    if (found.lam.imag < 0).any():
+        return "a root has Im lambda < 0, expected one of each conjugate pair, Im lambda >= 0"
+    if components and not isinstance(found.working_point, WorkingPoint):
+        return "working_point is missing, expected that of the point"
+    return _outside(found, problem.swept.band)
+
+
+def _outside(found: PointModes, band: tuple[float, float]) -> str:
+    size = np.abs(found.lam)
+    slack = np.nan_to_num(found.error_rung, posinf=np.inf) + ROUND_OFF * size
+    outside = size[(size + slack < band[0]) | (size - slack > band[1])]
+    if not len(outside):
+        return ""
+    low, high = (bound / (2 * np.pi) for bound in band)
+    return (
+        f"a root at {outside[0] / (2 * np.pi):.6g} Hz is outside the band by more than its "
+        f"error_rung: expected roots from {low:g} to {high:g} Hz alone"
+    )
+
+
+def _place(problem: Problem, point: Point) -> str:
+    """Values of a point in parameters that vary, to find it by."""
+    ends = np.ones(problem.swept.dimension)
+    low, high = (problem.point_at(theta).values for theta in (-ends, ends))
+    named = [f"{name} = {x:g}" for name, x in point.values.items() if low[name] != high[name]]
+    return f" ({', '.join(named)})" if named else ""
+
+
+def _ordered(found: PointModes, name: str) -> PointModes:
+    """Modes under the name of their rung, oscillating ones first, ascending in modulus."""
+    order = np.lexsort((np.abs(found.lam), found.overdamped))
+    return replace(
+        found,
+        lam=found.lam[order],
+        residual=found.residual[order],
+        energies=found.energies[:, order],
+        shapes=found.shapes[order],
+        error_rung=found.error_rung[order],
+        method=name,
+    )

@@ -1,0 +1,139 @@
+"""How far a run is: bars on a terminal or in a notebook, else plain lines of the log.
+
+The log is that of Python's `logging`, by the name squealstudy and at level INFO: the command writes
+it to stderr, a program sees it after ``logging.basicConfig(level="INFO")``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import Progress as Bars
+
+from squealstudy.screen import messages
+from squealstudy.wording import duration, in_digits
+
+LOG = logging.getLogger("squealstudy")
+STEP, SHORTEST, LONGEST = 0.05, 30.0, 600.0  # of a stage; s between two lines of it
+RATES = (("a second", 1.0), ("a minute", 60.0), ("an hour", 3600.0))
+
+
+class Progress(Protocol):
+    """Is told how many tasks of a stage are done, and how many of these failed."""
+
+    def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
+        """Take note of it."""
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Progress]:
+    """Tell how far a run is, in the way of the place where it runs."""
+    if messages.is_jupyter or (messages.is_terminal and not messages.is_dumb_terminal):
+        with _bars() as report:
+            yield report
+    else:
+        yield Lines(LOG.info)
+
+
+@contextlib.contextmanager
+def _bars() -> Iterator[Progress]:
+    """A bar for each stage with the expected remaining time."""
+    with Bars(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[failed]}"),
+        TimeElapsedColumn(),
+        TextColumn("ETA"),
+        TimeRemainingColumn(),
+        console=messages,
+        transient=True,
+    ) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, done: int, total: int, failed: int = 0) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total, failed="")
+            told = f"{failed} failed" if failed else ""
+            bars.update(tasks[stage], completed=done, total=total, failed=told)
+
+        yield report
+
+
+@dataclass
+class _Stage:
+    """When a stage began, with how many done, and what was last told of it."""
+
+    began: float
+    at_first: int
+    told_at: float
+    told: int
+
+
+class Lines:
+    """A line where a stage begins and ends; between them every 5 %, at least 30 s apart.
+
+    A slow stage is told of every 10 minutes all the same.
+
+    Parameters
+    ----------
+    write : callable
+        Takes a line.
+    clock : callable
+        Seconds, of any origin.
+    """
+
+    def __init__(
+        self, write: Callable[[str], object], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._write, self._clock = write, clock
+        self._stages: dict[str, _Stage] = {}
+
+    def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
+        """See `Progress`."""
+        now = self._clock()
+        known = self._stages.get(stage)
+        if known is None or done < known.told:  # a new one, or the same once more
+            known = self._stages[stage] = _Stage(now, done, now, done)
+            text = "begins" + (f", {done:,} of {total:,} done" if total > 1 else "")
+        elif done == total and known.told < total:
+            count = f"{total:,} " if total > 1 else ""
+            text = f"{count}done in {duration(now - known.began)}"
+        elif done < total and self._due(known, now, done, total):
+            left = f"{duration(self._left(known, now, done, total))} left"
+            text = f"{done:,} of {total:,} done, {self._rate(known, now, done)}, {left}"
+        else:
+            return
+        known.told_at, known.told = now, done
+        self._write(f"{stage}: {text}" + (f", {failed:,} failed" if failed else ""))
+
+    @staticmethod
+    def _due(known: _Stage, now: float, done: int, total: int) -> bool:
+        waited = now - known.told_at
+        far = done - known.told >= STEP * total and waited >= SHORTEST
+        return far or (waited >= LONGEST and done > known.at_first)
+
+    @staticmethod
+    def _left(known: _Stage, now: float, done: int, total: int) -> float:
+        return (now - known.began) / (done - known.at_first) * (total - done)
+
+    @staticmethod
+    def _rate(known: _Stage, now: float, done: int) -> str:
+        each = (done - known.at_first) / (now - known.began)
+        unit, seconds = next((r for r in RATES if each * r[1] >= 1.0), RATES[-1])
+        return f"{in_digits(each * seconds)} {unit}"

@@ -1,0 +1,211 @@
+"""Conditions on columns of tables as text: comparisons of arithmetic, read without running it.
+
+``DataFrame.eval`` calls any method that a text names, and some write files. Here Python's parser
+makes the syntax tree, and only the nodes listed are taken over.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import reduce
+from keyword import iskeyword
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.errors import ResultsError
+
+LONGEST, SHOWN = 1000, 80  # characters of a condition; of those in messages
+FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    name: getattr(np, name) for name in ("abs", "sqrt", "exp", "log", "log10", "sin", "cos", "tan")
+}
+OPERATORS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.And: operator.and_,
+    ast.Or: operator.or_,
+    ast.USub: lambda _, value: -value,
+    ast.UAdd: lambda _, value: +value,
+    ast.Not: lambda _, value: ~value,
+    ast.Invert: lambda _, value: ~value,
+}
+MARK = "\u03bc{}_"  # a name that stands for a column; no text that is read has such a letter
+JOINTS = {"&": " and ", "|": " or "}
+_QUOTED = r"`[^`]*`|'[^']*'|\"[^\"]*\""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One of the conditions that ``and`` joins in a text.
+
+    Attributes
+    ----------
+    tree : ast.expr
+    text : str
+        All of the text, for messages.
+    marked : mapping of str -> str
+        Columns by the names that stand for them in the tree.
+    """
+
+    tree: ast.expr
+    text: str
+    marked: Mapping[str, str]
+
+    @property
+    def columns(self) -> set[str]:
+        """Columns that it uses; names of functions are not among them."""
+        nodes = list(ast.walk(self.tree))
+        called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
+        names = (n.id for n in nodes if isinstance(n, ast.Name) and id(n) not in called)
+        return {self.marked.get(name, name) for name in names}
+
+    def holds(self, table: pd.DataFrame) -> np.ndarray:
+        """Rows of a table for which it holds, bool (n_rows,); not where a value is missing.
+
+        Raises
+        ------
+        ResultsError
+            What is no comparison of arithmetic on columns.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                held = self._value(self.tree, table)
+        except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
+            raise _unusable(self.text, str(error)) from None
+        if not (isinstance(held, pd.Series) and pd.api.types.is_bool_dtype(held)):
+            raise ResultsError(
+                f"query '{self.text}' is no condition: it gives no true or false a row"
+            )
+        return held.fillna(False).to_numpy(bool)
+
+    def _value(self, node: ast.AST, table: pd.DataFrame) -> Any:
+        """Value of a node: a column, a number, a text or a list of those."""
+        match node:
+            case ast.Constant(value=bool() | str() as value):
+                return value
+            case ast.Constant(value=int() | float() as value):
+                return np.float64(value)  # whose powers overflow at once
+            case ast.Name(id=name):
+                return table[self.marked.get(name, name)]
+            case ast.List(elts=parts) | ast.Tuple(elts=parts):
+                return [self._value(part, table) for part in parts]
+            case ast.Call(func=ast.Name(id=name), args=[part], keywords=[]) if name in FUNCTIONS:
+                return FUNCTIONS[name](self._value(part, table))
+            case ast.UnaryOp(op=op, operand=part) if type(op) in OPERATORS:
+                return OPERATORS[type(op)](None, self._value(part, table))
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+                sides = [self._value(left, table), self._value(right, table)]
+                if any(isinstance(side, str | list) for side in sides):
+                    raise TypeError("text and lists have no arithmetic")
+                return OPERATORS[type(op)](*sides)
+            case ast.BoolOp(op=op, values=parts):
+                return reduce(OPERATORS[type(op)], (self._value(part, table) for part in parts))
+            case ast.Compare(left=left, ops=ops, comparators=rest):
+                sides = [self._value(part, table) for part in (left, *rest)]
+                pairs = zip(sides, ops, sides[1:], strict=False)
+                return reduce(operator.and_, (_compared(*pair) for pair in pairs))
+        source = ast.unparse(node)
+        if any(letter in source for letter in self.marked):
+            source = type(node).__name__
+        raise TypeError(
+            f"'{_shown(source)}' is none of numbers, columns, text in quotes, comparisons, "
+            f"arithmetic, and, or, not, in, {', '.join(FUNCTIONS)}"
+        )
+
+
+def conditions(text: str, known: Collection[str]) -> list[Condition]:
+    """The conditions that ``and`` joins at the outermost level of a text.
+
+    Parameters
+    ----------
+    text : str
+        Of columns, numbers, ``+ - * / // % **``, ``< <= > >= == !=``, ``and or not in`` (also
+        ``& | ~``), brackets and a few functions. Columns with dots and such may stand in backticks.
+    known : collection of str
+        Columns that there are.
+
+    Raises
+    ------
+    ResultsError
+        A text that is none; a column that is not known.
+    """
+    if len(text) > LONGEST:
+        raise _unusable(text, f"expected at most {LONGEST} characters, got {len(text)}")
+    if not re.sub(_QUOTED, "", text).isascii():
+        raise _unusable(text, "expected plain ASCII outside quotes")
+    marked: dict[str, str] = {}
+
+    def replaced(found: re.Match[str]) -> str:
+        word = found[0]
+        if word in JOINTS or word[0] in "'\"":
+            return JOINTS.get(word, word)
+        marked[mark := MARK.format(len(marked))] = word.strip("`")
+        return mark
+
+    odd = [c for c in map(str, known) if not c.isidentifier() or iskeyword(c)]
+    names = [rf"(?<![\w.]){re.escape(c)}(?!\w)" for c in sorted(odd, key=len, reverse=True)]
+    plain = re.sub("|".join([_QUOTED, *names, "[&|]"]), replaced, text)
+    try:
+        tree = ast.parse(plain.strip(), mode="eval").body
+        found = [Condition(part, _shown(text), marked) for part in _parts(tree)]
+        columns = set().union(*(condition.columns for condition in found))
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
+    if columns - set(known):
+        raise ResultsError(
+            f"query '{_shown(text)}' names an unknown column, expected "
+            + ", ".join(dict.fromkeys(known))
+        )
+    return found
+
+
+def _parts(tree: ast.expr) -> list[ast.expr]:
+    if isinstance(tree, ast.BoolOp) and isinstance(tree.op, ast.And):
+        return [part for value in tree.values for part in _parts(value)]  # noqa: PD011 - of a tree
+    return [tree]
+
+
+def _compared(left: Any, op: ast.cmpop, right: Any) -> Any:
+    """A comparison of what can be compared: numbers with numbers, text with text."""
+    if isinstance(op, ast.In | ast.NotIn):
+        if not isinstance(left, pd.Series) or not isinstance(right, list):
+            raise TypeError("expected a column before 'in' and a list in brackets after it")
+        if any(_is_text(left) != _is_text(value) for value in right):
+            raise TypeError("text and numbers cannot be compared")
+        held = left.isin(right)
+        return held if isinstance(op, ast.In) else ~held
+    if type(op) not in OPERATORS or isinstance(left, list) or isinstance(right, list):
+        raise TypeError("a list stands after 'in' alone")
+    if _is_text(left) != _is_text(right):
+        raise TypeError("text and numbers cannot be compared")
+    return OPERATORS[type(op)](left, right)
+
+
+def _is_text(value: Any) -> bool:
+    if isinstance(value, pd.Series):
+        return not pd.api.types.is_numeric_dtype(value)  # which booleans are too
+    return isinstance(value, str)
+
+
+def _unusable(text: str, reason: str) -> ResultsError:
+    return ResultsError(f"query '{_shown(text)}' cannot be used: {reason}")
+
+
+def _shown(text: str) -> str:
+    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."

@@ -1,0 +1,31 @@
+"""A reduced size of the faults campaign, studies/benchmarks/faults.py: every part, few cases."""
+
+import importlib
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
+FEW = {"kills": 2, "damage": 12, "study_files": 60, "matrix_files": 40, "environment": 3}
+SMALL = ("hulten_modes",)
+SCENES = {"kills": SMALL, "damage": SMALL, "environment": SMALL}
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux") or os.geteuid() != 0,
+    reason="NOT TRIED HERE: the campaign needs Linux and mount namespaces",
+)
+@pytest.mark.parametrize("part", FEW)
+def test_what_is_disturbed_ends_right_or_in_a_sentence(
+    part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [str(BENCHMARKS), *sys.path])
+    module = importlib.import_module(f"fault_campaign.{part}")
+    more = {"names": SCENES[part]} if part in SCENES else {}
+    findings = list(module.run(FEW[part], 1, tmp_path, **more))
+    assert len(findings) == FEW[part]
+    assert [str(f) for f in findings if not f.good] == []
+    # a campaign whose disturbances are never noticed would pass as well
+    assert any(f.verdict == "message" or f.text for f in findings)
