@@ -26,7 +26,7 @@ from squealstudy.paths import usable_cache
 from squealstudy.progress import progress
 from squealstudy.study.definition import ResolvedStudy, read_tables
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.laws import expect_acting, laws_with, listed
+from squealstudy.study.laws import expect_acting, law_choices, laws_with
 from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, changed
 from squealstudy.study.toml_text import toml_text
@@ -258,7 +258,7 @@ class Model:
                 "default": p.default,
                 "unit": p.unit,
                 "structural": p.structural,
-                "laws": listed(laws_with(p.name)),
+                "laws": law_choices(laws_with(p.name)),
                 "description": p.description,
             }
             for p in self.definition.parameters

@@ -32,6 +32,7 @@ REFUSED = LIMITS | {
     errno.ENAMETOOLONG: "the name is too long: choose a shorter one",
     errno.EIO: "the disk does not answer",
 }
+SPEAKING = (OSError, RuntimeError, ImportError)  # of libraries, whose texts are looked at
 NO_TEMPORARY = "no directory for temporary files can be written: name one in TMPDIR"
 NO_DIRECTORY = "the current directory was removed: change to another"
 TEXTS = {os.strerror(code): code for code in LIMITS} | {
@@ -93,5 +94,7 @@ def _code(error: Exception) -> int | None:
         return errno.ENOMEM
     if (code := getattr(error, "errno", None)) is not None:
         return int(code)
+    if not isinstance(error, SPEAKING):
+        return None
     told = str(error).lower()
     return next((code for text, code in TEXTS.items() if text.lower() in told), None)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import psutil
 
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import MachineError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -47,7 +47,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     ------
     HeldError
         Where another holds it and `wait` is false.
-    SquealstudyError
+    MachineError
         On a file system without locks.
     """
     from filelock import FileLock, Timeout
@@ -61,7 +61,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise
-        raise SquealstudyError(
+        raise MachineError(
             f"{path.parent}: this file system cannot lock files ({error.strerror}), and two runs "
             "would spoil each other's; choose a directory on a local disk"
         ) from error
@@ -87,12 +87,6 @@ def flush(path: Path) -> None:
             raise
     finally:
         os.close(descriptor)
-
-
-# -- processes ------------------------------------------------------------------------------------
-def is_running(process: int) -> bool:
-    """Whether there is a process of that number."""
-    return psutil.pid_exists(process)
 
 
 # -- cores ----------------------------------------------------------------------------------------
@@ -195,6 +189,11 @@ def memory_above() -> Iterator[MemoryAbove]:
 
 
 # -- processes ------------------------------------------------------------------------------------
+def is_running(process: int) -> bool:
+    """Whether there is a process of that number."""
+    return psutil.pid_exists(process)
+
+
 SIGNALS = {signal.SIGINT, signal.SIGTERM}  # and of a terminal that closes, where there is one:
 SIGNALS |= {getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)}
 
@@ -277,7 +276,8 @@ def _end_when(over: Callable[[], object]) -> None:
 def starting_processes() -> Iterator[None]:
     """For processes that start here: signals go to this one alone, its main file is not theirs.
 
-    A main file may run a study as it is read, and so would they.
+    A main file may run a study as it is read, and so would they. A signal that comes meanwhile
+    waits: a process that has half of what it needs would say so in a traceback.
     """
     from multiprocessing import get_context
 
@@ -287,8 +287,25 @@ def starting_processes() -> Iterator[None]:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS) if masked else ()
     sys.modules["__main__"] = ModuleType("__main__")
     try:
-        yield
+        with _signals_wait():
+            yield
     finally:
         sys.modules["__main__"] = main
         if masked:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Raise signals at the end: Python heeds those that came to a thread without a mask, too."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()  # no other may set handlers
+    heeded = [each for each in SIGNALS if main and callable(signal.getsignal(each))]
+    before = {each: signal.signal(each, lambda n, _: came.append(n)) for each in heeded}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+        for number in came:
+            signal.raise_signal(number)

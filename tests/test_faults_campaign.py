@@ -11,6 +11,10 @@ BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 FEW = {"kills": 2, "damage": 12, "study_files": 60, "matrix_files": 40, "environment": 3}
 SMALL = ("hulten_modes",)
 SCENES = {"kills": SMALL, "damage": SMALL, "environment": SMALL}
+NOTICED = {  # a campaign whose disturbances are never noticed would pass as well
+    "kills": lambda finding: "came too late" not in finding.done,
+    "damage": lambda finding: "damaged" in finding.text or "missing" in finding.text,
+}
 
 
 @pytest.mark.skipif(
@@ -27,5 +31,5 @@ def test_what_is_disturbed_ends_right_or_in_a_sentence(
     findings = list(module.run(FEW[part], 1, tmp_path, **more))
     assert len(findings) == FEW[part]
     assert [str(f) for f in findings if not f.good] == []
-    # a campaign whose disturbances are never noticed would pass as well
-    assert any(f.verdict == "message" or f.text for f in findings)
+    noticed = NOTICED.get(part, lambda finding: finding.verdict == "message")
+    assert any(noticed(finding) for finding in findings)

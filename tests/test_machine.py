@@ -13,7 +13,7 @@ import pytest
 from squealstudy import machine
 from squealstudy.engine import worker_count
 from squealstudy.engine.manifest import locked
-from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.errors import MachineError, ResultsError
 
 HOLD = """
 import sys
@@ -50,7 +50,7 @@ def test_a_file_system_without_locks_is_named(tmp_path, monkeypatch, code):
         raise OSError(code, os.strerror(code))
 
     monkeypatch.setattr(fcntl, "flock", none)
-    with pytest.raises(SquealstudyError, match="cannot lock files") as found, locked(tmp_path):
+    with pytest.raises(MachineError, match="cannot lock files") as found, locked(tmp_path):
         pass
     assert str(tmp_path) in str(found.value)
 

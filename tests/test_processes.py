@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import MachineError
+from squealstudy.machine import starting_processes
 
 EXTENSION = Path(__file__).parent / "extension" / "my_friction_curve.py"
 STUDY = """
@@ -132,6 +134,26 @@ def test_a_signal_ends_a_run_with_one_sentence(number, code, send):
         assert screen == ("", "squealstudy: interrupted; the same command goes on where it was\n")
         assert parent.returncode == code
         assert all_gone(found)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_signal_waits_for_processes_that_are_starting():
+    """Also one that comes to another thread, whose mask is its own."""
+    now, order = threading.Event(), []
+
+    def send():
+        now.wait(LONGEST)
+        signal.raise_signal(signal.SIGINT)
+        order.append("sent")
+
+    other = threading.Thread(target=send)
+    other.start()
+    with pytest.raises(KeyboardInterrupt), starting_processes():
+        now.set()
+        other.join(LONGEST)
+        time.sleep(0.01)
+        order.append("started")
+    assert order == ["sent", "started"]
 
 
 def test_a_worker_that_is_killed_ends_the_work_and_others_start():

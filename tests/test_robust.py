@@ -17,7 +17,7 @@ from squealstudy import screen as screens
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
-from squealstudy.kinds.complex_modes.screen import indices as indices_screen
+from squealstudy.kinds.complex_modes.random_screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.robustness import probability_interval, robust_table

@@ -10,7 +10,7 @@ from test_ranking import MU, STUDY, P, linear_study, modes_table, points_table
 from test_robust import tables
 
 from squealstudy import screen
-from squealstudy.kinds.complex_modes import screen as modes_screen
+from squealstudy.kinds.complex_modes import random_screen
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.robustness import robust_table
 from squealstudy.tables.stability import is_uncertain
@@ -78,7 +78,7 @@ def test_screens_say_what_is_not_certain(error, capsys):
     x = np.random.default_rng(0).uniform(size=(40, 3))
     points, modes = tables(x, np.linspace(-20.0, 20.0, 40))
     modes = labelled(modes, error)
-    screen.show(*modes_screen.probabilities(robust_table(points, modes)))
+    screen.show(*random_screen.probabilities(robust_table(points, modes)))
     onsets = pd.DataFrame(columns=["direction", "onset", "status", "track"])
     onsets = onsets.assign(point_before="", point_after="")
     for table in (modes, modes.assign(unstable=False)):

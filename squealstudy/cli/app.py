@@ -141,7 +141,7 @@ def robust(
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
     from squealstudy.engine.kind import LISTED
-    from squealstudy.kinds.complex_modes import screen as modes_screen
+    from squealstudy.kinds.complex_modes import random_screen
     from squealstudy.study.sweeps import SOBOL_INDICES
 
     found = face.open_results(results)
@@ -150,10 +150,10 @@ def robust(
         return
     kept, sampled = top or LISTED, found.design == SOBOL_INDICES
     if not indices:
-        screen.show(*modes_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
+        screen.show(*random_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
         screen.show(*([""] if sampled else []))
     if indices or sampled:
-        screen.show(*modes_screen.indices(found.sobol_indices(kept)))
+        screen.show(*random_screen.indices(found.sobol_indices(kept)))
     screen.show(*outside(found))
 
 

@@ -30,7 +30,7 @@ def laws_with(name: str) -> dict[str, list[str]]:
     return {option: laws for option, laws in found.items() if laws}
 
 
-def listed(laws: Mapping[str, list[str]]) -> str:
+def law_choices(laws: Mapping[str, list[str]]) -> str:
     """Laws in words: ``contact_law unilateral or power``."""
     return " or ".join(f"{option} {' or '.join(names)}" for option, names in laws.items())
 
@@ -42,10 +42,11 @@ def expect_acting(parameter: StudyParameter, design: DesignPoint) -> None:
     acting = [option for option, laws in owners.items() if chosen[option] in laws]
     if parameter.structural or not owners or acting:
         return
-    here = listed({option: [chosen[option]] for option in owners})
+    here = law_choices({option: [chosen[option]] for option in owners})
     raise ParameterError(
         parameter.name,
-        f"'{parameter.name}' does nothing here: it belongs to {listed(owners)}, and this is {here}",
+        f"'{parameter.name}' does nothing here: it belongs to {law_choices(owners)}, "
+        f"and this is {here}",
     )
 
 

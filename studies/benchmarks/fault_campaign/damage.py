@@ -33,7 +33,6 @@ PATIENCE_S = 300
 def run(count: int, seed: int, work: Path, names: tuple[str, ...] = SCENES) -> Iterator[Finding]:
     """Damage `count` files, one at a time; a finding for each."""
     rng, made = random.Random(seed), list(scenes(names, work / PART))
-    os.environ["NUMBA_CACHE_DIR"] = str(work / PART / "kernels")
     _import_all()
     unfinished = {scene.name: _unfinished(scene) for scene in made}
     for number in range(count):
@@ -112,6 +111,7 @@ def _judged(scene: Scene, state: str, results: Path, cache: Path, file: Path) ->
     from squealstudy.errors import SquealstudyError
 
     os.environ["SQUEALSTUDY_CACHE"] = str(cache)
+    os.environ["NUMBA_CACHE_DIR"] = str(scene.kernels)
     os.chdir(scene.folder)
     damaged = _digest(file)
     if state == "complete" and (text := _read_wrongly(scene, results, sq)):

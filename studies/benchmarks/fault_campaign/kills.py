@@ -91,7 +91,8 @@ def _case(scene: Scene, kills: list[Kill], cold: bool, number: int) -> Iterator[
     found = []
     for kill in kills:
         ended, there = _killed(scene, kill, results, cache)
-        done = f"{scene.name}, {kill}, {'empty' if cold else 'filled'} cache"
+        late = ", came too late" if ended.code == 0 else ""
+        done = f"{scene.name}, {kill}, {'empty' if cold else 'filled'} cache{late}"
         found.append([done, *_verdict(ended, there)])
     last = scene.run(results, cache)
     text, verdict = "", "equal"

@@ -29,7 +29,7 @@ from squealstudy.errors import SquealstudyError, StudyFileError
 
 PART = "study files"
 STUDIES = Path(__file__).parents[2]
-PATIENCE_S, MEMORY = 40, 6 << 30  # of processor time: a design of 1,000,000 points takes 20 s
+PATIENCE_S, MEMORY = 40, 6 << 30  # of processor time, enough for a design of 1,000,000 points
 EVERY = 500  # cases one is given to the real command as well
 SEEDS = (
     *("first_brake", "hulten_flutter", "stability_boundary", "squeal_nominal", "squeal_damping"),
