@@ -148,7 +148,7 @@ def test_a_signal_waits_for_processes_that_are_starting():
 
     other = threading.Thread(target=send)
     other.start()
-    with pytest.raises(KeyboardInterrupt), starting_processes():
+    with pytest.raises(KeyboardInterrupt), starting_processes():  # noqa: PT012 - it raises at its end
         now.set()
         other.join(LONGEST)
         time.sleep(0.01)

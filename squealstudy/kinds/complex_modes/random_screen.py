@@ -1,0 +1,121 @@
+"""What is shown of complex modes of random designs: probabilities, and Sobol indices."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.screen import grid, notes
+from squealstudy.tables.mode_ranking import settings_of
+from squealstudy.wording import in_digits, percent, plural
+
+Row = dict[Hashable, Any]
+
+
+def probabilities(table: pd.DataFrame, sampled: bool = False) -> list[RenderableType]:
+    """The table of tables.robustness, the first row of any mode, with its legend.
+
+    `sampled`: its points are the two independent samples of a design for Sobol indices.
+    """
+    titles = ("mode", "Hz", "known at", "unstable %", "interval %", "mean", "mean +- std")
+    shown = grid(
+        *titles,
+        "worst 1/s",
+        "text:worst at",
+        rows=(_probability(row) for row in table.to_dict("records")),
+    )
+    return [shown, notes(*_robust_legend(table, sampled))]
+
+
+def _probability(row: Row) -> list[str]:
+    low, high = row["unstable_points_low"], row["unstable_points_high"]
+    known = row["points"] - row["unknown_points"]
+    bounds = f" ({percent(low / known, high / known)})" if low < high else ""
+    return [
+        str(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
+        _figure(row["frequency_hz"], 0, unknown=""),
+        str(known),
+        f"{100 * row['probability']:.1f}{bounds}",
+        percent(row["probability_low"], row["probability_high"]),
+        in_digits(row["mean_growth_rate"], 2),
+        f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
+        _figure(row["max_growth_rate"]),
+        ", ".join(value for _, value in settings_of(row["at"])),
+    ]
+
+
+def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
+    """What the columns mean, and what is left out."""
+    first = table.iloc[0]
+    drawn = "points of the two independent samples" if sampled else "points"
+    failed = int(first["failed_points"])
+    counted = f"{failed} are not ok and count neither way" if failed else "all are ok"
+    texts = [
+        f"of {first['points'] + failed} {drawn}, {counted}",
+        "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "
+        "Latin hypercube",
+        "mean: growth 1/s, zero where not unstable; mean +- std: of the growth rate where the mode "
+        "is; any: the fastest mode of each point",
+    ]
+    if (table["unstable_points_low"] < table["unstable_points_high"]).any():
+        texts.append(
+            "unstable % in brackets: from points where the mode is unstable whatever its error to "
+            "points where it may be"
+        )
+    if (table["quantity"] == "divergence").any():
+        texts.append("divergence: a real root that grows, without oscillation; part of any")
+    if table["unknown_points"].any():
+        texts.append(
+            "known at: elsewhere the mode may stand under another number; unstable % is of the "
+            "points where it is known"
+        )
+    gone = table[(table["quantity"] == "track") & (table["absent_points"] > 0)]
+    if len(gone):
+        counts = zip(gone["absent_points"], gone["track"], strict=True)
+        listed = ", ".join(f"{n} of {track}" for n, track in counts)
+        texts.append(
+            f"points where a mode has left the band or does not oscillate, not unstable: {listed}"
+        )
+    names = ", ".join(name for name, _ in settings_of(first["at"]))
+    return [*texts, f"worst at: {names}" if names else ""]
+
+
+def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
+    return in_digits(value, digits) if value == value else unknown
+
+
+def indices(table: pd.DataFrame) -> list[RenderableType]:
+    """The table of `tables.sobol` with its legend."""
+    known = table.dropna(subset=["first", "total"])
+    first = ~known["track"].duplicated()
+    pairs = zip(known.to_dict("records"), first, strict=True)
+    shown = grid(
+        *("growth of", "Hz", "word:parameter", "first", "interval", "total", "interval"),
+        rows=(_indices(row, new) for row, new in pairs),
+    )
+    quantities = table.drop_duplicates("track").set_index("track")
+    dropped = quantities["dropped_groups"]
+    dropped = dropped[dropped.index.isin(known["track"]) & (dropped > 0).to_numpy()]
+    listed = ", ".join(f"{n} of {t or 'the fastest'}" for t, n in dropped.items())
+    rare = ", ".join(map(str, sorted(set(table["track"]) - set(known["track"]))))
+    legend = notes(
+        "Sobol indices of the growth rate, 95 % bootstrap intervals, from "
+        f"{plural(quantities['groups'].iloc[0], 'group')} of points",
+        f"groups dropped for a failed point or a mode that is not there: {listed}"
+        if listed
+        else "",
+        f"modes found at too few points for indices: {rare}" if rare else "",
+    )
+    return [shown, legend]
+
+
+def _indices(row: Row, new: bool) -> list[str]:
+    name = "fastest mode" if row["quantity"] == "largest" else f"mode {row['track']}"
+    cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
+    cells.append(str(row["parameter"]))
+    for index in ("first", "total"):
+        cells += [f"{row[index]:.3f}", f"{row[f'{index}_low']:.3f} to {row[f'{index}_high']:.3f}"]
+    return cells
