@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -9,12 +10,13 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 
 import psutil
 import pytest
 
-from squealstudy.engine.workers import Workers
+from squealstudy.engine.workers import AHEAD, Workers
 from squealstudy.errors import MachineError
 from squealstudy.machine import starting_processes
 
@@ -167,6 +169,38 @@ def test_an_error_ends_the_work_at_once():
     with pytest.raises(TypeError):
         list(Workers(2).each(time.sleep, [100.0, "no number", 100.0]))
     assert time.monotonic() - began < LONGEST
+
+
+@pytest.mark.parametrize(("jobs", "patience"), [(1, 0.0), (2, 0.0), (2, 100.0)])
+def test_tasks_are_drawn_as_they_are_needed(jobs, patience):
+    """And all of them are done, those that are drawn first too."""
+    drawn, told = [], []
+    tasks = (drawn.append(i) or -i for i in range(40))
+    workers = Workers(jobs, lambda *facts: told.append(facts), lambda: patience)
+    found = []
+    for value in workers.each(abs, tasks, "values", total=40):
+        found.append(value)
+        assert len(drawn) <= len(found) + AHEAD * jobs
+    assert sorted(found) == list(range(40))
+    assert told == [("values", done, 40) for done in range(41)]
+
+
+def test_tasks_and_results_are_not_kept():
+    kept = weakref.WeakSet()
+
+    class Task(str):  # of which weak references are possible
+        pass
+
+    def tasks():
+        for _ in range(20):
+            task = Task()
+            kept.add(task)
+            yield task
+            del task
+
+    for _ in Workers().each(len, tasks()):
+        gc.collect()
+        assert len(kept) <= 2
 
 
 def test_workers_stay_until_an_extension_comes():

@@ -10,9 +10,10 @@ import errno
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
 CHUNKS_A_WORKER = 8
+AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 Item = TypeVar("Item")
@@ -75,38 +77,55 @@ class Workers:
     patience: Callable[[], float] = at_once
 
     def each(
-        self, function: Callable[[Item], Found], tasks: Sequence[Item], stage: str = ""
+        self,
+        function: Callable[[Item], Found],
+        tasks: Iterable[Item],
+        stage: str = "",
+        total: int | None = None,
     ) -> Iterator[Found]:
-        """Results of a function of each task, as they come.
+        """Results of a function of each task, as they come; none is kept here.
 
-        `stage` is the name under which progress is told; none without.
+        Tasks are drawn when a worker is about to need them: of a long iterable never more than
+        `AHEAD` a worker are there at once.
+
+        Parameters
+        ----------
+        function : callable
+        tasks : iterable
+        stage : str
+            Name under which progress is told; none without.
+        total : int or None
+            Number of tasks, for progress, where `tasks` has no length.
 
         Raises
         ------
         MachineError
             Where a worker process dies, or none can start.
         """
-        if stage and tasks:
-            self.report(stage, 0, len(tasks))
-        for done, found in enumerate(self._found(function, tasks), start=1):
+        known = len(tasks) if isinstance(tasks, Sized) else 0
+        total = known if total is None else total
+        if stage and total:
+            self.report(stage, 0, total)
+        for done, found in enumerate(self._found(function, iter(tasks)), start=1):
             if stage:
-                self.report(stage, done, len(tasks))
+                self.report(stage, done, max(done, total))
             yield found
 
-    def _found(self, function: Callable[[Item], Found], tasks: Sequence[Item]) -> Iterator[Found]:
+    def _found(self, function: Callable[[Item], Found], tasks: Iterator[Item]) -> Iterator[Found]:
         started, patience = time.perf_counter(), self.patience()
-        alone = self.jobs == 1 or len(tasks) == 1
-        done = 0
-        while done < len(tasks) and (alone or time.perf_counter() - started < patience):
-            done += 1
-            yield _on_one_thread(function, tasks[done - 1])
-        if done < len(tasks):
-            yield from self._on_processes(function, tasks[done:])
+        drawn = list(islice(tasks, 2))
+        alone = self.jobs == 1 or len(drawn) == 1
+        tasks = chain(drawn, tasks)
+        for task in tasks:
+            if not alone and time.perf_counter() - started >= patience:
+                yield from self._on_processes(function, chain((task,), tasks))
+                return
+            yield _on_one_thread(function, task)
 
     def _on_processes(
-        self, function: Callable[[Item], Found], tasks: Sequence[Item]
+        self, function: Callable[[Item], Found], tasks: Iterator[Item]
     ) -> Iterator[Found]:
-        from concurrent.futures import as_completed
+        from concurrent.futures import FIRST_COMPLETED, Future, wait
         from concurrent.futures.process import BrokenProcessPool
 
         with warnings.catch_warnings():  # joblib says what it cannot do where /dev/shm is full
@@ -114,15 +133,21 @@ class Workers:
             from joblib import wrap_non_picklable_objects
 
         executor = _executor(self.jobs, lifeline(), extension_files(), cache_directory())
+        begun: set[Future[Found]] = set()
+
+        def begin(number: int) -> None:
+            calls = [partial(_on_one_thread, function, task) for task in islice(tasks, number)]
+            with starting_processes():  # lambdas too: models have them, and extensions may
+                begun.update(executor.submit(wrap_non_picklable_objects(call)) for call in calls)
+
         try:
-            with starting_processes():
-                calls = [partial(_on_one_thread, function, task) for task in tasks]
-                # lambdas too: models have them, and extensions may
-                begun = [executor.submit(wrap_non_picklable_objects(call)) for call in calls]
-            found = as_completed(begun)
-            del begun  # which would hold all results
-            for one in found:
-                yield one.result()
+            begin(AHEAD * self.jobs)
+            while begun:
+                done = wait(begun, return_when=FIRST_COMPLETED).done
+                begun -= done
+                while done:
+                    begin(1)
+                    yield done.pop().result()
         except BrokenProcessPool as error:
             cut_lifeline()
             raise MachineError(
