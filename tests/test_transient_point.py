@@ -113,6 +113,15 @@ def test_a_stable_point_follows_its_least_stable_mode(brake, reduced, reference)
     assert made.growing.lam[0].real < 0
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_of_neutral_modes_the_lowest_stands_for_them_whatever_round_off_says(sign):
+    K = np.diag((2 * np.pi * np.array([1e3, 2e3])) ** 2)
+    C = sign * np.diag([1e-9, -1e-9])
+    modes = growing_modes(C, K, np.diag(K), (500.0, 5000.0), 1e-7)
+    assert modes.n_unstable == 0
+    assert abs(modes.lam[0]) == pytest.approx(2 * np.pi * 1e3, rel=1e-12)
+
+
 def test_what_grows_above_the_band_is_told():
     """Two blocks that flutter, one inside the band and one above it."""
     low = np.array([[1.0, -0.5], [0.5, 1.1]]) * (2 * np.pi * 1e3) ** 2

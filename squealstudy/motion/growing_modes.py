@@ -30,7 +30,8 @@ class GrowingModes:
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s; where no mode of the band is unstable, the least stable one alone.
+        rad/s; where no mode of the band is unstable, the least stable one alone, of neutral modes
+        that of lowest frequency.
     right, left : ndarray (n, m) complex
         Q(lam) right = 0 and left^H Q(lam) = 0, unit norms.
     n_unstable : int
@@ -89,7 +90,8 @@ def growing_modes(
     lam, psi = lam[oscillating], psi[:, oscillating]
     unstable = lam.real > tolerance * np.abs(lam)
     inside = np.abs(lam) <= high
-    order = np.argsort(-lam.real, kind="stable")
+    neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # which is first, round-off would decide
+    order = np.argsort(np.where(neutral, 0.0, -lam.real), kind="stable")
     chosen = order[inside[order]][:MOST]
     n_unstable = int((unstable & inside).sum())
     chosen = chosen[: max(n_unstable, 1)]
