@@ -272,6 +272,9 @@ def _end_when(over: Callable[[], object]) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+SILENTLY = "ignore:resource_tracker:UserWarning"
+
+
 @contextlib.contextmanager
 def starting_processes() -> Iterator[None]:
     """For processes that start here: signals go to this one alone, its main file is not theirs.
@@ -281,7 +284,10 @@ def starting_processes() -> Iterator[None]:
     """
     from multiprocessing import get_context
 
-    get_context("spawn").Lock()  # what starts with the first lock lets signals through
+    # what starts with the first lock lets signals through, and removes what a killed run leaves
+    sys.warnoptions.append(SILENTLY)
+    get_context("spawn").Lock()
+    sys.warnoptions.remove(SILENTLY)
     main = sys.modules["__main__"]
     masked = hasattr(signal, "pthread_sigmask")  # not on Windows
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS) if masked else ()

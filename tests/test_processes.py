@@ -117,6 +117,16 @@ def test_a_killed_parent_leaves_no_worker_behind(number):
         assert all_gone(found)
 
 
+def test_a_killed_run_is_not_commented_on_by_the_standard_library():
+    with started(COMMAND) as parent:
+        assert parent.stdout.readline() == "begun\n"
+        found = descendants(parent, 3)
+        time.sleep(1.0)
+        parent.kill()
+        assert parent.communicate(timeout=LONGEST) == ("", "")
+        assert all_gone(found)
+
+
 def test_a_killed_parent_leaves_no_compilation_behind(tmp_path):
     with started(WARMING, NUMBA_CACHE_DIR=str(tmp_path)) as parent:
         found = descendants(parent, 1)

@@ -172,7 +172,8 @@ def _executor(
 
     jobs = min(jobs, MOST_WORKERS)
     try:
-        return ProcessPoolExecutor(jobs, get_context("spawn"), start_worker, (line, files))
+        with starting_processes():
+            return ProcessPoolExecutor(jobs, get_context("spawn"), start_worker, (line, files))
     except OSError as error:
         if error.errno in TOO_MANY_FILES:
             raise
