@@ -52,7 +52,7 @@ def explored(grid: BoundaryGrid, solve) -> dict[tuple[int, ...], np.ndarray | No
         fresh = [node for node in wanted if node not in known]
         if not fresh:
             return known
-        known |= {node: solve(*grid.values(node).values()) for node in fresh}
+        known |= {node: solve(*grid.values([node])[0]) for node in fresh}
 
 
 def count_of(lam: np.ndarray | None) -> int:
@@ -62,7 +62,7 @@ def count_of(lam: np.ndarray | None) -> int:
 
 def map_of(grid: BoundaryGrid, known) -> tuple[np.ndarray, pd.DataFrame, np.ndarray]:
     """Unstable modes at every node of the full grid (-1: failed), the points, which were solved."""
-    points = pd.DataFrame([grid.values(node) for node in known])
+    points = pd.DataFrame(grid.values(list(known)), columns=list(grid.names))
     points["point_id"] = [f"p{i}" for i in range(len(points))]
     points["status"] = ["failed" if lam is None else "ok" for lam in known.values()]
     axes = dict(zip(grid.names, grid.axes, strict=True))
@@ -75,7 +75,7 @@ def everywhere(grid: BoundaryGrid, solve) -> np.ndarray:
     """The same of a grid study: every node solved."""
     found = np.zeros(grid.shape, dtype=int)
     for node in itertools.product(*map(range, grid.shape)):
-        lam = solve(*grid.values(node).values())
+        lam = solve(*grid.values([node])[0])
         found[node] = count_of(lam)
     return found
 
@@ -153,8 +153,7 @@ def test_decisions_follow_from_the_nodes_asked_for_alone():
     """Rows of later rounds, or of another resolution, change nothing."""
     grid = grid_of((5, 5), 3)
     full = {
-        node: disc(*grid.values(node).values())
-        for node in itertools.product(*map(range, grid.shape))
+        node: disc(*grid.values([node])[0]) for node in itertools.product(*map(range, grid.shape))
     }
     known = explored(grid, disc)
     assert refine(grid, full, TOLERANCE) == list(known)
@@ -237,7 +236,7 @@ def test_every_first_point_is_a_node_of_the_full_grid(start, factor, num, halvin
     plan = plan_of(text)
     grid = BoundaryGrid.of(plan.study)
     (axis,) = grid.axes
-    assert [grid.node(point) for point in plan.swept] == grid.coarse_nodes()
+    assert [grid.node(point) for point in plan.swept.tolist()] == grid.coarse_nodes()
     assert (axis[0], axis[-1]) == (first, last)
     assert (np.diff(axis) * (-1 if falls else 1) > 0).all()
     spacing = np.diff(np.log(axis) if scale == "log" else axis)

@@ -429,7 +429,7 @@ def test_prepared_families_are_read_back_as_they_were(tmp_path, monkeypatch):
     (structure,) = plan.structures
     assert is_prepared(structure)
     found = load_any(structure)
-    modes = solve_family_point(found, plan.designs[4].plain_values(), plan.band_hz)
+    modes = solve_family_point(found, plan.tasks[4].plain_values(), plan.band_hz)
     table = squealstudy.open_results(tmp_path / "r").modes
     own = table[table["point_id"] == plan.tasks[4].point_id]
     np.testing.assert_array_equal(np.abs(modes.lam) / (2 * np.pi), own["frequency_hz"])

@@ -200,7 +200,7 @@ def test_chunks_balance_workers_and_bound_the_loss() -> None:
 
 def test_reference_points_begin_at_the_upper_corner_and_spread() -> None:
     plan = hulten(0.6, 13)
-    friction = [plan.swept[i]["friction"] for i in reference_choice(plan, 3)]
+    friction = [plan.swept[i, 0] for i in reference_choice(plan, 3)]
     assert friction == pytest.approx([0.6, 0.0, 0.3])
     assert reference_choice(plan, 0) == []
     assert sorted(reference_choice(plan, 99)) == list(range(13))

@@ -188,7 +188,7 @@ def test_defaults_and_families_of_component_modes():
 )
 def test_bad_section_names_its_place(old, new, key, expected):
     with pytest.raises(StudyFileError) as caught:
-        assert plan_of(BRAKE.replace(old, new, 1)).tasks
+        assert plan_of(BRAKE.replace(old, new, 1)).tasks[0]
     assert caught.value.key.startswith(key)
     assert expected in str(caught.value)
     assert caught.value.line is not None or not key

@@ -130,7 +130,7 @@ def test_what_a_kill_left_unfinished_is_removed_and_made_again(whole, results):
     told, report = run(results)
     assert (told, report.n_solved) == ([], 0)  # the tables were whole: nothing is left to do
     assert not chunk.exists()
-    run(results, lockin(5, 0.5))
+    run(results, plan_of(STUDY.format(num=5, stop=0.6).replace("1000.0", "900.0")))
     told, report = run(results)
     assert report.n_solved >= 1
     assert not list(results.rglob("*.tmp"))

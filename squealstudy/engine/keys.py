@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import squealstudy
 
 # the code whose change changes a reduction or a result
@@ -29,6 +31,9 @@ NUMERIC_PACKAGES = (
     "study/parameters.py",
 )
 LENGTH = 16
+ID_TYPE = f"S{LENGTH}"  # of arrays of ids
+HOLE = "0xhole"  # no value's text
+BLOCK = 65536  # ids that are made at once
 
 
 def content_hash(content: Any) -> str:
@@ -58,6 +63,41 @@ def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
 def point_id(model_hash: str, values: Mapping[str, float]) -> str:
     """Identity of a design point: its model and its sorted parameters."""
     return content_hash([model_hash, sorted((k, float(v).hex()) for k, v in values.items())])
+
+
+def point_ids(
+    model_hash: str, values: Mapping[str, float], varied: Mapping[str, np.ndarray], count: int
+) -> np.ndarray:
+    """Identities (count,) of design points of one model, as `point_id` gives them one by one.
+
+    Parameters
+    ----------
+    model_hash : str
+    values : mapping of str -> float
+        All parameters; those that are in `varied` may have any value.
+    varied : mapping of str -> ndarray (count,)
+    count : int
+    """
+    # the text that `point_id` hashes, with a hole for each varied value
+    pairs = sorted((k, HOLE if k in varied else float(v).hex()) for k, v in values.items())
+    first, *others = json.dumps([model_hash, pairs]).replace("%", "%%").split(HOLE)
+    columns = [varied[k] for k, v in pairs if v == HOLE]
+    head, tail = hashlib.sha256((first % ()).encode()), "".join(f"%s{text}" for text in others)
+    if not columns:
+        return np.full(count, head.hexdigest()[:LENGTH], dtype=ID_TYPE)
+    found = np.empty(count, dtype=ID_TYPE)
+    for start in range(0, count, BLOCK):
+        rows = slice(start, start + BLOCK)
+        texts = zip(*(map(float.hex, x[rows].tolist()) for x in columns), strict=True)
+        found[rows] = [_ended(head, tail % own) for own in texts]
+    return found
+
+
+def _ended(head: hashlib._Hash, text: str) -> str:
+    """The hash of a text of which `head` is the beginning and `text` the end."""
+    digest = head.copy()
+    digest.update(text.encode())
+    return digest.hexdigest()[:LENGTH]
 
 
 def chunk_id(point_ids: Iterable[str]) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel
 
@@ -37,6 +38,22 @@ class Identified(Protocol):
         ...
 
 
+class Points(Protocol):
+    """Design points, or what stands for them, in their order."""
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each, 16 bytes."""
+        ...
+
+    def at(self, rows: np.ndarray) -> Points:
+        """Some of them."""
+        ...
+
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Identified]: ...
+
+
 class Planned(Protocol):
     """A study resolved into what has to be solved."""
 
@@ -51,7 +68,7 @@ class Planned(Protocol):
         ...
 
     @property
-    def tasks(self) -> Sequence[Identified]:
+    def tasks(self) -> Points:
         """Its design points."""
         ...
 

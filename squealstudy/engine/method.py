@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys
 from squealstudy.study.parameters import DAMPING_RATIO
+from squealstudy.study.sampling import distinct_rows
 
 
 class RungChoice(NamedTuple):
@@ -52,13 +52,13 @@ class RungChoice(NamedTuple):
         return [rung.name, self.tolerance, *outside]
 
 
-def choose_method(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> RungChoice:
+def choose_method(study: ResolvedStudy, swept: np.ndarray) -> RungChoice:
     """Choose the rung of a study: as its file says, or the one of least total cost.
 
     Parameters
     ----------
     study : ResolvedStudy
-    swept : sequence of mapping
+    swept : ndarray (n_points, n_sweeps)
         Swept values of each design point.
 
     Raises
@@ -89,15 +89,15 @@ def _who_says(study: ResolvedStudy) -> str:
     return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
 
 
-def _scope(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> Scope:
-    structural = [s.name for s in study.sweeps if s.parameter.structural]
-    free = [s.name for s in study.sweeps if not s.parameter.structural]
-    structures = {tuple(point[name] for name in structural) for point in swept}
+def _scope(study: ResolvedStudy, swept: np.ndarray) -> Scope:
+    structural = [k for k, s in enumerate(study.sweeps) if s.parameter.structural]
+    free = [k for k, s in enumerate(study.sweeps) if not s.parameter.structural]
+    structures = int(distinct_rows([swept[:, k] for k in structural], len(swept)).max()) + 1
     return Scope(
         reduced=not isinstance(study.model, FamilyDefinition),  # a family has no reduction
-        varied=sum(len({point[name] for point in swept}) > 1 for name in free),
-        points=len(swept) // max(len(structures), 1),
-        damped=DAMPING_RATIO if any(_at(study, p, DAMPING_RATIO) for p in swept) else "",
+        varied=sum(bool(np.ptp(swept[:, k])) for k in free),
+        points=len(swept) // structures,
+        damped=DAMPING_RATIO if np.any(_values(study, swept, DAMPING_RATIO)) else "",
         single=_single_mode_damping(study, swept),
     )
 
@@ -122,14 +122,19 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
     return rung.name, why
 
 
-def _single_mode_damping(study: ResolvedStudy, swept: Sequence[Mapping[str, float]]) -> str:
+def _single_mode_damping(study: ResolvedStudy, swept: np.ndarray) -> str:
     """Name of a damping ratio of a single assembly mode that is not that of all modes, or ''."""
     names = [*study.values, *(s.name for s in study.sweeps)]
     for name in (n for n in names if n.startswith("modes[")):
-        if any(_at(study, point, name) != _at(study, point, DAMPING_RATIO) for point in swept):
+        if np.any(_values(study, swept, name) != _values(study, swept, DAMPING_RATIO)):
             return name
     return ""
 
 
-def _at(study: ResolvedStudy, point: Mapping[str, float], name: str) -> float:
-    return point.get(name, study.values.get(name, 0.0))
+def _values(study: ResolvedStudy, swept: np.ndarray, name: str) -> np.ndarray | float:
+    """Values of a parameter at all points (n,), or the one that the study has; 0 without any."""
+    for k, sweep in enumerate(study.sweeps):
+        if sweep.name == name:
+            column: np.ndarray = swept[:, k]
+            return column
+    return study.values.get(name, 0.0)

@@ -37,7 +37,7 @@ from squealstudy.study.source import SourceText
 
 SMALL = 100  # degrees of freedom of a family of matrices whose points take milliseconds
 PATIENCE = 3.0  # s: two workers take 2 s to start
-Values = dict[str, float]
+Columns = dict[str, float | np.ndarray]  # values of parameters at all design points
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,11 @@ class ModelKind(Kind):
                 "give --yes to run it all the same, raise the limit or sweep fewer values",
             )
 
-    def resolver(self, study: ResolvedStudy) -> Callable[[Values], Values]:
-        """What fills in values of a design point that follow from the whole study."""
+    def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
+        """What fills in values of design points that follow from the whole study.
+
+        It is given values by the names of parameters: numbers, or arrays over design points.
+        """
         return lambda values: values
 
     def identity(self, plan: Plan) -> list[Any]:
@@ -221,7 +224,7 @@ def check_component_modes(plan: Plan) -> None:
 
     Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
     """
-    if plan.designs[0].mode_parameters():
+    if plan.first.mode_parameters():
         first = plan.tasks[0].structure
         ready = is_prepared(first)
         plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, point_id, source_hash
+from squealstudy.engine.design_points import DesignPoints, DesignValues, PlannedNames
+from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.engine.method import RungChoice, choose_method
 from squealstudy.errors import StudyFileError
 from squealstudy.extensions import in_models
@@ -24,8 +24,9 @@ from squealstudy.models.operating import (
 )
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import ResolvedStudy
-from squealstudy.study.design import DesignPoint, extreme_scales
+from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import file_digests
+from squealstudy.study.parameters import FREQUENCY_SCALE
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.toml_text import KeyPath
 
@@ -49,7 +50,7 @@ class Plan:
     ----------
     study : ResolvedStudy
         A loaded study file.
-    swept : list of dict or None
+    swept : ndarray (n_points, n_sweeps) or None
         Swept values of every design point, where the study's own design has grown by results
         (kinds/complex_modes/boundary.py).
     enriched : bool
@@ -59,14 +60,18 @@ class Plan:
     def __init__(
         self,
         study: ResolvedStudy,
-        swept: list[dict[str, float]] | None = None,
+        swept: np.ndarray | None = None,
         enriched: bool = False,
     ) -> None:
         self.study, self.enriched = study, enriched
         self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
-        self.designs = tuple(
-            self.design(self._resolved({**study.values, **point})) for point in self.swept
+        columns = {s.name: self.swept[:, k] for k, s in enumerate(study.sweeps)}
+        self._values = DesignValues.of(
+            study.model,
+            study.options,
+            self._resolved({**study.values, **columns}),
+            len(self.swept),
         )
 
     def design(self, values: Mapping[str, float]) -> DesignPoint:
@@ -134,8 +139,8 @@ class Plan:
         for sweep in self.study.sweeps:
             name = sweep.name
             if name in trained:
-                swept = [point[name] for point in self.swept]
-                for value in sorted({min(swept), max(swept)}):
+                swept = self.tasks.column(name)
+                for value in sorted({float(swept.min()), float(swept.max())}):
                     design = self.design({**self.study.values, name: value})
                     points.append(design.operating_point())
         return tuple(points)
@@ -152,7 +157,18 @@ class Plan:
     @cached_property
     def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
         """Factors on component frequencies that residual loads are taken with."""
-        return () if self.judged_to_hz is None else extreme_scales(self.designs)
+        return () if self.judged_to_hz is None else self._extreme_scales()
+
+    def _extreme_scales(self) -> tuple[dict[ModeKey, float], ...]:
+        """All factors at their least, then all at their largest; not those that change nothing."""
+        swept = [p for p in self.first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
+        found: list[dict[ModeKey, float]] = []
+        for end in (np.min, np.max):
+            ends = {p: float(end(self.tasks.column(p.name))) for p in swept}
+            scale = {(p.component, mode): ends[p] for p in swept for mode in p.modes}
+            if any(factor != 1.0 for factor in scale.values()) and scale not in found:
+                found.append(scale)
+        return tuple(found)
 
     @property
     def enriching(self) -> int:
@@ -208,27 +224,19 @@ class Plan:
         return choose_method(self.study, self.swept)
 
     @cached_property
-    def tasks(self) -> tuple[DesignPoint, ...]:
-        """Identity and structure of every design point, in the order of the design.
+    def tasks(self) -> DesignPoints:
+        """Design points with identity and structure, in the order of the design."""
+        return DesignPoints(
+            self._values, PlannedNames(self._values, self.structure_key, self._model_hash)
+        )
 
-        A point that a random design draws again is another draw, with its own identity: it is
-        solved again, and counts again.
+    @property
+    def first(self) -> DesignPoint:
+        """The first design point, with neither id nor structure: these may depend on what it has.
+
+        Model, options and names of the parameters are those of all design points.
         """
-        tasks = []
-        draws: Counter[str] = Counter()
-        keys: dict[tuple[float, ...], tuple[str, str]] = {}
-        for design in self.designs:
-            structure = tuple(design.structural_values().values())
-            if structure not in keys:
-                key = self.structure_key(design)
-                keys[structure] = key, self._model_hash(key)
-            key, model_hash = keys[structure]
-            name = point_id(model_hash, design.own_values)
-            draws[name] += 1
-            if draws[name] > 1:
-                name = content_hash([name, draws[name]])
-            tasks.append(replace(design, point_id=name, structure=key))
-        return tuple(tasks)
+        return self.tasks.bare(0)
 
     def _model_hash(self, structure_key: str) -> str:
         """Content hash of all that decides the results of a design point beside its values."""
@@ -238,7 +246,7 @@ class Plan:
                 source_hash(),
                 *self.study.extensions,
                 list(self.band_hz),
-                self.designs[0].law_identity,
+                self.first.law_identity,
                 *self.identity,
                 *self.method.identity,
             ]
@@ -247,10 +255,7 @@ class Plan:
     @cached_property
     def structures(self) -> dict[str, DesignPoint]:
         """By key of each prepared model the first design point that asks for it, in order."""
-        first: dict[str, DesignPoint] = {}
-        for task in self.tasks:
-            first.setdefault(task.structure, task)
-        return first
+        return {key: self.tasks[int(rows[0])] for key, rows in self.tasks.of_structures()}
 
     @cached_property
     def study_hash(self) -> str:
@@ -258,7 +263,7 @@ class Plan:
         return content_hash(
             [
                 source_hash(TABLE_SOURCES),
-                [t.point_id for t in self.tasks],
+                hashlib.sha256(self.tasks.ids.tobytes()).hexdigest(),
                 list(self.study.shown_parameters),
                 self.study.definition.model_dump(mode="json"),
                 *self.identity,
@@ -267,26 +272,26 @@ class Plan:
         )
 
     @cached_property
-    def shown_values(self) -> list[dict[str, float]]:
-        """Parameter columns of the tables, one dict a point."""
-        return [{p: d.values[p] for p in self.study.shown_parameters} for d in self.designs]
-
-    @cached_property
     def nominal_values(self) -> dict[str, float]:
         """Values of all parameters where nothing is swept."""
         neutral = {s.name: s.parameter.default for s in self.study.sweeps}
         uniform = self.study.values.get("damping_ratio", 0.0)
-        modal = {p.name: uniform for p in self.designs[0].assembly_parameters()}
-        return self._resolved({**neutral, **modal, **self.study.values})
+        modal = {p.name: uniform for p in self.first.assembly_parameters()}
+        found = self._resolved({**neutral, **modal, **self.study.values})
+        return {name: float(value) for name, value in found.items()}
 
     @cached_property
     def coordinates(self) -> np.ndarray:
         """Swept values as coordinates (n_points, n_sweeps); log where swept in log."""
-        columns = []
-        for sweep in self.study.sweeps:
-            x = np.array([point[sweep.name] for point in self.swept])
-            columns.append(np.log(x) if sweep.scale == "log" and (x > 0).all() else x)
-        return np.column_stack(columns) if columns else np.zeros((len(self.swept), 0))
+        logs = [
+            sweep.scale == "log" and bool((self.swept[:, k] > 0).all())
+            for k, sweep in enumerate(self.study.sweeps)
+        ]
+        if not any(logs):
+            return self.swept
+        found = self.swept.copy(order="F")
+        found[:, logs] = np.log(found[:, logs])
+        return found
 
     @property
     def grid_shape(self) -> tuple[int, ...] | None:
@@ -298,7 +303,7 @@ class Plan:
 
         `counts` has the number of free-free modes kept of each component in use.
         """
-        for parameter in self.designs[0].mode_parameters():
+        for parameter in self.first.mode_parameters():
             count = counts[parameter.component]
             highest = max(parameter.modes)
             if highest > count:
@@ -313,7 +318,7 @@ class Plan:
 
     def check_assembly_modes(self, count: int) -> None:
         """Raise StudyFileError where a real mode of the assembly in use is beyond the `count`."""
-        for parameter in self.designs[0].assembly_parameters():
+        for parameter in self.first.assembly_parameters():
             if max(parameter.modes) > count:
                 raise self.error(
                     parameter.name,

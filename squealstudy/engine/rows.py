@@ -77,7 +77,7 @@ def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, 
     MachineError
         Where a point of the plan is in no chunk.
     """
-    ids = [task.point_id for task in plan.tasks]
+    ids = plan.tasks.ids.astype(str).tolist()
     found = store.rows(ids, schema)
     missing = sum(i not in found for i in ids)
     if missing:
@@ -93,10 +93,15 @@ def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) 
     import pandas as pd
 
     parameters = plan.study.shown_parameters
-    filled = [
-        {**row, **{p: float(values[p]) for p in parameters}}
-        for row, values in zip(rows, plan.shown_values, strict=True)
-    ]
+    columns = [plan.tasks.column(p).tolist() for p in parameters]
+    filled = (
+        [
+            {**row, **dict(zip(parameters, values, strict=True))}
+            for row, values in zip(rows, zip(*columns, strict=True), strict=True)
+        ]
+        if columns
+        else rows
+    )
     schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
     nullable = {WHOLE: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
     frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=nullable.get)

@@ -46,7 +46,7 @@ KICK_RULE = (
 def parameter_reasons(plan: Plan) -> list[list[str]]:
     """Assumptions that the parameters of each design point break, known before it is solved."""
     critical = _damped_modes(plan)
-    return [[*_broken(design), *critical[i]] for i, design in enumerate(plan.designs)]
+    return [[*_broken(design), *critical[i]] for i, design in enumerate(plan.tasks)]
 
 
 def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
@@ -69,9 +69,7 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     for i, (known, row) in enumerate(
         zip(parameter_reasons(plan), points.to_dict("records"), strict=True)
     ):
-        own = [
-            text for text in (found.iloc[i], *known, *_of_the_point(plan.designs[i], row)) if text
-        ]
+        own = [text for text in (found.iloc[i], *known, *_of_the_point(plan.tasks[i], row)) if text]
         reasons.append(BETWEEN.join(own) if solved[i] else "")
     valid = pd.array([not reason for reason in reasons], dtype="boolean")
     valid[~solved] = pd.NA

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.model_kind import build_structures
@@ -81,7 +83,7 @@ class FidelityStudy:
         assert found is not None
         return found
 
-    def variant(self, changes: Mapping[str, Any], swept: list[dict[str, float]] | None) -> Plan:
+    def variant(self, changes: Mapping[str, Any], swept: np.ndarray | None) -> Plan:
         """The study with other settings; `swept` replaces its design points."""
         return Plan(self.study.variant(changes), swept)
 

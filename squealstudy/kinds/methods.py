@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, Field
 
-from squealstudy.engine.keys import content_hash
+from squealstudy.engine.keys import ID_TYPE, content_hash
 from squealstudy.engine.kind import Kind
 from squealstudy.errors import StudyFileError
 from squealstudy.study.section import NamedSection
@@ -45,6 +46,19 @@ class Run:
     content: Any
 
 
+class Runs(tuple[Run, ...]):
+    """Runs in their order."""
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each, 16 bytes."""
+        return np.array([run.point_id for run in self], dtype=ID_TYPE)
+
+    def at(self, rows: np.ndarray) -> Runs:
+        """Some of the runs."""
+        return Runs(self[i] for i in rows.tolist())
+
+
 @dataclass(frozen=True)
 class MethodsPlan:
     """A study of methods resolved into its runs.
@@ -55,7 +69,7 @@ class MethodsPlan:
         Of the kind: what its `read` made of the file.
     model : str
         What its methods are tried on.
-    tasks : sequence of Run
+    tasks : Runs
     facts : sequence of (str, str)
         Name and value of what `check` says.
     content : Any
@@ -64,7 +78,7 @@ class MethodsPlan:
 
     study: Any
     model: str
-    tasks: Sequence[Run]
+    tasks: Runs
     facts: Sequence[tuple[str, str]]
     content: Any
 
@@ -81,4 +95,4 @@ class MethodsPlan:
     @property
     def study_hash(self) -> str:
         """Hash of all that decides the tables."""
-        return content_hash([[task.point_id for task in self.tasks], self.study.source.text])
+        return content_hash([self.tasks.ids.astype(str).tolist(), self.study.source.text])

@@ -35,8 +35,13 @@ class Point(Protocol):
 class Coordinates(Protocol):
     """Design points as coordinates in which modes vary smoothly: theta in [-1, 1]^d."""
 
-    def theta(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """Coordinates (n, d) of design points given by their values."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that vary."""
+        ...
+
+    def theta(self, values: np.ndarray) -> np.ndarray:
+        """Coordinates (n, d) of design points given by the values (n, d) of what varies."""
         ...
 
     def design_at(self, theta: np.ndarray) -> Any:
@@ -76,7 +81,9 @@ class Problem:
 
     def theta(self, points: Sequence[Point]) -> np.ndarray:
         """Coordinates (n, d) of design points."""
-        return self.chart.theta([point.values for point in points])
+        names = self.chart.names
+        values = [[point.values[name] for name in names] for point in points]
+        return self.chart.theta(np.array(values).reshape(len(points), len(names)))
 
     def point_at(self, theta: np.ndarray) -> Point:
         """The design point at coordinates (d,)."""

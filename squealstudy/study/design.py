@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from squealstudy.laws import (
@@ -141,21 +141,3 @@ class DesignPoint:
         of_modes = (name for name in self.values if "[" in name)  # as no other name is
         parsed = (parse_parameter(name, self.model) for name in of_modes)
         return [p for p in parsed if isinstance(p, ModeParameter)]
-
-
-def extreme_scales(designs: Sequence[DesignPoint]) -> tuple[dict[ModeKey, float], ...]:
-    """Least and largest factors on component frequencies among designs of the same parameters.
-
-    All of them at their least, then all at their largest; without those that change nothing.
-    """
-    swept = [p for p in designs[0].mode_parameters() if p.quantity == "frequency_scale"]
-    found: list[dict[ModeKey, float]] = []
-    for end in (min, max):
-        scale = {
-            (p.component, mode): end(design.values[p.name] for design in designs)
-            for p in swept
-            for mode in p.modes
-        }
-        if any(factor != 1.0 for factor in scale.values()) and scale not in found:
-            found.append(scale)
-    return tuple(found)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,8 +31,8 @@ def grid_shape(study: ResolvedStudy) -> tuple[int, ...] | None:
     return tuple(len(sweep.values) for sweep in study.sweeps)
 
 
-def design_points(study: ResolvedStudy) -> list[dict[str, float]]:
-    """Swept values of each design point, by parameter name.
+def design_points(study: ResolvedStudy) -> np.ndarray:
+    """Swept values (n_points, n_sweeps) of the design points, sweeps in the order of the file.
 
     In a grid the first sweep varies fastest: its lines are contiguous. The points of a random
     design are decided by its seed. A boundary design begins with its coarse grid.
@@ -42,22 +42,26 @@ def design_points(study: ResolvedStudy) -> list[dict[str, float]]:
     StudyFileError
         Where a distribution gives a value that its parameter cannot take.
     """
-    names = [sweep.name for sweep in study.sweeps]
     kind = study.definition.design.type
-    if kind in GRIDS:
-        slowest_first = itertools.product(*(s.values for s in reversed(study.sweeps)))
-        rows = [tuple(reversed(row)) for row in slowest_first]
-    elif kind == "zip":
-        rows = list(zip(*(s.values for s in study.sweeps), strict=True)) or [()]
-    else:
-        rows = _random_rows(study)
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    count, before = count_points(study), 1
+    if kind not in (*GRIDS, "zip"):
+        return _random_points(study)
+    points = np.empty((count, len(study.sweeps)), order="F")
+    for k, sweep in enumerate(study.sweeps):
+        values = np.array(sweep.values)
+        if kind in GRIDS:
+            values = np.tile(np.repeat(values, before), count // (before * len(values)))
+            before *= len(sweep.values)
+        points[:, k] = values
+    return points
 
 
-def _random_rows(study: ResolvedStudy) -> list[tuple[float, ...]]:
+def _random_points(study: ResolvedStudy) -> np.ndarray:
     unit = _unit_points(study)
-    columns = [_sampled(study, k, u) for k, u in enumerate(unit.T)]
-    return list(zip(*(column.tolist() for column in columns), strict=True))
+    points = np.empty(unit.shape, order="F")
+    for k, u in enumerate(unit.T):
+        points[:, k] = _sampled(study, k, u)
+    return points
 
 
 def _unit_points(study: ResolvedStudy) -> np.ndarray:
@@ -97,6 +101,22 @@ def _sampled(study: ResolvedStudy, number: int, u: np.ndarray) -> np.ndarray:
     return values
 
 
+def distinct_rows(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
+    """Number (count,) int32 of the row of values that each point has, by first appearance.
+
+    `columns` are arrays (count,); without any all rows are the same.
+    """
+    index = np.zeros(count, dtype=np.int64)
+    for column in columns:
+        _, own = np.unique(column, return_inverse=True)
+        _, index = np.unique(index * (int(own.max()) + 1) + own, return_inverse=True)
+    _, first, index = np.unique(index, return_index=True, return_inverse=True)
+    place = np.empty(len(first), dtype=np.int32)
+    place[np.argsort(first)] = np.arange(len(first))
+    found: np.ndarray = place[index]
+    return found
+
+
 def farthest_points(X: np.ndarray, count: int) -> list[int]:
     """Indices of `count` of the points X (n, d): the upper corner, then those farthest from all."""
     if not X.shape[1]:
@@ -104,7 +124,8 @@ def farthest_points(X: np.ndarray, count: int) -> list[int]:
     span = np.ptp(X, axis=0)
     X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
     chosen = [int(np.argmax(X.sum(axis=1)))][:count]
+    nearest = np.full(len(X), np.inf)  # distance of each point to the chosen ones
     while 0 < len(chosen) < min(count, len(X)):
-        distance = np.linalg.norm(X[:, None] - X[None, chosen], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(distance)))
+        nearest = np.minimum(nearest, np.linalg.norm(X - X[chosen[-1]], axis=1))
+        chosen.append(int(np.argmax(nearest)))
     return chosen

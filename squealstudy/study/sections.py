@@ -18,6 +18,8 @@ Scale = Literal["linear", "log"]
 DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
 
 MOST_LEVELS = 1_000_000
+# of a design: a plan holds 8 bytes a sweep and 16 for the id of each point, some gigabytes then
+MOST_POINTS = 100_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
@@ -197,7 +199,7 @@ class DesignSection(Section):
     samples: int | None = Field(
         default=None,
         ge=1,
-        le=MOST_LEVELS,
+        le=MOST_POINTS,
         description="number of points (sobol and latin_hypercube); of sobol_indices the base "
         "points, a power of two: there are samples x (sweeps + 2) design points",
     )

@@ -12,7 +12,13 @@ from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.study.distributions import KEYS, TAIL, UNIFORM, Distribution
 from squealstudy.study.kinds import model_kind
 from squealstudy.study.parameters import StudyParameter, parse_parameter
-from squealstudy.study.sections import DesignSection, Scale, StudyDefinition, SweepSection
+from squealstudy.study.sections import (
+    MOST_POINTS,
+    DesignSection,
+    Scale,
+    StudyDefinition,
+    SweepSection,
+)
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
 
@@ -26,7 +32,7 @@ BOUNDARY = "boundary"
 LEAST_GROUPS = 8  # base points of sobol_indices: fewer tell nothing
 LEAST_SWEEPS = {"sobol": 1, "latin_hypercube": 1, "sobol_indices": 2, BOUNDARY: 1}
 MOST_BOUNDARY_SWEEPS = 3
-MOST_POINTS = 1_000_000  # of a design, of the full grid of a boundary design too
+MOST_NODES = 1_000_000  # of the full grid of a boundary design, which its map holds
 SCATTER = ("distribution", "mean", "std", "median", "sigma")
 
 
@@ -311,10 +317,10 @@ def _check_boundary(
             f"got {len(sweeps)}",
         )
     nodes = math.prod((len(s.values) - 1) * 2**design.levels + 1 for s in sweeps)
-    if nodes > MOST_POINTS:
+    if nodes > MOST_NODES:
         raise source.error(
             ("design", "levels"),
-            f"the full grid would have {nodes:,} nodes, more than {MOST_POINTS:,}: "
+            f"the full grid would have {nodes:,} nodes, more than {MOST_NODES:,}: "
             "fewer levels, or a smaller num",
         )
     for i, sweep in enumerate(sweeps):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,13 +84,14 @@ class BoundaryGrid:
         """Nodes of the virtual grid in one step of the coarse grid."""
         return int(2**self.levels)
 
-    def values(self, node: Node) -> dict[str, float]:
-        """Swept values at a node."""
-        return {n: a[i] for n, a, i in zip(self.names, self.axes, node, strict=True)}
+    def values(self, nodes: Sequence[Node]) -> np.ndarray:
+        """Swept values (n, d) at some nodes."""
+        places = np.array(nodes).T
+        return np.column_stack([np.array(a)[i] for a, i in zip(self.axes, places, strict=True)])
 
-    def node(self, values: Mapping[str, float]) -> Node:
-        """The node of these swept values; ValueError where there is none."""
-        return tuple(axis.index(values[n]) for n, axis in zip(self.names, self.axes, strict=True))
+    def node(self, values: Sequence[float]) -> Node:
+        """The node of these swept values (d,); ValueError where there is none."""
+        return tuple(axis.index(v) for axis, v in zip(self.axes, values, strict=True))
 
     def coarse_nodes(self) -> list[Node]:
         """Nodes of the coarse grid, the first parameter varying fastest."""
@@ -255,20 +256,20 @@ def grown(plan: Plan, store: Store) -> Plan:
     """
     while True:
         grid = BoundaryGrid.of(plan.study)
-        ids = [t.point_id for t in plan.tasks]
+        ids = plan.tasks.ids.astype(str).tolist()
         tolerance, largest = plan.method.tolerance, plan.method.largest_error
         finished = read_roots(store, ids, tolerance=tolerance, largest_error=largest)
         if len(finished) < len(plan.tasks):
             break
         roots = {
-            grid.node(point): finished[task.point_id]
-            for point, task in zip(plan.swept, plan.tasks, strict=True)
+            grid.node(values): finished[name]
+            for values, name in zip(plan.swept.tolist(), ids, strict=True)
         }
         tolerance = plan.study.definition.modes.stability_tolerance
         nodes = refine(grid, roots, tolerance)
         if len(nodes) == len(plan.tasks):
             break
-        plan = Plan(plan.study, [grid.values(node) for node in nodes], plan.enriched)
+        plan = Plan(plan.study, grid.values(nodes), plan.enriched)
     return plan
 
 

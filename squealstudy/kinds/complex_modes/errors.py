@@ -89,8 +89,8 @@ def widening(
     """Factor, at least 1, by which checked modes ask for larger errors of the reduction."""
     ends = np.append(0, np.cumsum(columns.counts))
     ratios = [np.zeros(0)]
-    for point, task in enumerate(plan.tasks):
-        reference = references.get(task.point_id, {})
+    for point, name in enumerate(plan.tasks.ids.astype(str).tolist() if references else ()):
+        reference = references.get(name, {})
         if "roots" in reference and ends[point + 1] > ends[point]:
             own = slice(ends[point], ends[point + 1])
             pairs = paired_with_full_order(columns.lam[own], *reference_roots(reference))

@@ -64,7 +64,7 @@ class ComplexModes(ModelKind):
 
     def check(self, plan: Plan) -> None:
         """Modes of the assembly must be held by every basis; component modes are, in any kind."""
-        if not plan.designs[0].assembly_parameters() or plan.method.rung.unreduced:
+        if not plan.first.assembly_parameters() or plan.method.rung.unreduced:
             return
         for key in plan.structures:
             if is_prepared(key):

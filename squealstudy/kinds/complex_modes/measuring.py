@@ -15,6 +15,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, prepared_model
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
@@ -31,7 +32,6 @@ from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
 from squealstudy.machine import memory_above
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
-from squealstudy.study.design import DesignPoint
 from squealstudy.tables.method_quality import onset_errors, root_errors
 from squealstudy.tables.stability import FIRST_SEEN, INTO
 
@@ -54,7 +54,7 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurem
     chosen = [plan.tasks[i] for i in measured]
     lines = asked.lines
     on_lines = [i for line in lines.values() for i in line]
-    wanted = [plan.tasks[i] for i in dict.fromkeys([*measured, *on_lines])]
+    wanted = plan.tasks.at(np.array(list(dict.fromkeys([*measured, *on_lines]))))
     solved = plan.tasks if plan.method.rung.shares_work else wanted
     with tempfile.TemporaryDirectory() as scratch:
         tasks = kind.tasks(plan, solved, Workers())
@@ -201,7 +201,7 @@ class LinePlan(Plan):
     """
 
     def __init__(self, whole: Plan, rows: Sequence[int]) -> None:
-        super().__init__(whole.study, [whole.swept[i] for i in rows], whole.enriched)
+        super().__init__(whole.study, whole.swept[list(rows)], whole.enriched)
         self._whole, self._rows = whole, tuple(rows)
 
     @property
@@ -222,9 +222,9 @@ class LinePlan(Plan):
         return self.whole.method
 
     @cached_property
-    def tasks(self) -> tuple[DesignPoint, ...]:
-        """Identity and structure of each point."""
-        return tuple(self.whole.tasks[i] for i in self._rows)
+    def tasks(self) -> DesignPoints:
+        """The points, named as in the whole plan."""
+        return self.whole.tasks.at(np.array(self._rows))
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
@@ -249,7 +249,7 @@ def find_onset(plan: LinePlan, store: Store) -> tuple[Interval, float]:
         if len(bad):
             raise ConvergenceError(bad["status"].iloc[0], bad["message"].iloc[0])
         for name in plan.study.shown_parameters:
-            points[name] = [float(v[name]) for v in plan.shown_values]
+            points[name] = plan.tasks.column(name)
         judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
         found = follow_modes(plan, columns, points, judged, columns.error_rung, Workers())
     finally:

@@ -135,8 +135,8 @@ class StudyNeighbourhoods:
         self._rungs = {key: rung_of(whole, s) for key, s in self._structures.items()}
         self._boxes = _boxes_of_points(whole)
         self._sweeps = tuple(
-            (s.name, s.scale == "log" and all(point[s.name] > 0 for point in plan.swept))
-            for s in plan.study.sweeps
+            (s.name, s.scale == "log" and bool((plan.swept[:, k] > 0).all()))
+            for k, s in enumerate(plan.study.sweeps)
         )
 
     def of(self, point: int) -> PointNeighbourhood:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.files import sealed, unsealed, write_text
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
@@ -107,18 +108,15 @@ class SweptStructure:
 def swept_structures(plan: Plan) -> list[SweptStructure]:
     """The structures of a plan, in the order of their first use."""
     names = [s.name for s in plan.study.sweeps if not s.parameter.structural]
-    designs: dict[str, list[DesignPoint]] = {}
-    for task in plan.tasks:
-        designs.setdefault(task.structure, []).append(task)
     return [
         SweptStructure(
             key=key,
-            chart=chart_of(found, names),
+            chart=chart_of(plan.tasks.at(rows), names),
             band_hz=plan.band_hz,
             tolerance=plan.method.tolerance,
             settings=plan.settings,
         )
-        for key, found in designs.items()
+        for key, rows in plan.tasks.of_structures()
     ]
 
 
@@ -262,21 +260,15 @@ class ParameterBox:
         """Number of parameters that vary."""
         return len(self.names)
 
-    def theta(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """Coordinates (n, d) of design points given by their values."""
+    def theta(self, values: np.ndarray) -> np.ndarray:
+        """Coordinates (n, d) of design points given by the values (n, d) of what varies."""
         if not self.names:
-            return np.zeros((len(rows), 0))
+            return np.zeros((len(values), 0))
         low, high = np.array(self.low), np.array(self.high)
-        scaled = self._scaled(rows)
+        columns = zip(self.scalings, values.T, strict=True)
+        scaled = np.column_stack([SCALINGS[scaling][0](x) for scaling, x in columns])
         inside: np.ndarray = np.clip(2.0 * (scaled - low) / (high - low) - 1.0, -1.0, 1.0)
         return inside
-
-    def _scaled(self, rows: Sequence[Mapping[str, float]]) -> np.ndarray:
-        columns = [
-            SCALINGS[scaling][0](np.array([row[name] for row in rows], dtype=float))
-            for name, scaling in zip(self.names, self.scalings, strict=True)
-        ]
-        return np.column_stack(columns)
 
     def design_at(self, theta: np.ndarray) -> DesignPoint:
         """The design at a point (d,) of the box."""
@@ -292,17 +284,17 @@ class ParameterBox:
         return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
 
 
-def chart_of(designs: Sequence[DesignPoint], names: Sequence[str]) -> ParameterBox:
-    """The chart of some designs of one structure over the swept parameters that vary in them."""
-    varied = [n for n in names if len({d.values[n] for d in designs}) > 1]
-    scalings = [scaling_of(n, min(d.values[n] for d in designs)) for n in varied]
+def chart_of(points: DesignPoints, names: Sequence[str]) -> ParameterBox:
+    """The chart of some points of one structure over the swept parameters that vary in them."""
+    varied = [n for n in names if np.ptp(points.column(n)) > 0]
+    scalings = [scaling_of(n, float(points.column(n).min())) for n in varied]
     low, high = [], []
     for name, scaling in zip(varied, scalings, strict=True):
-        x = SCALINGS[scaling][0](np.array([d.values[name] for d in designs], dtype=float))
+        x = SCALINGS[scaling][0](points.column(name))
         low.append(float(x.min()))
         high.append(float(x.max()))
     return ParameterBox(
-        design=designs[0],
+        design=points[0],
         names=tuple(varied),
         scalings=tuple(scalings),
         low=tuple(low),

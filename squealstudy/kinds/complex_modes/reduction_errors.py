@@ -93,13 +93,10 @@ def is_reduced(plan: Plan) -> bool:
 
 def sample_points(plan: Plan) -> list[int]:
     """Indices of the sample points: of each structure those farthest from each other."""
-    by_structure: dict[str, list[int]] = {}
-    for i, task in enumerate(plan.tasks):
-        by_structure.setdefault(task.structure, []).append(i)
     chosen: list[int] = []
-    for own in by_structure.values():
+    for _, own in plan.tasks.of_structures():
         count = min(max(LEAST, len(own) // POINTS_A_SAMPLE), MOST)
-        chosen += [own[k] for k in farthest_points(plan.coordinates[own], count)]
+        chosen += [int(own[k]) for k in farthest_points(plan.coordinates[own], count)]
     return chosen
 
 
@@ -127,7 +124,7 @@ def carried_errors(
     """
     if not is_reduced(plan):
         return np.zeros(len(columns.lam))
-    X, key = scaled(plan.coordinates), np.array([task.structure for task in plan.tasks])
+    X, key = scaled(plan.coordinates), np.array(plan.tasks.structures)[plan.tasks.structure_index]
     point = columns.point
     relative = np.full(len(columns.lam), np.nan)
     kept = [(i, sample) for i, sample in samples if len(sample.lam)]

@@ -105,7 +105,9 @@ def _boxes(plan: Plan, points: Sequence[DesignPoint]) -> list[SolveTask]:
         if structure.key not in keys:
             continue
         own = [task for task in plan.tasks if task.structure == structure.key]
-        theta = structure.chart.theta([task.values for task in own])
+        names = structure.chart.names
+        values = [[task.values[name] for name in names] for task in own]
+        theta = structure.chart.theta(np.array(values).reshape(len(own), len(names)))
         for rows, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(own) // BOXES))):
             chosen = tuple(own[int(i)] for i in rows if own[int(i)].point_id in pending)
             if chosen:

@@ -292,7 +292,7 @@ class CommonShapes:
     """
 
     def __init__(self, plan: Plan, file: ShapeFile, lams: list[np.ndarray]) -> None:
-        self._keys = [task.structure for task in plan.tasks]
+        self._keys, self._structure = plan.tasks.structures, plan.tasks.structure_index
         self._file, self._counts = file, [len(lam) for lam in lams]
         self._seen = lru_cache(maxsize=KEPT)(self._observed)
 
@@ -302,7 +302,7 @@ class CommonShapes:
 
     def pair(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
         """Shapes (ma, k) and (mb, k) of two points."""
-        if self._keys[a] == self._keys[b]:
+        if self._structure[a] == self._structure[b]:
             return self.raw(a), self.raw(b)
         return self._seen(a), self._seen(b)
 
@@ -310,5 +310,5 @@ class CommonShapes:
         shapes = self.raw(point)
         if not len(shapes):
             return shapes
-        sensors = load_prepared(self._keys[point]).sensor_shapes
+        sensors = load_prepared(self._keys[self._structure[point]]).sensor_shapes
         return shapes @ sensors.T.astype(shapes.dtype)

@@ -55,7 +55,7 @@ def build_tables(
         Where a point of the plan is in no chunk.
     """
     section = plan.study.definition.modes
-    ids = [task.point_id for task in plan.tasks]
+    ids = plan.tasks.ids.astype(str).tolist()
     columns = read_columns(store, ids, section.track, plan.method.largest_error)
     references = store.references()
     errors, facts = mode_errors(plan, columns, samples, references)

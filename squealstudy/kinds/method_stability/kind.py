@@ -19,7 +19,7 @@ from squealstudy.engine.store import CELLS, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
-from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run
+from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run, Runs
 from squealstudy.laboratory.method_stability.cases import CASES
 from squealstudy.laboratory.method_stability.contract import StabilityCase, checked
 from squealstudy.study.parameters import did_you_mean
@@ -81,7 +81,7 @@ class MethodStability(Kind):
         return MethodsPlan(
             study=study,
             model=section.case,
-            tasks=tuple(cells),
+            tasks=Runs(cells),
             facts=(
                 ("case", case.title),
                 ("boundary", case.boundary),

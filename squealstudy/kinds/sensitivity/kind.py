@@ -66,7 +66,7 @@ class Sensitivities(ModelKind):
 
     def identity(self, plan: Plan) -> list[Any]:
         """What is asked; StudyFileError for a name unknown."""
-        asked = asked_parameters(plan.study, plan.designs[0])
+        asked = asked_parameters(plan.study, plan.first)
         section = plan.study.section.model_dump(mode="json", exclude={"parameters"})
         tolerance = plan.study.definition.modes.stability_tolerance
         return [section, [item.name for item in asked], tolerance, source_hash(SOURCES)]
@@ -126,7 +126,7 @@ def request(plan: Plan) -> SensitivityRequest:
     """What the study asks of every design point."""
     definition = plan.study.definition
     return SensitivityRequest(
-        asked_parameters(plan.study, plan.designs[0]),
+        asked_parameters(plan.study, plan.first),
         mode_choice(plan.study.section, definition.modes.stability_tolerance),
         plan.study.section.change,
         plan.band_hz,

@@ -58,7 +58,7 @@ ALL_MODES = MotionBasis()
 
 def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
     """Component modes that the study names, in order."""
-    keys = {(p.component, m) for p in plan.designs[0].mode_parameters() for m in p.modes}
+    keys = {(p.component, m) for p in plan.first.mode_parameters() for m in p.modes}
     return tuple(sorted(keys))
 
 

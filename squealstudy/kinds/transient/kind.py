@@ -12,7 +12,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared
-from squealstudy.engine.model_kind import ModelKind, Solves
+from squealstudy.engine.model_kind import Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import GROWTH, MODES, POINTS, Store
 from squealstudy.engine.workers import Progress, Solved, Workers
@@ -66,7 +66,7 @@ class Transient(ModelKind):
     tells_reduction = False
     has_fidelity = True
 
-    def resolver(self, study: ResolvedStudy) -> Callable[[dict[str, float]], dict[str, float]]:
+    def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
         """Fills in the speed at which friction saturates, of the slowest design point."""
         return partial(with_speed, slowest=slowest_speed(study))
 

@@ -16,6 +16,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from squealstudy.engine.keys import source_hash
+from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import POINTS, STATES, Store, read_manifest
 from squealstudy.errors import ResultsError
@@ -59,30 +60,35 @@ def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
     chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
     nominal = plan.design(plan.nominal_values)
-    ends = (plan.designs[i] for i in sorted(chosen))
+    ends = (plan.tasks.bare(i) for i in sorted(chosen))
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
 
 def slowest_speed(study: ResolvedStudy) -> float:
     """Slowest sliding speed of the design points of a study, m/s."""
-    nominal = study.values[SLIDING_SPEED.name]
-    return min(abs(point.get(SLIDING_SPEED.name, nominal)) for point in design_points(study))
+    for k, sweep in enumerate(study.sweeps):
+        if sweep.name == SLIDING_SPEED.name:
+            return float(np.abs(design_points(study)[:, k]).min())
+    return abs(study.values[SLIDING_SPEED.name])
 
 
-def is_automatic(values: Mapping[str, float]) -> bool:
-    """Whether a design point's slope of friction follows from the slowest of its study."""
-    return values[SLOPE.name] == 0 and values[REGULARISATION_SPEED.name] == 0
+def is_automatic(values: Mapping[str, float | np.ndarray]) -> Any:
+    """Whether slopes of friction follow from the slowest design point; of each if given arrays."""
+    return (values[SLOPE.name] == 0) & (values[REGULARISATION_SPEED.name] == 0)
 
 
-def with_speed(values: Mapping[str, float], slowest: float) -> dict[str, float]:
-    """The values of a design point, its regularisation speed resolved where it is automatic.
+def with_speed(values: Mapping[str, float | np.ndarray], slowest: float) -> Columns:
+    """Values of design points, the regularisation speed resolved where it is automatic.
 
     What is solved is then named by the values: design points of two studies that saturate at the
     same speed are the same, whatever else is swept.
     """
-    if not is_automatic(values):
+    automatic, own = is_automatic(values), values[REGULARISATION_SPEED.name]
+    if not np.any(automatic):
         return dict(values)
-    return {**values, REGULARISATION_SPEED.name: REGULARISATION_SHARE * slowest}
+    resolved = REGULARISATION_SHARE * slowest
+    speed = np.where(automatic, resolved, own) if np.ndim(automatic) else resolved
+    return {**values, REGULARISATION_SPEED.name: speed}
 
 
 def regularised(design: DesignPoint) -> bool:
@@ -102,17 +108,21 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
         design points whose slope follows from such a speed, ``automatic``: those among them whose
         speed follows from the slowest one.
     """
-    study = plan.study
-    speeds = [d.values[REGULARISATION_SPEED.name] for d in plan.designs if regularised(d)]
-    if not speeds:
+    study, points = plan.study, plan.tasks
+    speeds = points.column(REGULARISATION_SPEED.name)[points.column(SLOPE.name) == 0]
+    if not len(speeds):
         return None
+    given: Columns = {
+        **study.values,
+        **{s.name: plan.swept[:, k] for k, s in enumerate(study.sweeps)},
+    }
     return {
-        "speed": min(speeds),
-        "speed_highest": max(speeds),
+        "speed": float(speeds.min()),
+        "speed_highest": float(speeds.max()),
         "slowest_sliding_speed": slowest_speed(study),
         "share": REGULARISATION_SHARE,
         "points": len(speeds),
-        "automatic": sum(is_automatic({**study.values, **point}) for point in plan.swept),
+        "automatic": int(np.broadcast_to(is_automatic(given), len(points)).sum()),
     }
 
 

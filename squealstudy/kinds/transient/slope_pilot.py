@@ -20,10 +20,9 @@ from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.measuring import measure_points, run_finding
-from squealstudy.kinds.transient.plan_facts import regularised
 from squealstudy.kinds.transient.section import PILOT_POINTS
 from squealstudy.kinds.transient.tables import SCHEMA
-from squealstudy.models.operating import REGULARISATION_SPEED
+from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.tables.method_quality import run_errors
 
 FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
@@ -92,7 +91,7 @@ def _why_skipped(plan: Plan) -> str:
 
 def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
     """Position of the design point that shows most: a limit cycle, of those what sticks most."""
-    automatic = np.array([regularised(design) for design in plan.designs])
+    automatic = plan.tasks.column(SLOPE.name) == 0
     usable = points[automatic & (points["status"] == "ok").to_numpy()]
     if not len(usable):
         return None

@@ -19,7 +19,7 @@ from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
 from squealstudy.engine.workers import Solved, Workers, at_once
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
-from squealstudy.kinds.methods import MethodsPlan, Run
+from squealstudy.kinds.methods import MethodsPlan, Run, Runs
 from squealstudy.kinds.work_precision.section import WorkPrecisionDefinition
 from squealstudy.kinds.work_precision.tables import SCHEMA, measurement_row, measurement_tables
 from squealstudy.kinds.work_precision.variants import (
@@ -71,7 +71,7 @@ class WorkPrecision(Kind):
         return MethodsPlan(
             study=study,
             model=base.model.name,
-            tasks=tuple(Run(name, run) for name, run in runs.items()),
+            tasks=Runs(Run(name, run) for name, run in runs.items()),
             facts=(
                 ("base", f"{base.source.path}: {base.name}, {base.kind.name}"),
                 ("measured at", f"{len(variants[0].measured)} design points"),
@@ -128,6 +128,7 @@ class WorkPrecision(Kind):
         """The files, and what is judged."""
         study, variants = plan.study, plan.content
         section, first = study.definition.work_precision, variants[0]
+        names = [sweep.name for sweep in first.plan.study.sweeps]
         return {
             "study": study.source.text,
             "base": study.base.source.text,
@@ -137,7 +138,9 @@ class WorkPrecision(Kind):
             "over": _over(study),
             "reference": study.definition.reference.name,
             "units": {TORQUE: study.base.model.torque_unit},
-            "measured_at": [first.plan.swept[i] for i in first.measured],
+            "measured_at": [
+                dict(zip(names, first.plan.swept[i].tolist(), strict=True)) for i in first.measured
+            ],
         }
 
     def build_tables(

@@ -29,6 +29,7 @@ from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_text import KeyPath
 
 REFERENCE = "reference"
+Place = tuple[float, ...]  # swept values of a design point, in the order of the sweeps
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,8 @@ def _variant(
     study_file: PrecisionFile,
     line: MethodSection | ReferenceSection,
     value: Scalar | None,
-    points: list[dict[str, float]],
-    lines: Mapping[int, list[dict[str, float]]],
+    points: Sequence[Place],
+    lines: Mapping[int, Sequence[Place]],
     keys: KeyPath,
 ) -> Variant:
     common = study_file.definition.work_precision.set
@@ -130,7 +131,7 @@ def _variant(
     except StudyFileError as error:
         place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
         raise study_file.error(place, f"{error.key or 'base'}: {error.message}") from None
-    swept = design_points(study)
+    swept = _places(study)
     measured = _placed(swept, points)
     placed = {n: _placed(swept, line) for n, line in lines.items()}
     return Variant(
@@ -139,7 +140,7 @@ def _variant(
         value=value,
         default=isinstance(line, MethodSection) and line.default,
         reference=isinstance(line, ReferenceSection),
-        plan=Plan(study, swept),
+        plan=Plan(study, np.array(swept).reshape(len(swept), len(study.sweeps))),
         measured=measured,
         lines=placed,
         integrator=line.integrator or "",
@@ -148,25 +149,27 @@ def _variant(
     )
 
 
-def _placed(swept: list[dict[str, float]], wanted: list[dict[str, float]]) -> tuple[int, ...]:
+def _places(study: ResolvedStudy) -> list[Place]:
+    """Swept values of a study's own design points."""
+    return [tuple(row) for row in design_points(study).tolist()]
+
+
+def _placed(swept: list[Place], wanted: Sequence[Place]) -> tuple[int, ...]:
     """Positions of the wanted points among all, to which those that are missing are added."""
-    position = {tuple(sorted(point.items())): i for i, point in reversed([*enumerate(swept)])}
+    position = {point: i for i, point in reversed([*enumerate(swept)])}
     for point in wanted:
-        name = tuple(sorted(point.items()))
-        if name not in position:
-            position[name] = len(swept)
+        if point not in position:
+            position[point] = len(swept)
             swept.append(point)
-    return tuple(position[tuple(sorted(point.items()))] for point in wanted)
+    return tuple(position[point] for point in wanted)
 
 
-def onset_lines(
-    study_file: PrecisionFile, points: list[dict[str, float]]
-) -> dict[int, list[dict[str, float]]]:
+def onset_lines(study_file: PrecisionFile, points: Sequence[Place]) -> dict[int, list[Place]]:
     """Lines through the measured points along the onset's parameter, at its values in the study.
 
     Returns
     -------
-    dict of int -> list of dict
+    dict of int -> list of Place
         By number of a measured point, swept values of its line; of points that share a line by the
         first; none where no onset is judged.
 
@@ -186,10 +189,16 @@ def onset_lines(
             f"{ONSET} is found on lines of a grid: expected a base study of design grid that "
             "sweeps friction, or another parameter first, over two values or more",
         )
-    first: dict[tuple[tuple[str, float], ...], int] = {}
+    place = [sweep.name for sweep in study.sweeps].index(str(along))
+    first: dict[Place, int] = {}
     for n, point in enumerate(points):
-        first.setdefault(tuple((k, v) for k, v in point.items() if k != along), n)
-    return {n: [{**points[n], str(along): v} for v in values] for n in first.values()}
+        first.setdefault(_with(point, place, 0.0), n)
+    return {n: [_with(points[n], place, v) for v in values] for n in first.values()}
+
+
+def _with(point: Place, place: int, value: float) -> Place:
+    """Swept values with another one of the sweep at a place."""
+    return (*point[:place], value, *point[place + 1 :])
 
 
 def common_study(study_file: PrecisionFile) -> ResolvedStudy:
@@ -201,10 +210,10 @@ def common_study(study_file: PrecisionFile) -> ResolvedStudy:
         raise study_file.error(keys, f"{error.key or 'base'}: {error.message}") from None
 
 
-def measured_points(study_file: PrecisionFile) -> list[dict[str, float]]:
+def measured_points(study_file: PrecisionFile) -> list[Place]:
     """Swept values of the design points at which errors are measured."""
     section, study = study_file.definition.work_precision, common_study(study_file)
-    own = design_points(study)
+    own = _places(study)
     if not section.points or not study.sweeps:
         return own
     rng = np.random.default_rng(section.seed)
@@ -213,33 +222,27 @@ def measured_points(study_file: PrecisionFile) -> list[dict[str, float]]:
     return [_in_box(own, study, rng) for _ in range(section.points)]
 
 
-def _in_box(
-    own: list[dict[str, float]], study: ResolvedStudy, rng: np.random.Generator
-) -> dict[str, float]:
+def _in_box(own: Sequence[Place], study: ResolvedStudy, rng: np.random.Generator) -> Place:
     """A random point of the swept box; structures are among those there are."""
-    point = {}
-    for sweep in study.sweeps:
+    point = []
+    for k, sweep in enumerate(study.sweeps):
         u = float(rng.random())
         if sweep.parameter.structural:
-            values = sorted({p[sweep.name] for p in own})
-            point[sweep.name] = values[int(u * len(values))]
+            values = sorted({p[k] for p in own})
+            point.append(values[int(u * len(values))])
         else:
-            point[sweep.name] = _mixed(sweep.low, sweep.high, u, sweep.scale == "log")
-    return point
+            point.append(_mixed(sweep.low, sweep.high, u, sweep.scale == "log"))
+    return tuple(point)
 
 
-def _between(
-    own: list[dict[str, float]], study: ResolvedStudy, rng: np.random.Generator
-) -> dict[str, float]:
+def _between(own: Sequence[Place], study: ResolvedStudy, rng: np.random.Generator) -> Place:
     """A random point between two neighbours of a design whose values stand side by side."""
     i, u = int(rng.integers(max(len(own) - 1, 1))), float(rng.random())
     ends = own[i], own[min(i + 1, len(own) - 1)]
-    return {
-        s.name: ends[0][s.name]
-        if s.parameter.structural
-        else _mixed(ends[0][s.name], ends[1][s.name], u, s.scale == "log")
-        for s in study.sweeps
-    }
+    return tuple(
+        a if s.parameter.structural else _mixed(a, b, u, s.scale == "log")
+        for s, a, b in zip(study.sweeps, *ends, strict=True)
+    )
 
 
 def _mixed(low: float, high: float, u: float, log: bool) -> float:

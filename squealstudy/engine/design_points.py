@@ -1,0 +1,321 @@
+"""The design points of a plan as arrays: a column a parameter; points are made when asked for.
+
+A million points are 8 bytes for each swept parameter and 16 for an id. What a `DesignPoint` costs
+beside them, a dict of all parameters, is paid for those in use alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, overload
+
+import numpy as np
+
+from squealstudy.engine.keys import ID_TYPE, content_hash, point_ids
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.sampling import distinct_rows
+
+BLOCK = 4096  # points that are made at once while iterating
+
+
+@dataclass(frozen=True, eq=False)
+class DesignValues:
+    """Values of all parameters at `count` design points.
+
+    Attributes
+    ----------
+    model : ModelDefinition
+    options : mapping of str -> str or int
+        A value of every option of the model.
+    common : mapping of str -> float
+        A value of every parameter, that of the first point; right for all where none `varied`.
+    varied : mapping of str -> ndarray (count,)
+    count : int
+    """
+
+    model: ModelDefinition
+    options: Mapping[str, str | int]
+    common: Mapping[str, float]
+    varied: Mapping[str, np.ndarray]
+    count: int
+
+    @classmethod
+    def of(
+        cls,
+        model: ModelDefinition,
+        options: Mapping[str, str | int],
+        columns: Mapping[str, float | np.ndarray],
+        count: int,
+    ) -> DesignValues:
+        """Of values by name, each a number or an array (count,), at one point or more."""
+        varied = {k: x for k, x in columns.items() if isinstance(x, np.ndarray)}
+        first = {k: float(x[0] if isinstance(x, np.ndarray) else x) for k, x in columns.items()}
+        return cls(model, options, first, varied, count)
+
+    def column(self, name: str) -> np.ndarray:
+        """Values (count,) of a parameter, not to be written to; KeyError where there is none."""
+        if name in self.varied:
+            return self.varied[name]
+        return np.broadcast_to(self.common[name], self.count)
+
+    def at(self, rows: np.ndarray | slice) -> DesignValues:
+        """Of some of the points."""
+        varied = {name: x[rows] for name, x in self.varied.items()}
+        count = len(range(*rows.indices(self.count)) if isinstance(rows, slice) else rows)
+        return DesignValues(self.model, self.options, self.common, varied, count)
+
+    def values_of(self, number: int) -> dict[str, float]:
+        """Values of all parameters at one of the points."""
+        return {**self.common, **{name: float(x[number]) for name, x in self.varied.items()}}
+
+    @cached_property
+    def structure_index(self) -> np.ndarray:
+        """Number (count,) int32 of the structure of each point, in order of first appearance."""
+        names = [p.name for p in self.model.parameters if p.structural and p.name in self.varied]
+        return distinct_rows([self.varied[name] for name in names], self.count)
+
+
+class Names(Protocol):
+    """Ids of design points and keys of their structures."""
+
+    @property
+    def structures(self) -> tuple[str, ...]:
+        """Keys of prepared models."""
+        ...
+
+    @property
+    def structure_index(self) -> np.ndarray:
+        """Place (n,) int32 of each point's key among them."""
+        ...
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each point, 16 bytes."""
+        ...
+
+    def name(self, number: int) -> str:
+        """Id of one of the points, without the others'."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class GivenNames:
+    """Names that are known; what a task has of its points."""
+
+    structures: tuple[str, ...]
+    structure_index: np.ndarray
+    ids: np.ndarray
+
+    def name(self, number: int) -> str:
+        """Id of one of the points."""
+        return str(self.ids[number], "ascii")
+
+
+class PlannedNames:
+    """Names of all points of a plan, made when asked for.
+
+    A point that a random design draws again is another draw, with its own id: it is solved again,
+    and counts again.
+
+    Parameters
+    ----------
+    values : DesignValues
+    key_of : callable
+        Design point without names -> key of its prepared model.
+    hash_of : callable
+        That key -> hash of all that decides the results of its points beside their values.
+    """
+
+    def __init__(
+        self,
+        values: DesignValues,
+        key_of: Callable[[DesignPoint], str],
+        hash_of: Callable[[str], str],
+    ) -> None:
+        self._values, self._key_of, self._hash_of = values, key_of, hash_of
+
+    @cached_property
+    def _keys(self) -> list[str]:
+        """Key of each structure of the values; a key may stand twice."""
+        _, first = np.unique(self._values.structure_index, return_index=True)
+        bare = (DesignPoints(self._values, _NO_NAMES).bare(int(i)) for i in first)
+        return [self._key_of(point) for point in bare]
+
+    @cached_property
+    def structures(self) -> tuple[str, ...]:
+        """Keys of prepared models in order of first appearance."""
+        return tuple(dict.fromkeys(self._keys))
+
+    @cached_property
+    def structure_index(self) -> np.ndarray:
+        """Place (n,) int32 of each point's key among them."""
+        if len(self.structures) == len(self._keys):
+            return self._values.structure_index
+        place = np.array([self.structures.index(key) for key in self._keys], dtype=np.int32)
+        return place[self._values.structure_index]
+
+    @cached_property
+    def _hashes(self) -> list[str]:
+        return [self._hash_of(key) for key in self.structures]
+
+    @cached_property
+    def _naming(self) -> DesignValues:
+        """The values that name a point: without parameters of others' laws not in use."""
+        names = DesignPoints(self._values, _NO_NAMES).bare(0).own_values
+        v = self._values
+        varied = {k: x for k, x in v.varied.items() if k in names}
+        return DesignValues(v.model, v.options, names, varied, v.count)
+
+    @cached_property
+    def _again(self) -> dict[int, int]:
+        """Points whose values an earlier one has, and which draw of these values they are."""
+        columns = [x.view(np.uint64) for x in self._naming.varied.values()]
+        columns.append(self.structure_index.astype(np.uint64))
+        mixed = np.zeros(self._values.count, dtype=np.uint64)
+        for column in columns:  # points of different sums differ; equal sums are looked at
+            mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+        order = np.argsort(mixed, kind="stable")
+        same = np.flatnonzero(mixed[order[1:]] == mixed[order[:-1]])
+        draws: Counter[tuple[int, ...]] = Counter()
+        again = {}
+        for i in np.unique(order[np.concatenate([same, same + 1])]).tolist():
+            values = tuple(int(column[i]) for column in columns)
+            draws[values] += 1
+            if draws[values] > 1:
+                again[i] = draws[values]
+        return again
+
+    @cached_property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each point, 16 bytes."""
+        found = np.empty(self._values.count, dtype=ID_TYPE)
+        for number, rows in _groups(self.structure_index, len(self.structures)):
+            part = self._naming.at(rows)
+            own = self._hashes[number]
+            found[rows] = point_ids(own, part.common, part.varied, part.count)
+        for i, draw in self._again.items():
+            found[i] = self._drawn_again(str(found[i], "ascii"), draw)
+        return found
+
+    def name(self, number: int) -> str:
+        """Id of one of the points, without the others' where they are not made."""
+        if "ids" in self.__dict__:
+            return str(self.ids[number], "ascii")
+        part = self._naming.at(slice(number, number + 1))
+        own = self._hashes[self.structure_index[number]]
+        found = str(point_ids(own, part.common, part.varied, 1)[0], "ascii")
+        draw = self._again.get(number, 1)
+        return found if draw == 1 else self._drawn_again(found, draw)
+
+    @staticmethod
+    def _drawn_again(name: str, draw: int) -> str:
+        return content_hash([name, draw])
+
+
+def _groups(index: np.ndarray, count: int) -> Iterator[tuple[int, np.ndarray]]:
+    """The rows of each of `count` numbers in an index (n,), ascending; none that has no rows."""
+    order = np.argsort(index, kind="stable")
+    ends = np.searchsorted(index[order], np.arange(count + 1))
+    for number, (start, end) in enumerate(itertools.pairwise(ends.tolist())):
+        if end > start:
+            yield number, order[start:end]
+
+
+_NO_NAMES = GivenNames((), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=ID_TYPE))
+
+
+class DesignPoints(Sequence[DesignPoint]):
+    """Design points in their order; holds arrays, makes points when asked for.
+
+    Parameters
+    ----------
+    values : DesignValues
+    names : Names
+    """
+
+    def __init__(self, values: DesignValues, names: Names) -> None:
+        self._values, self._names = values, names
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each point, 16 bytes; made when first asked for."""
+        return self._names.ids
+
+    @property
+    def structures(self) -> tuple[str, ...]:
+        """Keys of the prepared models; of all points of a plan in order of first appearance."""
+        return self._names.structures
+
+    @property
+    def structure_index(self) -> np.ndarray:
+        """Place (n,) int32 of each point's key among `structures`."""
+        return self._names.structure_index
+
+    def column(self, name: str) -> np.ndarray:
+        """Values (n,) of a parameter, not to be written to; KeyError where there is none."""
+        return self._values.column(name)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that may differ between points."""
+        return tuple(self._values.varied)
+
+    @property
+    def columns(self) -> dict[str, float | np.ndarray]:
+        """Every parameter's values (n,); one number where it is the same at all points."""
+        return {**self._values.common, **self._values.varied}
+
+    def of_structures(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Key of each structure in use and the rows of its points, ascending."""
+        for number, rows in _groups(self.structure_index, len(self.structures)):
+            yield self.structures[number], rows
+
+    def at(self, rows: np.ndarray | slice) -> DesignPoints:
+        """Some of the points, with their names: what a task has."""
+        if not isinstance(rows, slice):
+            rows = np.asarray(rows, dtype=np.intp)
+        names = GivenNames(self.structures, self.structure_index[rows], self.ids[rows])
+        return DesignPoints(self._values.at(rows), names)
+
+    def bare(self, number: int) -> DesignPoint:
+        """A point with neither id nor structure."""
+        v = self._values
+        return DesignPoint(v.model, v.options, v.values_of(number))
+
+    def __len__(self) -> int:
+        return self._values.count
+
+    @overload
+    def __getitem__(self, index: int) -> DesignPoint: ...
+    @overload
+    def __getitem__(self, index: slice) -> DesignPoints: ...
+    def __getitem__(self, index: int | slice) -> DesignPoint | DesignPoints:
+        if isinstance(index, slice):
+            return self.at(index)
+        number = range(len(self))[index]  # IndexError beyond the ends
+        v = self._values
+        return DesignPoint(
+            model=v.model,
+            options=v.options,
+            values=v.values_of(number),
+            point_id=self._names.name(number),
+            structure=self.structures[self.structure_index[number]],
+        )
+
+    def __iter__(self) -> Iterator[DesignPoint]:
+        v, keys = self._values, self.structures
+        for start in range(0, len(self), BLOCK):
+            rows = slice(start, start + BLOCK)
+            names = self.ids[rows].tolist()
+            places = self.structure_index[rows].tolist()
+            columns = [x[rows].tolist() for x in v.varied.values()]
+            for i, (name, place) in enumerate(zip(names, places, strict=True)):
+                own = {k: x[i] for k, x in zip(v.varied, columns, strict=True)}
+                values = {**v.common, **own}
+                yield DesignPoint(v.model, v.options, values, name.decode(), keys[place])
