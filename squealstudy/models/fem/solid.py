@@ -40,7 +40,9 @@ class Isotropic:
     def stiffness(self) -> np.ndarray:
         """Stiffness matrix (6, 6), Pa, engineering shear strains."""
         E, nu = self.young_modulus, self.poisson_ratio
-        return _orthotropic((E, E, E), (nu, nu, nu), (E / (2 * (1 + nu)),) * 3, self.density)
+        return orthotropic_stiffness(
+            (E, E, E), (nu, nu, nu), (E / (2 * (1 + nu)),) * 3, self.density
+        )
 
 
 @dataclass(frozen=True)
@@ -75,19 +77,22 @@ class TransverselyIsotropic:
         E, Ez, Gz = self.young_modulus, self.young_modulus_z, self.shear_modulus_z
         G = E / (2 * (1 + self.poisson_ratio))
         nu = (self.poisson_ratio, self.poisson_ratio_z, self.poisson_ratio_z)
-        return _orthotropic((E, E, Ez), nu, (Gz, Gz, G), self.density)
+        return orthotropic_stiffness((E, E, Ez), nu, (Gz, Gz, G), self.density)
 
 
 Material = Isotropic | TransverselyIsotropic
 
 
-def _orthotropic(
+def orthotropic_stiffness(
     E: tuple[float, float, float],
     nu: tuple[float, float, float],
     G: tuple[float, float, float],
     density: float,
 ) -> np.ndarray:
-    """Invert the compliance; nu = (xy, xz, yz). Raises ModelError where it is not definite."""
+    """Stiffness (6, 6) of an orthotropic material, engineering shear strains.
+
+    nu = (xy, xz, yz), G = (yz, xz, xy). Raises ModelError where it is not positive definite.
+    """
     nu_xy, nu_xz, nu_yz = nu
     S = np.zeros((6, 6))
     if min(*E, *G, density) <= 0:

@@ -1,0 +1,1 @@
+"""Components from files: meshes with materials, read, checked and assembled to K and M."""

@@ -1,0 +1,337 @@
+"""Mass and stiffness of a meshed component; the stiffness as terms that moduli multiply."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.formulations import Formulation, MassRule, integration
+from squealstudy.models.components.jacobians import CHUNK, jacobians
+from squealstudy.models.components.materials import Elastic, Orientation, moduli
+from squealstudy.models.components.mesh import ElementBlock, SolidMesh
+
+STRAINS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # of rows 11 22 33 23 13 12
+NEARLY = 1e-12  # relative: moduli that changed by one factor
+SCALE = "scale"  # name of a term that all moduli of a material multiply together
+
+
+class StiffnessTerm(NamedTuple):
+    """What a modulus multiplies: "lining.D3333" and a symmetric matrix (3 n, 3 n).
+
+    The name ends in ``scale`` where inner freedoms are condensed: the matrix is that of the
+    mesh's material, and only a common factor of all its moduli multiplies it.
+    """
+
+    name: str
+    K: sp.csr_matrix
+
+
+def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]:
+    """The stiffness of all elements of a material, as terms.
+
+    K of the mesh is the sum over its materials and their terms of `coefficients` times `K`;
+    degree of freedom 3 * node + axis.
+
+    Raises
+    ------
+    ModelError
+        An unknown material, or one that no element has; a negative Jacobian.
+    """
+    elastic = _material(mesh, material)
+    parts = _parts(mesh, material)
+    found = []
+    linear = [p for p in parts if not p.block.kind.condensed]
+    if linear:
+        names, units = zip(*((m.name, m.unit) for m in moduli(elastic)), strict=True)
+        for name, K in zip(names, _stiffness(mesh, linear, units), strict=True):
+            found.append(StiffnessTerm(f"{material}.{name}", K))
+    condensed = [p for p in parts if p.block.kind.condensed]
+    if condensed:
+        (K,) = _stiffness(mesh, condensed, [elastic.stiffness()])
+        found.append(StiffnessTerm(f"{material}.{SCALE}", K))
+    return tuple(found)
+
+
+def coefficients(
+    mesh: SolidMesh, material: str, changed: Elastic | None = None
+) -> dict[str, float]:
+    """What multiplies each of `stiffness_terms`, of the mesh's material or of a changed one.
+
+    Raises
+    ------
+    ModelError
+        A changed material of another kind; one whose moduli have not all changed by one factor,
+        where elements have condensed inner freedoms.
+    """
+    elastic = _material(mesh, material)
+    new = elastic if changed is None else changed
+    if type(new) is not type(elastic):
+        raise ModelError(f"material '{material}': {type(new).__name__} in place of another kind")
+    kinds = {p.block.kind.condensed for p in _parts(mesh, material)}
+    values = {m.name: m.value for m in moduli(new)} if False in kinds else {}
+    if True in kinds:
+        was = np.array([m.value for m in moduli(elastic)])
+        now = np.array([m.value for m in moduli(new)])
+        factor = float(now @ was / (was @ was))
+        if np.abs(now - factor * was).max() > NEARLY * np.abs(now).max():
+            raise mesh.error(
+                f"material '{material}' belongs to elements with condensed inner freedoms (C3D8I): "
+                "its moduli can change by one common factor only"
+            )
+        values[SCALE] = factor
+    return {f"{material}.{name}": value for name, value in values.items()}
+
+
+def stiffness_matrix(mesh: SolidMesh) -> sp.csr_matrix:
+    """Stiffness (3 n, 3 n) of all materials at their own moduli, assembled at once."""
+    total = sp.csr_matrix((3 * len(mesh.nodes),) * 2)
+    for name in used_materials(mesh):
+        (K,) = _stiffness(mesh, _parts(mesh, name), [_material(mesh, name).stiffness()])
+        total = total + K
+    return total.tocsr()
+
+
+def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
+    """Consistent mass (3 n, 3 n).
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    rule : str
+        full: enough points for the mass of elements with plane faces; as_stiffness: the points of
+        the stiffness, as CalculiX has it (of C3D10 and C3D20R far fewer).
+
+    Raises
+    ------
+    ModelError
+        Elements without material; a negative Jacobian.
+    """
+    parts = [p for name in used_materials(mesh) for p in _parts(mesh, name)]
+    sums = _Sums(mesh, parts, 1)
+    for part, chunk, X in _chunks(mesh, parts):
+        points = part.block.kind.mass_rule(rule)
+        N, dN = part.block.kind.shape.functions(points.points)
+        det, _ = jacobians(mesh, part.start, chunk, X, dN)
+        weight = det * points.weights * _material(mesh, part.material).density
+        sums.add(part, chunk, np.matmul(N.T * weight[:, None, :], N)[..., None])
+    return sp.kron(sums.matrix(), sp.eye(3), format="csr")
+
+
+def used_materials(mesh: SolidMesh) -> list[str]:
+    """Names of the materials of all elements; ModelError where an element has none."""
+    names = sorted(set(mesh.material))
+    if "" in names:
+        bare = np.flatnonzero(mesh.material == "")
+        raise mesh.error(
+            f"{mesh.elements_named(bare)} ha{'s' if len(bare) == 1 else 've'} no material"
+        )
+    return names
+
+
+def _material(mesh: SolidMesh, name: str) -> Elastic:
+    if name not in mesh.materials:
+        known = ", ".join(sorted(mesh.materials)) or "none"
+        raise mesh.error(f"there is no material '{name}', its materials are {known}")
+    return mesh.materials[name]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Elements of one block that have the same material and orientation.
+
+    Attributes
+    ----------
+    block : ElementBlock
+    rows : ndarray of int
+        Places of the elements in the block.
+    start : int
+        Place of the block's first element in the mesh.
+    material : str
+    orientation : Orientation or None
+    """
+
+    block: ElementBlock
+    rows: np.ndarray
+    start: int
+    material: str
+    orientation: Orientation | None
+
+
+def _parts(mesh: SolidMesh, material: str) -> list[_Part]:
+    found = []
+    for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
+        own = mesh.material[start:end] == material
+        for name in sorted(set(mesh.orientation[start:end][own])):
+            rows = np.flatnonzero(own & (mesh.orientation[start:end] == name))
+            axes = mesh.orientations[name] if name else None
+            found.append(_Part(block, rows, int(start), material, axes))
+    if not found:
+        raise mesh.error(f"no element has the material '{material}'")
+    return found
+
+
+def _chunks(
+    mesh: SolidMesh, parts: Sequence[_Part]
+) -> Iterator[tuple[_Part, np.ndarray, np.ndarray]]:
+    """Some elements at a time: their part, their rows in its block, their nodes (e, k, 3)."""
+    for part in parts:
+        for at in range(0, len(part.rows), CHUNK):
+            rows = part.rows[at : at + CHUNK]
+            yield part, rows, mesh.nodes[part.block.nodes[rows]]
+
+
+def _stiffness(
+    mesh: SolidMesh, parts: Sequence[_Part], tensors: Sequence[np.ndarray]
+) -> list[sp.csr_matrix]:
+    """The stiffness that each of the tensors (6, 6) gives."""
+    sums = [_Sums(mesh, parts, 9)]
+    sums += [sums[0].like() for _ in tensors[1:]]
+    factors = [_factors(tensor) for tensor in tensors]
+    for part, rows, X in _chunks(mesh, parts):
+        B, weight = _strains(mesh, part, rows, X)
+        e, k = X.shape[:2]
+        for total, tensor_factors in zip(sums, factors, strict=True):
+            K = _products(B, weight, tensor_factors)
+            if part.block.kind.condensed:
+                K = _condensed(K, 3 * k)
+            blocks = K.reshape(e, k, 3, k, 3).transpose(0, 1, 3, 2, 4)
+            total.add(part, rows, blocks.reshape(e, k, k, 9))
+    return [total.matrix() for total in sums]
+
+
+def _factors(C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values s (r,) and rows V (r, 6) with C = V^T s V, as few as there are."""
+    values, vectors = np.linalg.eigh(C)
+    kept = np.abs(values) > 1e-14 * np.abs(values).max()
+    return values[kept], vectors[:, kept].T
+
+
+def _products(
+    B: np.ndarray, weight: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Integrals of B^T C B: (e, m, m) of strains B (e, q, 6, m) and weights (e, q)."""
+    s, V = factors
+    F = np.matmul(V, B)  # (e, q, r, m)
+    e, _, _, m = F.shape
+    weighted = F * (weight[:, :, None] * s)[..., None]
+    K = np.matmul(F.reshape(e, -1, m).transpose(0, 2, 1), weighted.reshape(e, -1, m))
+    return (K + K.transpose(0, 2, 1)) / 2
+
+
+def _condensed(K: np.ndarray, m: int) -> np.ndarray:
+    """Without the freedoms from the m-th on, which carry no load."""
+    inner = np.linalg.solve(K[:, m:, m:], K[:, m:, :m])
+    reduced = K[:, :m, :m] - np.matmul(K[:, :m, m:], inner)
+    return (reduced + reduced.transpose(0, 2, 1)) / 2
+
+
+def _strains(
+    mesh: SolidMesh, part: _Part, rows: np.ndarray, X: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Strains (e, q, 6, m) in material axes of the m freedoms of elements, and weights (e, q)."""
+    kind = part.block.kind
+    rule = integration(kind.stiffness)
+    N, dN = kind.shape.functions(rule.points)
+    det, J = jacobians(mesh, part.start, rows, X, dN)
+    inverse = np.linalg.inv(J)
+    G = np.matmul(dN, inverse)  # slopes (e, q, k, 3) in x, y, z
+    weight = det * rule.weights
+    if kind.condensed:
+        G = np.concatenate([G, _inner_slopes(kind, rule.points, X, det)], axis=2)
+    axes = None
+    if part.orientation is not None:
+        axes = part.orientation.axes(np.einsum("qn,eni->eqi", N, X, optimize=True))
+    B = _strain_rows(G, axes)
+    if kind.strains == "mean_dilatation":
+        mean = (
+            np.einsum("eq,eqni->eni", weight, G, optimize=True) / weight.sum(axis=1)[:, None, None]
+        )
+        B[:, :, :3] += ((mean[:, None] - G) / 3)[:, :, None]
+    return B.reshape(*B.shape[:3], -1), weight
+
+
+def _strain_rows(G: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
+    """Strains (e, q, 6, k, 3) of slopes G (e, q, k, 3), in axes whose rows are (e, q, 3, 3)."""
+    e, q, k, _ = G.shape
+    B = np.zeros((e, q, 6, k, 3))
+    if axes is None:
+        for row, (i, j) in enumerate(STRAINS):
+            B[:, :, row, :, i] += G[..., j]
+            if i != j:
+                B[:, :, row, :, j] += G[..., i]
+        return B
+    local = np.matmul(G, axes.transpose(0, 1, 3, 2))
+    for row, (i, j) in enumerate(STRAINS):
+        B[:, :, row] = local[..., j, None] * axes[:, :, None, i]
+        if i != j:
+            B[:, :, row] += local[..., i, None] * axes[:, :, None, j]
+    return B
+
+
+def _inner_slopes(
+    kind: Formulation, points: np.ndarray, X: np.ndarray, det: np.ndarray
+) -> np.ndarray:
+    """Slopes (e, q, 3, 3) of the incompatible functions 1 - xi^2, xi from -1 to 1.
+
+    With the Jacobian at the centre and the ratio of its determinant to that of the point, so that
+    they do no work on constant stress (Taylor, Beresford, Wilson 1976). CalculiX leaves the ratio
+    out: its distorted elements do not pass the patch test.
+    """
+    _, dN = kind.shape.functions(np.full((1, 3), 0.5))
+    J = np.einsum("eni,nj->eij", X, dN[0], optimize=True)
+    slopes = -8 * (points - 0.5)[:, :, None] * np.eye(3)  # by the coordinates from 0 to 1
+    ratio = np.linalg.det(J)[:, None] / det
+    return np.matmul(slopes, np.linalg.inv(J)[:, None]) * ratio[..., None, None]
+
+
+class _Sums:
+    """Sums element matrices into one sparse matrix: for each pair of nodes a block of values.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    parts : sequence of _Part
+        What will be added.
+    size : int
+        Values of a block: 1 or 9, which is 3 x 3.
+    """
+
+    def __init__(self, mesh: SolidMesh, parts: Sequence[_Part], size: int) -> None:
+        self.n, self.size = len(mesh.nodes), size
+        pairs = [self._pairs(p, p.rows).ravel() for p in parts]
+        self.keys = np.unique(np.concatenate(pairs))
+        self.data = np.zeros(len(self.keys) * size)
+
+    def like(self) -> _Sums:
+        """Another one of the same pairs of nodes."""
+        other = object.__new__(_Sums)
+        other.n, other.size, other.keys = self.n, self.size, self.keys
+        other.data = np.zeros_like(self.data)
+        return other
+
+    def _pairs(self, part: _Part, rows: np.ndarray) -> np.ndarray:
+        nodes = part.block.nodes[rows].astype(np.int64)
+        return nodes[:, :, None] * self.n + nodes[:, None, :]
+
+    def add(self, part: _Part, rows: np.ndarray, values: np.ndarray) -> None:
+        """Add values (e, k, k, size) of the pairs of nodes of elements."""
+        at = np.searchsorted(self.keys, self._pairs(part, rows).ravel())
+        np.add.at(
+            self.data, (at[:, None] * self.size + np.arange(self.size)).ravel(), values.ravel()
+        )
+
+    def matrix(self) -> sp.csr_matrix:
+        """The sum (n, n), or (3 n, 3 n) of blocks."""
+        rows, columns = np.divmod(self.keys, self.n)
+        starts = np.searchsorted(rows, np.arange(self.n + 1))
+        if self.size == 1:
+            return sp.csr_matrix((self.data, columns, starts), shape=(self.n, self.n))
+        blocks = self.data.reshape(-1, 3, 3)
+        K = sp.bsr_matrix((blocks, columns, starts), shape=(3 * self.n, 3 * self.n)).tocsr()
+        K.eliminate_zeros()
+        return K

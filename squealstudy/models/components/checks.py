@@ -1,0 +1,83 @@
+"""Faults of meshes that would give wrong matrices in silence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.models.components.facets import boundary, shared_too_often
+from squealstudy.models.components.formulations import integration
+from squealstudy.models.components.jacobians import CHUNK, jacobians
+from squealstudy.models.components.mesh import SolidMesh
+
+MERGED = 1e-4  # of the shortest edge: nodes nearer than this are one that was written twice
+
+
+def check_mesh(mesh: SolidMesh) -> None:
+    """ModelError, with the elements, about the first fault that a mesh has.
+
+    Coordinates that are no numbers; an element that names a node twice; faces of more than two
+    elements, as doubled elements have; negative Jacobians; nodes of no element; doubled nodes on
+    the boundary, where parts of a body lie side by side unconnected.
+    """
+    wrong = ~np.isfinite(mesh.nodes).all(axis=1)
+    if wrong.any():
+        named = mesh.nodes_named(np.flatnonzero(wrong))
+        raise mesh.error(f"{named}: coordinates that are no finite numbers")
+    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+        in_order = np.sort(block.nodes, axis=1)
+        twice = np.flatnonzero((np.diff(in_order, axis=1) == 0).any(axis=1))
+        if len(twice):
+            raise mesh.error(
+                f"{mesh.elements_named(start + twice)}: a node is named twice; write a collapsed "
+                "element as the wedge or tetrahedron that it is"
+            )
+    if len(often := shared_too_often(mesh)):
+        raise mesh.error(
+            f"{mesh.elements_named(often)}: a face belongs to more than two elements; is one of "
+            "them there twice?"
+        )
+    _check_jacobians(mesh)
+    unused = np.ones(len(mesh.nodes), dtype=bool)
+    for block in mesh.blocks:
+        unused[block.nodes] = False
+    if unused.any():
+        raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
+    _check_doubled(mesh)
+
+
+def _check_jacobians(mesh: SolidMesh) -> None:
+    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+        for rule in sorted({block.kind.stiffness, block.kind.mass}):
+            _, dN = block.kind.shape.functions(integration(rule).points)
+            for at in range(0, len(block.labels), CHUNK):
+                rows = np.arange(at, min(at + CHUNK, len(block.labels)))
+                jacobians(mesh, int(start), rows, mesh.nodes[block.nodes[rows]], dN)
+
+
+def _check_doubled(mesh: SolidMesh) -> None:
+    from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
+
+    faces = boundary(mesh)
+    outer, shortest = [], np.inf
+    for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
+        shape = block.kind.shape
+        for a, b in shape.edges:
+            edge = mesh.nodes[block.nodes[:, a]] - mesh.nodes[block.nodes[:, b]]
+            shortest = min(shortest, float(np.linalg.norm(edge, axis=1).min()))
+        here = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+        for k, face in enumerate(shape.faces):
+            rows = here[here[:, 1] == k + 1, 0] - start
+            nodes = block.nodes[rows][:, list(face)]
+            owner = np.repeat(rows + start, len(face))
+            outer.append(np.column_stack([nodes.ravel(), owner]))
+    of = np.vstack(outer)
+    nodes, first = np.unique(of[:, 0], return_index=True)
+    pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
+    if len(pairs):
+        a, b = nodes[pairs[0]]
+        elements = of[first[pairs[0]], 1]
+        raise mesh.error(
+            f"nodes {mesh.numbers[a]} and {mesh.numbers[b]} lie at one place"
+            f"{f', as do {len(pairs) - 1} other pairs' if len(pairs) > 1 else ''}: "
+            f"{mesh.elements_named(elements)} are not connected there; merge the nodes"
+        )

@@ -1,0 +1,145 @@
+"""Faces of elements: the boundary of a mesh, and the facets of surfaces and of node sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.models.components.mesh import SolidMesh, has_name
+
+
+@dataclass(frozen=True)
+class FacetGroup:
+    """Facets with the same number of nodes.
+
+    Attributes
+    ----------
+    nodes : ndarray (p, k) of int
+        Places of their nodes in `SolidMesh.nodes`, k = 3, 4, 6 or 8: corners counterclockwise as
+        seen from outside, then the middle nodes of the sides corner 1 to 2, ..., last to 1.
+    faces : ndarray (p, 2) of int
+        Element (its place in the mesh) and number of its face from 1.
+    """
+
+    nodes: np.ndarray
+    faces: np.ndarray
+
+
+def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
+    """The facets of a surface, or of the boundary with all nodes in a node set.
+
+    A surface comes first where both have the name. Outward normals follow from the order of the
+    corners, as long as no element has a negative Jacobian (`check_mesh`).
+
+    Returns
+    -------
+    tuple of FacetGroup
+        By the number of nodes, ascending.
+
+    Raises
+    ------
+    ModelError
+        No surface and no node set of the name; a node set that holds no facet of the boundary; a
+        surface with faces inside the body.
+    """
+    outer = boundary(mesh)
+    if has_name(mesh.surfaces, name):
+        faces = mesh.find("surfaces", name)
+        inside = faces[~_among(faces, outer)]
+        if len(inside):
+            named = mesh.elements_named(inside[:, 0])
+            raise mesh.error(
+                f"surface '{name}': {len(inside)} of its {len(faces)} faces lie between elements, "
+                f"not on the boundary, such as of {named}"
+            )
+        return _groups(mesh, faces)
+    chosen = np.zeros(len(mesh.nodes), dtype=bool)
+    chosen[mesh.node_set(name)] = True
+    groups = [(g, chosen[g.nodes].all(axis=1)) for g in _groups(mesh, outer)]
+    found = tuple(FacetGroup(g.nodes[k], g.faces[k]) for g, k in groups if k.any())
+    if not found:
+        raise mesh.error(f"no facet of the boundary has all its nodes in the node set '{name}'")
+    return found
+
+
+def boundary(mesh: SolidMesh) -> np.ndarray:
+    """Faces (p, 2) of only one element: its place, number of the face from 1."""
+    faces, corners = _all_faces(mesh)
+    return faces[_times(corners) == 1]
+
+
+def shared_too_often(mesh: SolidMesh) -> np.ndarray:
+    """Places of elements with a face that belongs to more than two elements."""
+    faces, corners = _all_faces(mesh)
+    return np.unique(faces[_times(corners) > 2, 0])
+
+
+def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The boundary's faces with the given corners, and which of these there are.
+
+    Parameters
+    ----------
+    corners : ndarray (p, 3) or (p, 4) of int
+        Nodes in any order.
+
+    Returns
+    -------
+    faces : ndarray (m, 2) of int
+    found : ndarray (p,) of bool
+    """
+    faces, of_mesh = _all_faces(mesh)
+    outer = _times(of_mesh) == 1
+    faces, of_mesh = faces[outer], of_mesh[outer]
+    wanted = np.full((len(corners), 4), -1)
+    wanted[:, : corners.shape[1]] = corners
+    wanted = np.sort(wanted, axis=1)
+    _, number = np.unique(np.vstack([of_mesh, wanted]), axis=0, return_inverse=True)
+    number = number.ravel()
+    asked = np.isin(number[: len(faces)], number[len(faces) :])
+    return faces[asked], np.isin(number[len(faces) :], number[: len(faces)])
+
+
+def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
+    """All faces (p, 2) of all elements, and their corners (p, 4), sorted; -1 for no fourth."""
+    faces, corners = [], []
+    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+        shape, n = block.kind.shape, len(block.labels)
+        for k, face in enumerate(shape.faces):
+            at = [i for i in face if shape.is_corner(i)]
+            nodes = np.full((n, 4), -1)
+            nodes[:, : len(at)] = block.nodes[:, at]
+            corners.append(np.sort(nodes, axis=1))
+            faces.append(np.column_stack([start + np.arange(n), np.full(n, k + 1)]))
+    return np.vstack(faces), np.vstack(corners)
+
+
+def _times(rows: np.ndarray) -> np.ndarray:
+    """How often each row occurs among all (p,)."""
+    order = np.lexsort(rows.T)
+    new = np.append(True, (rows[order[1:]] != rows[order[:-1]]).any(axis=1))
+    group = np.cumsum(new) - 1
+    times = np.empty(len(rows), dtype=int)
+    times[order] = np.bincount(group)[group]
+    return times
+
+
+def _among(faces: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Which of faces (p, 2) are in the other list."""
+    return np.isin(8 * faces[:, 0] + faces[:, 1], 8 * of[:, 0] + of[:, 1])
+
+
+def _groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
+    """The facets by their number of nodes."""
+    parts: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
+        here = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+        for k, face in enumerate(block.kind.shape.faces):
+            of = here[here[:, 1] == k + 1]
+            if len(of):
+                nodes = block.nodes[of[:, 0] - start][:, list(face)]
+                parts.setdefault(len(face), []).append((nodes, of))
+    return tuple(
+        FacetGroup(np.vstack([n for n, _ in found]), np.vstack([f for _, f in found]))
+        for _, found in sorted(parts.items())
+    )

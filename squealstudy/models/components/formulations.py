@@ -1,0 +1,116 @@
+"""Elements by the names of Abaqus and CalculiX: shape, integration points, strains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from squealstudy.models.components.shapes import SHAPES, Shape
+
+MassRule = Literal["full", "as_stiffness"]
+Strains = Literal["plain", "mean_dilatation", "incompatible"]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Integration points (q, 3) in reference coordinates, and their weights (q,)."""
+
+    points: np.ndarray
+    weights: np.ndarray
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """An element.
+
+    Attributes
+    ----------
+    name : str
+        As files have it; ``C3D8_BBAR`` is what Abaqus calls C3D8.
+    shape : Shape
+    stiffness, mass : str
+        Rules of `rule`, for the stiffness and for the full mass. CalculiX integrates the mass
+        with the points of the stiffness: `MassRule` "as_stiffness".
+    strains : str
+        plain; mean_dilatation: the change of volume is the element's mean (B-bar; Hughes 1980);
+        incompatible: nine inner displacements, condensed (Taylor, Beresford, Wilson 1976).
+    verified : str
+        What CalculiX 2.20 confirms to 1e-10 (tests/test_component_judge.py); else "published".
+    """
+
+    name: str
+    shape: Shape
+    stiffness: str
+    mass: str
+    strains: Strains = "plain"
+    verified: str = "K and M by CalculiX"
+
+    def mass_rule(self, rule: MassRule) -> Rule:
+        """Integration points of the mass."""
+        return integration(self.stiffness if rule == "as_stiffness" else self.mass)
+
+    @property
+    def condensed(self) -> bool:
+        """Whether the stiffness is not linear in each modulus, but in a factor of all."""
+        return self.strains == "incompatible"
+
+
+def _line(n: int) -> tuple[np.ndarray, np.ndarray]:
+    x, w = np.polynomial.legendre.leggauss(n)
+    return (x + 1) / 2, w / 2
+
+
+@cache
+def integration(name: str) -> Rule:
+    """Rule of a name: hex2 has 2 x 2 x 2 Gauss points, wedge3x2 three in each triangle and two
+    along the edge, tet4 four.
+    """
+    from skfem import refdom
+    from skfem.quadrature import get_quadrature
+
+    kind = next(k for k in ("tet", "wedge", "hex") if name.startswith(k))
+    size = name.removeprefix(kind)
+    if kind == "hex":
+        x, w = _line(int(size))
+        points = np.array(list(product(x, repeat=3)))
+        return Rule(points, np.array([np.prod(c) for c in product(w, repeat=3)]))
+    if kind == "tet":
+        X, W = get_quadrature(refdom.RefTet, {1: 1, 4: 2, 14: 5}[int(size)])
+        return Rule(X.T, W)
+    across, along = (int(n) for n in size.split("x"))
+    if across == 1:
+        X, W = np.full((2, 1), 1 / 3), np.array([0.5])
+    else:
+        X, W = get_quadrature(refdom.RefTri, {3: 2, 6: 4}[across])
+    z, w = _line(along)
+    points = np.array([[*xy, h] for h in z for xy in X.T])
+    return Rule(points, np.array([a * b for b in w for a in W]))
+
+
+FORMULATIONS = {
+    f.name: f
+    for f in (
+        Formulation("C3D4", SHAPES["tet4"], "tet1", "tet4"),
+        Formulation("C3D10", SHAPES["tet10"], "tet4", "tet14"),
+        Formulation("C3D6", SHAPES["wedge6"], "wedge1x2", "wedge3x2"),
+        Formulation("C3D15", SHAPES["wedge15"], "wedge3x3", "wedge6x3"),
+        Formulation("C3D8", SHAPES["hex8"], "hex2", "hex2"),
+        Formulation(
+            "C3D8_BBAR", SHAPES["hex8"], "hex2", "hex2", "mean_dilatation", "M; K published"
+        ),
+        Formulation(
+            "C3D8I",
+            SHAPES["hex8"],
+            "hex2",
+            "hex2",
+            "incompatible",
+            "parallelepipeds; else published",
+        ),
+        Formulation("C3D20", SHAPES["hex20"], "hex3", "hex3"),
+        Formulation("C3D20R", SHAPES["hex20"], "hex2", "hex3"),
+    )
+}

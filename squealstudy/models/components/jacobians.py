@@ -1,0 +1,49 @@
+"""Jacobians of elements, checked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.models.components.mesh import SolidMesh
+
+CHUNK = 256  # elements at a time
+
+
+def jacobians(
+    mesh: SolidMesh, start: int, rows: np.ndarray, X: np.ndarray, dN: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Determinants and Jacobians of elements at integration points.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    start : int
+        Place of the first element of their block in the mesh.
+    rows : ndarray (e,) of int
+        Places of the elements in the block.
+    X : ndarray (e, k, 3)
+        Their nodes.
+    dN : ndarray (q, k, 3)
+        Slopes of their functions.
+
+    Returns
+    -------
+    det : ndarray (e, q)
+        Positive.
+    J : ndarray (e, q, 3, 3)
+        dx_i / dX_j at [.., i, j].
+
+    Raises
+    ------
+    ModelError
+        A determinant that is not positive, with the elements.
+    """
+    J = np.matmul(X.transpose(0, 2, 1)[:, None], dN)
+    det = np.linalg.det(J)
+    wrong = ~(det > 0).all(axis=1)
+    if wrong.any():
+        raise mesh.error(
+            f"{mesh.elements_named(start + rows[wrong])}: a negative Jacobian at an "
+            "integration point; the order of its nodes is not that of Abaqus, or it is folded"
+        )
+    return det, J

@@ -1,0 +1,236 @@
+"""A component as a file describes it: nodes, elements, sets, surfaces, materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.formulations import FORMULATIONS, Formulation
+from squealstudy.models.components.materials import Elastic, Orientation
+
+NAMED = 5  # elements or nodes that a message names
+T = TypeVar("T")
+
+
+class PassedOver(NamedTuple):
+    """What was read and is not in the model: keyword, file, line from 1 (0: none), and why."""
+
+    keyword: str
+    path: Path
+    line: int
+    why: str
+
+
+@dataclass(frozen=True)
+class ElementBlock:
+    """Elements of one formulation.
+
+    Attributes
+    ----------
+    formulation : str
+        A name of `FORMULATIONS`.
+    nodes : ndarray (n, k) of int
+        Places of their nodes in `SolidMesh.nodes`, in the order of Abaqus, CalculiX and VTK.
+    labels : ndarray (n,) of int
+        Numbers of the elements in the file.
+    """
+
+    formulation: str
+    nodes: np.ndarray
+    labels: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.formulation not in FORMULATIONS:
+            known = ", ".join(FORMULATIONS)
+            raise ModelError(f"unknown element '{self.formulation}', expected one of {known}")
+        if self.nodes.shape != (len(self.labels), self.kind.shape.nodes):
+            raise ModelError(
+                f"{self.formulation}: expected {self.kind.shape.nodes} nodes for each of "
+                f"{len(self.labels)} elements, got an array {self.nodes.shape}"
+            )
+
+    @property
+    def kind(self) -> Formulation:
+        """The formulation."""
+        return FORMULATIONS[self.formulation]
+
+
+@dataclass(frozen=True)
+class SolidMesh:
+    """A meshed component, in the units of its file. Elements are counted over all blocks.
+
+    Attributes
+    ----------
+    origin : Path
+        The file, for messages.
+    nodes : ndarray (n, 3)
+    numbers : ndarray (n,) of int
+        Numbers of the nodes in the file.
+    blocks : tuple of ElementBlock
+    node_sets, element_sets : dict of str -> ndarray of int
+        Nodes, elements by their places here, ascending.
+    surfaces : dict of str -> ndarray (p, 2) of int
+        Places of elements and numbers of their faces from 1, as S1 to S6 of files.
+    materials : dict of str -> Isotropic or Orthotropic
+    material : ndarray (n_elements,) of str
+        Name of each element's material; empty where it has none.
+    orientations : dict of str -> Orientation
+    orientation : ndarray (n_elements,) of str
+        Name of each element's material axes; empty where they are the global ones.
+    passed_over : tuple of PassedOver
+        What the file says and the mesh does not.
+    """
+
+    origin: Path
+    nodes: np.ndarray
+    numbers: np.ndarray
+    blocks: tuple[ElementBlock, ...]
+    node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    element_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    surfaces: Mapping[str, np.ndarray] = field(default_factory=dict)
+    materials: Mapping[str, Elastic] = field(default_factory=dict)
+    material: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))
+    orientations: Mapping[str, Orientation] = field(default_factory=dict)
+    orientation: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))
+    passed_over: tuple[PassedOver, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = self.n_elements
+        for name in ("material", "orientation"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(n, "", dtype=object))
+            if len(getattr(self, name)) != n:
+                raise self.error(f"expected a {name} for each of {n} elements")
+        if self.nodes.shape != (len(self.numbers), 3) or not len(self.nodes):
+            raise self.error(f"expected nodes (n, 3), got {self.nodes.shape}")
+        if not n:
+            raise self.error("there is no solid element")
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """Place of the first element of each block, and the number of elements at the end."""
+        return np.cumsum([0, *(len(b.labels) for b in self.blocks)])
+
+    @property
+    def n_elements(self) -> int:
+        """Elements of all blocks."""
+        return int(self.starts[-1])
+
+    @cached_property
+    def labels(self) -> np.ndarray:
+        """Numbers of all elements in the file (n_elements,)."""
+        return np.concatenate([b.labels for b in self.blocks])
+
+    def error(self, message: str) -> ModelError:
+        """The error to raise about this component."""
+        return ModelError(f"{self.origin}: {message}")
+
+    def elements_named(self, elements: np.ndarray) -> str:
+        """Some of the elements at these places, for a message: "C3D10 elements 7, 8"."""
+        kinds = np.array([b.formulation for b in self.blocks])
+        elements = np.unique(elements)
+        of = kinds[np.searchsorted(self.starts, elements[:NAMED], side="right") - 1]
+        kind = f"{of[0]} " if len(set(of)) == 1 else ""
+        return f"{kind}element{'s' * (len(elements) > 1)} {_listed(self.labels[elements])}"
+
+    def nodes_named(self, nodes: np.ndarray) -> str:
+        """Some of the nodes at these places, for a message: "nodes 1, 2, 3"."""
+        return f"node{'s' * (len(nodes) > 1)} {_listed(self.numbers[nodes])}"
+
+    def find(self, what: str, name: str) -> np.ndarray:
+        """A node set, element set or surface; capitals count only where names differ by them.
+
+        Parameters
+        ----------
+        what : str
+            node_sets, element_sets or surfaces.
+
+        Raises
+        ------
+        ModelError
+            There is none; the message lists what there is.
+        """
+        return found_name(getattr(self, what), name, what.replace("_", " ")[:-1], self.origin)
+
+    def node_set(self, name: str) -> np.ndarray:
+        """Nodes of a node set, or of the faces of a surface where no node set has this name."""
+        if has_name(self.surfaces, name) and not has_name(self.node_sets, name):
+            return np.unique(np.concatenate(self._corner_lists(self.find("surfaces", name))))
+        everything = {**dict.fromkeys(self.surfaces, np.zeros(0, int)), **self.node_sets}
+        return found_name(everything, name, "node set or surface", self.origin)
+
+    def _corner_lists(self, faces: np.ndarray) -> list[np.ndarray]:
+        found = []
+        for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
+            of = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+            for k, face in enumerate(block.kind.shape.faces):
+                found.append(block.nodes[of[of[:, 1] == k + 1, 0] - start][:, list(face)].ravel())
+        return found
+
+    def with_materials(self, of_sets: Mapping[str, Elastic]) -> SolidMesh:
+        """The same with materials given to element sets (``""``: all elements), by these names."""
+        material = self.material.astype(object)
+        for name in of_sets:
+            material[self.find("element_sets", name) if name else slice(None)] = name
+        return replace(self, materials={**self.materials, **of_sets}, material=material)
+
+    def part(self, elements: np.ndarray) -> SolidMesh:
+        """Only these elements (places), and the nodes, sets, faces that belong to them."""
+        keep = np.zeros(self.n_elements, dtype=bool)
+        keep[elements] = True
+        blocks = [
+            ElementBlock(b.formulation, b.nodes[keep[s:e]], b.labels[keep[s:e]])
+            for b, s, e in zip(self.blocks, self.starts, self.starts[1:], strict=False)
+        ]
+        used = np.zeros(len(self.nodes), dtype=bool)
+        for b in blocks:
+            used[b.nodes] = True
+        node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
+        faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}
+        return replace(
+            self,
+            nodes=self.nodes[used],
+            numbers=self.numbers[used],
+            blocks=tuple(replace(b, nodes=node_at[b.nodes]) for b in blocks if len(b.labels)),
+            node_sets=_kept({k: node_at[s[used[s]]] for k, s in self.node_sets.items()}),
+            element_sets=_kept({k: element_at[s[keep[s]]] for k, s in self.element_sets.items()}),
+            surfaces=_kept(
+                {k: np.column_stack([element_at[f[:, 0]], f[:, 1]]) for k, f in faces.items()}
+            ),
+            material=self.material[keep],
+            orientation=self.orientation[keep],
+        )
+
+
+def _kept(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: members for name, members in sets.items() if len(members)}
+
+
+def _listed(numbers: np.ndarray) -> str:
+    shown = ", ".join(str(n) for n in numbers[:NAMED])
+    return shown + (f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else "")
+
+
+def has_name(of: Mapping[str, T], name: str) -> bool:
+    """Whether a name is there, in whatever capitals."""
+    return any(known.casefold() == name.casefold() for known in of)
+
+
+def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
+    """The value of a name; capitals count only where names differ by nothing else.
+
+    Raises ModelError, with the names that there are.
+    """
+    if name in of:
+        return of[name]
+    alike: Sequence[str] = [known for known in of if known.casefold() == name.casefold()]
+    if len(alike) != 1:
+        known = ", ".join(sorted(of)) or "none"
+        raise ModelError(f"{origin} has no {what} '{name}'; it has {known}")
+    return of[alike[0]]

@@ -1,0 +1,177 @@
+"""Shapes of solid elements: nodes in the order of Abaqus, CalculiX and VTK, functions, faces.
+
+The functions are scikit-fem's where it has them, in another order of the nodes. Reference
+coordinates are those of scikit-fem: the unit cube, the unit tetrahedron, the unit wedge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+Faces = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Nodes of an element, its corners first, and its faces.
+
+    Attributes
+    ----------
+    name : str
+        tet4, tet10, wedge6, wedge15, hex8 or hex20.
+    places : ndarray (k, 3)
+        Reference coordinates of the nodes.
+    faces : tuple of tuple of int
+        Nodes of each face, S1 first: corners counterclockwise as seen from outside, then the
+        middle nodes of the sides corner 1 to 2, 2 to 3, ..., last to 1.
+    """
+
+    name: str
+    places: np.ndarray
+    faces: Faces
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of an element."""
+        return len(self.places)
+
+    def is_corner(self, node: int) -> bool:
+        """Whether a node is a corner, not the middle of an edge."""
+        return bool((self.places[node] % 1 == 0).all())
+
+    @property
+    def edges(self) -> set[tuple[int, int]]:
+        """Pairs of corners with an edge between them."""
+        found = set()
+        for face in self.faces:
+            corners = [i for i in face if self.is_corner(i)]
+            ends = zip(corners, [*corners[1:], corners[0]], strict=True)
+            found |= {(min(a, b), max(a, b)) for a, b in ends}
+        return found
+
+    def functions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Functions (q, k) and their slopes (q, k, 3) at reference coordinates X (q, 3)."""
+        if self.name == "wedge15":
+            return _wedge15(X)
+        element, order = _of_library(self.name)
+        values = [element.lbasis(X.T, i) for i in order]
+        N = np.column_stack([np.broadcast_to(v, len(X)) for v, _ in values])
+        dN = np.stack(
+            [np.stack([np.broadcast_to(c, len(X)) for c in d], axis=1) for _, d in values], axis=1
+        )
+        return N, dN
+
+
+@cache
+def _of_library(name: str) -> tuple[Any, tuple[int, ...]]:
+    """The element of scikit-fem, and which of its functions belongs to each of our nodes."""
+    from skfem import element as library  # heavy: only what assembles needs it
+
+    kinds = {
+        "tet4": library.ElementTetP1,
+        "tet10": library.ElementTetP2,
+        "wedge6": library.ElementWedge1,
+        "hex8": library.ElementHex1,
+        "hex20": library.ElementHexS2,
+    }
+    element = kinds[name]()
+    apart = np.abs(SHAPES[name].places[:, None] - element.doflocs[None]).max(axis=2)
+    order = apart.argmin(axis=1)
+    assert apart.min(axis=1).max() == 0.0
+    assert len(set(order)) == len(order)
+    return element, tuple(int(i) for i in order)
+
+
+def _wedge15(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Serendipity functions of the 15-node wedge, and their slopes.
+
+    With area coordinates L and z from -1 to 1: corners L (2 L - 1) (1 -+ z) / 2 - L (1 - z^2) / 2,
+    middles of the triangles 2 L_i L_j (1 -+ z), of the upright edges L (1 - z^2). Zienkiewicz,
+    Taylor, Zhu, The Finite Element Method (7th ed., 2013), section 6.3.
+    """
+    x, y, z = X[:, 0], X[:, 1], 2 * X[:, 2] - 1
+    L = np.stack([1 - x - y, x, y])
+    dL = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    N, dN = np.empty((len(X), 15)), np.empty((len(X), 15, 3))
+    for side, sign in enumerate((-1.0, 1.0)):
+        h = 1 + sign * z
+        for i in range(3):
+            corner, middle, j = 3 * side + i, 6 + 3 * side + i, (i + 1) % 3
+            N[:, corner] = 0.5 * L[i] * ((2 * L[i] - 1) * h - (1 - z**2))
+            slope = 0.5 * ((4 * L[i] - 1) * h - (1 - z**2))
+            dN[:, corner, :2] = slope[:, None] * dL[i]
+            dN[:, corner, 2] = L[i] * ((2 * L[i] - 1) * sign + 2 * z)
+            N[:, middle] = 2 * L[i] * L[j] * h
+            dN[:, middle, :2] = 2 * h[:, None] * (L[j][:, None] * dL[i] + L[i][:, None] * dL[j])
+            dN[:, middle, 2] = 4 * L[i] * L[j] * sign
+    for i in range(3):
+        N[:, 12 + i] = L[i] * (1 - z**2)
+        dN[:, 12 + i, :2] = (1 - z**2)[:, None] * dL[i]
+        dN[:, 12 + i, 2] = -4 * L[i] * z
+    return N, dN
+
+
+def _places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int]]) -> np.ndarray:
+    """Corners, then the middles of edges between them."""
+    c = np.array(corners, dtype=float)
+    return np.vstack([c, *((c[i] + c[j])[None] / 2 for i, j in edges)])
+
+
+def _faces(corners: list[tuple[int, ...]], n: int, edges: list[tuple[int, int]]) -> Faces:
+    """Corners of the faces with the nodes at the middles of their sides, numbered from n."""
+    middle = {frozenset(edge): n + k for k, edge in enumerate(edges)}
+    return tuple(
+        (
+            *face,
+            *(middle[frozenset((a, b))] for a, b in zip(face, (*face[1:], face[0]), strict=True)),
+        )
+        if edges
+        else face
+        for face in corners
+    )
+
+
+_TET = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+_TET_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+_TET_FACES: list[tuple[int, ...]] = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+_WEDGE = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
+_WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+_WEDGE_FACES = [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]
+_HEX = [
+    (0, 0, 0),
+    (1, 0, 0),
+    (1, 1, 0),
+    (0, 1, 0),
+    (0, 0, 1),
+    (1, 0, 1),
+    (1, 1, 1),
+    (0, 1, 1),
+]
+_HEX_EDGES = [
+    *((0, 1), (1, 2), (2, 3), (3, 0)),
+    *((4, 5), (5, 6), (6, 7), (7, 4)),
+    *((0, 4), (1, 5), (2, 6), (3, 7)),
+]
+_HEX_FACES: list[tuple[int, ...]] = [
+    (0, 3, 2, 1),
+    (4, 5, 6, 7),
+    (0, 1, 5, 4),
+    (1, 2, 6, 5),
+    (2, 3, 7, 6),
+    (3, 0, 4, 7),
+]
+SHAPES = {
+    shape.name: shape
+    for shape in (
+        Shape("tet4", _places(_TET, []), _faces(_TET_FACES, 4, [])),
+        Shape("tet10", _places(_TET, _TET_EDGES), _faces(_TET_FACES, 4, _TET_EDGES)),
+        Shape("wedge6", _places(_WEDGE, []), _faces(_WEDGE_FACES, 6, [])),
+        Shape("wedge15", _places(_WEDGE, _WEDGE_EDGES), _faces(_WEDGE_FACES, 6, _WEDGE_EDGES)),
+        Shape("hex8", _places(_HEX, []), _faces(_HEX_FACES, 8, [])),
+        Shape("hex20", _places(_HEX, _HEX_EDGES), _faces(_HEX_FACES, 8, _HEX_EDGES)),
+    )
+}

@@ -1,0 +1,153 @@
+"""CalculiX as the outside judge: K and M of every element that is called verified.
+
+The judge is a program of its own (Debian and Ubuntu: ``apt-get install calculix-ccx``), 2.20 when
+this was written. Where it is not installed these tests are skipped, and say so.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from component_meshes import LINING, STEEL, box
+
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
+from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.generated import mesh_of_grid
+from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.materials import Orientation
+
+CCX = shutil.which("ccx")
+pytestmark = pytest.mark.skipif(
+    CCX is None,
+    reason="ELEMENTS ARE NOT CHECKED BY CALCULIX: there is no program ccx (Debian: calculix-ccx)",
+)
+VERIFIED = [name for name, f in FORMULATIONS.items() if f.verified.startswith("K and M")]
+AXES = {
+    "global": None,
+    "rectangular": Orientation("rectangular", (1, 2, 0.3), (-1, 1, 0.2)),
+    "turned": Orientation("rectangular", (1, 2, 0.3), (-1, 1, 0.2), turn=(2, 33.0)),
+    "cylindrical": Orientation("cylindrical", (-5, -4, 0), (-5.1, -4, 1)),
+}
+
+
+def run(folder, mesh, *lines):
+    """Let ccx do a step on a mesh; the folder and what it printed."""
+    write_inp(mesh, folder / "job.inp", lines)
+    done = subprocess.run(
+        [CCX, "job"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+    return done.stdout
+
+
+def judged(folder, mesh):
+    """K and M of ccx, degree of freedom 3 * node + axis; inner freedoms behind them."""
+    said = run(folder, mesh, "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "1", "*END STEP")
+    assert (folder / "job.sti").exists(), said
+    # node.direction as text: 10.1 and 1.1 differ, and so do 1.1 and 1.10
+    words = [w.split(".") for w in (folder / "job.dof").read_text().split()]
+    place = {int(n): i for i, n in enumerate(mesh.numbers)}
+    inner = sorted({int(n) for n, _ in words} - set(place))
+    place |= {n: len(mesh.nodes) + i for i, n in enumerate(inner)}
+    at = np.array([3 * place[int(n)] + int(d) - 1 for n, d in words])
+    found = []
+    for ending in ("sti", "mas"):
+        row, column, value = np.loadtxt(folder / f"job.{ending}").T
+        i, j = at[row.astype(int) - 1], at[column.astype(int) - 1]
+        other = i != j
+        i, j = np.append(i, j[other]), np.append(j, i[other])
+        n = 3 * len(place)
+        found.append(sp.coo_matrix((np.append(value, value[other]), (i, j)), shape=(n, n)).tocsr())
+    return found
+
+
+def apart(A, B):
+    return abs(A - B).max() / abs(B).max()
+
+
+@pytest.mark.parametrize("axes", AXES)
+@pytest.mark.parametrize("material", [STEEL, LINING], ids=["isotropic", "orthotropic"])
+@pytest.mark.parametrize("name", VERIFIED)
+def test_matrices_of_an_element(tmp_path, name, material, axes):
+    mesh = box(name, (2, 1, 2), uneven=0.2, materials={"S": material})
+    jagged = 0.05 * np.random.default_rng(3).uniform(-1, 1, mesh.nodes.shape)
+    mesh = replace(mesh, nodes=mesh.nodes + jagged)  # edges are curved
+    if AXES[axes]:
+        which = np.full(mesh.n_elements, "O", dtype=object)
+        mesh = replace(mesh, orientations={"O": AXES[axes]}, orientation=which)
+    K, M = judged(tmp_path, mesh)
+    assert apart(stiffness_matrix(mesh), K) < 1e-10
+    assert apart(mass_matrix(mesh, "as_stiffness"), M) < 1e-10
+
+
+def test_full_mass_of_reduced_hexahedra_is_that_of_full_ones(tmp_path):
+    """CalculiX takes 2 x 2 x 2 points for the mass of C3D20R: 20 % and more apart."""
+    mesh = box("C3D20R", (2, 1, 1), uneven=0.2)
+    full = box("C3D20", (2, 1, 1), uneven=0.2)
+    _, M = judged(tmp_path, full)
+    assert apart(mass_matrix(mesh), M) < 1e-10
+    (tmp_path / "reduced").mkdir()
+    _, M = judged(tmp_path / "reduced", mesh)
+    assert apart(mass_matrix(mesh), M) > 0.15
+
+
+@pytest.mark.parametrize(("uneven", "stiffness"), [(0.0, 1e-10), (0.2, None)])
+def test_incompatible_modes_agree_on_parallelepipeds(tmp_path, uneven, stiffness):
+    """Of other shapes the inner slopes of CalculiX lack a ratio, and fail the patch test."""
+    mesh = box("C3D8I", (2, 2, 2), uneven=uneven)
+    K, M = (A.tocsc() for A in judged(tmp_path, mesh))
+    n = 3 * len(mesh.nodes)
+    condensed = K[:n, :n] - K[:n, n:] @ sp.linalg.spsolve(K[n:, n:], K[n:, :n])
+    assert apart(mass_matrix(mesh), M[:n, :n]) < 1e-10
+    u = (mesh.nodes @ np.array([[1, 2, 3], [0, 1, 2], [0, 0, -1.0]])).ravel()
+    inside = ((mesh.nodes > 1e-9) & (mesh.nodes < np.array([3, 2, 2.5]) - 1e-9)).all(axis=1)
+    force = (condensed @ u).reshape(-1, 3)
+    rest = np.abs(force[inside]).max() / np.abs(force).max()
+    if stiffness:
+        assert apart(stiffness_matrix(mesh), condensed) < stiffness
+        assert rest < 1e-11
+    else:
+        assert rest > 1e-3
+
+
+def test_mass_of_mean_dilatation(tmp_path):
+    """Its stiffness is published: C3D8 of CalculiX has plain strains."""
+    mesh = box("C3D8_BBAR", (2, 1, 1), uneven=0.2)
+    K, M = judged(tmp_path, mesh)
+    assert apart(mass_matrix(mesh), M) < 1e-10
+    assert apart(stiffness_matrix(mesh), K) > 1e-2
+
+
+@pytest.fixture(scope="module")
+def pad():
+    mesher = BrakeMesher(MODELS["disc_brake"].defaults(), COARSE)
+    return mesh_of_grid("pad", mesher.component("outer_pad").grid, mesher.materials("outer_pad"))
+
+
+def test_matrices_of_a_generated_pad(tmp_path, pad):
+    """Two materials, one orthotropic, metres and kilograms."""
+    K, M = judged(tmp_path, pad)
+    assert apart(stiffness_matrix(pad), K) < 1e-10
+    assert apart(mass_matrix(pad), M) < 1e-10
+
+
+def test_free_frequencies_of_a_generated_pad(tmp_path, pad):
+    said = run(tmp_path, pad, "*STEP", "*FREQUENCY", "14", "*END STEP")
+    lines = (tmp_path / "job.dat").read_text().split("\n")
+    rows = [line.split() for line in lines]
+    hz = [float(r[3]) for r in rows if len(r) == 5 and r[0].isdigit()][:14]
+    assert len(hz) == 14, said
+    omega, _ = real_modes(mass_matrix(pad), stiffness_matrix(pad), 1.05 * hz[-1])
+    np.testing.assert_allclose(omega[6:14] / (2 * np.pi), hz[6:14], rtol=1e-6)
