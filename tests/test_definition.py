@@ -435,7 +435,10 @@ def test_designs_of_absurd_size_are_refused_before_they_are_made():
         + "[[sweep]]\nparameter = 'pressure'\nstart = 1e5\nstop = 2e5\n"
     )
     error = error_of(HEAD + ranges + indices)
-    assert (error.key, error.message.split(",")[0]) == ("design.samples", "the design would have 134")
+    assert (error.key, error.message.split(",")[0]) == (
+        "design.samples",
+        "the design would have 134",
+    )
 
 
 def test_control_characters_of_a_file_do_not_reach_the_screen():

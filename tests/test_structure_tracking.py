@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from conftest import TOP
 from study_runs import plan_of, solved
-from tracks import track
+from tracks import Known, track
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models import catalogue
@@ -23,8 +23,10 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
-from squealstudy.modes.tracking.labels import TrackTree, join_tracks
+from squealstudy.modes.tracking.joining import join_tracks
+from squealstudy.modes.tracking.labels import TrackTree
 from squealstudy.modes.tracking.pairing import pair_modes
+from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 HZ = 2 * np.pi
@@ -187,12 +189,13 @@ def test_a_track_that_breaks_is_flagged_where_it_ends_and_where_the_next_begins(
 
 
 def test_modes_that_leave_the_band_and_come_into_it_are_no_break():
-    tree = TrackTree([-1, 0], [HZ * 1j * np.array(f) for f in ((1000.0, 1990), (1050.0, 1995))])
-    pairing = pair_modes(tree.lams[0], np.eye(3)[[0, 1]], tree.lams[1], np.eye(3)[[0, 2]])
-    apart = tree.label({1: pairing}, (HZ * 500, HZ * 2000))
-    assert not np.concatenate(apart.ambiguous).any()
-    inside = tree.label({1: pairing}, (HZ * 500, HZ * 4000))
-    assert np.concatenate(inside.ambiguous).tolist() == [False, True, False, True]
+    lams = Ragged.of(HZ * 1j * np.array(f) for f in ((1000.0, 1990), (1050.0, 1995)))
+    tree = TrackTree(np.array([-1, 0]), lams)
+    pairings = tree.stepper(Known([np.eye(3)[[0, 1]], np.eye(3)[[0, 2]]])).all()
+    apart = tree.label(pairings, (HZ * 500, HZ * 2000))
+    assert not apart.ambiguous.flat.any()
+    inside = tree.label(pairings, (HZ * 500, HZ * 4000))
+    assert inside.ambiguous.flat.tolist() == [False, True, False, True]
 
 
 # -- joining
@@ -207,20 +210,24 @@ def branches():
     return tracks, lams, seen
 
 
+def joined(tracks, lams, shapes):
+    return join_tracks(tracks, Ragged.of(lams), np.array([[1, 2]]), Known(shapes))
+
+
 def test_a_mode_that_comes_in_on_two_branches_gets_one_number():
     tracks, lams, seen = branches()
-    joined = join_tracks(tracks, lams, [(1, 2)], lambda a, b: (seen[a], seen[b]))
-    assert [list(labels) for labels in joined.labels] == [[1, 2], [1, 2, 3], [1, 2, 3]]
+    found = joined(tracks, lams, seen)
+    assert [list(labels) for labels in found.labels] == [[1, 2], [1, 2, 3], [1, 2, 3]]
 
 
 def test_tracks_are_not_joined_without_likeness_or_where_a_point_has_both():
     tracks, lams, seen = branches()
     unlike = [seen[0], seen[1], seen[2] @ np.diag([1.0, 1.0, 0.0])]
-    assert join_tracks(tracks, lams, [(1, 2)], lambda a, b: (unlike[a], unlike[b])) is tracks
-    both = replace(tracks, labels=[*tracks.labels[:2], np.array([1, 2, 4]), np.array([3, 4])])
+    assert joined(tracks, lams, unlike) is tracks
+    labels = Ragged.of([tracks.labels[0], tracks.labels[1], np.array([1, 2, 4]), np.array([3, 4])])
+    both = replace(tracks, labels=labels)
     lams.append(lams[1][1:])
-    joined = join_tracks(both, lams, [(1, 2)], lambda a, b: (seen[a], seen[b]))
-    assert [list(labels) for labels in joined.labels] == [list(labels) for labels in both.labels]
+    assert joined(both, lams, seen).labels.flat.tolist() == labels.flat.tolist()
 
 
 def test_lines_of_a_grid_run_along_what_does_not_change_the_structure():

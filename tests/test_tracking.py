@@ -11,15 +11,17 @@ from reference import W1, W2, hulten_stiffness, oscillating_modes
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 from study_runs import plan_of, solved
-from tracks import track
+from tracking_reference import labels_in_order, pair_one
+from tracks import Known, track
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.tracking.labels import TrackTree, expected_roots
-from squealstudy.modes.tracking.pairing import mac, pair_modes
+from squealstudy.modes.tracking.labels import TrackTree
+from squealstudy.modes.tracking.pairing import Pairing, mac, pair_many, pair_modes
+from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.refinement import Modes, StepRefinement
-from squealstudy.modes.tracking.tree import levels, tracking_tree
+from squealstudy.modes.tracking.tree import tracking_tree, tree_of_modes
 from squealstudy.system.linearise import linearise
 
 HZ = 2 * np.pi
@@ -215,7 +217,7 @@ def test_labels_follow_shapes_through_a_crossing():
     first, second = np.abs(along(states, tracks, 1)), np.abs(along(states, tracks, 2))
     assert first[0] < second[0]
     assert first[-1] > second[-1]
-    assert min(m.min() for m in tracks.macs[1:]) > 0.99
+    assert min(m.min() for m in list(tracks.macs)[1:]) > 0.99
 
 
 def test_roots_are_extrapolated_along_a_line_only():
@@ -361,7 +363,7 @@ def test_scattered_points_hang_on_their_minimum_spanning_tree(n):
     unit[n // 2 :] *= 0.2
     unit[0], unit[1], unit[2] = [0.0, 0.0], [1.0, 1.0], [0.5, 0.5]
     parents = tracking_tree(unit * [3e6, 0.7] + [1e5, 0.1])
-    levels(parents.tolist(), [1] * n)  # no cycle
+    tree_of_modes(parents, np.ones(n, dtype=int))  # no cycle
     assert (parents < 0).sum() == 1
     assert parents[2] == -1
     shortest = minimum_spanning_tree(cdist(unit, unit)).sum()
@@ -372,7 +374,7 @@ def test_scattered_points_hang_on_their_minimum_spanning_tree(n):
 def test_points_that_coincide_and_constant_parameters():
     x = np.array([[1.0, 7.0], [1.0, 7.0], [2.0, 7.0], [1.0, 7.0]])
     parents = tracking_tree(x)
-    assert sum(len(row) for row in levels(parents.tolist(), [1] * 4)[1]) == 4
+    assert (tree_of_modes(parents, np.ones(4, dtype=int))[0] < 0).sum() == 1
     assert tree_length(x, parents) == 1.0
     assert list(tracking_tree(np.zeros((1, 0)))) == [-1]
     assert len(tracking_tree(np.zeros((0, 2)))) == 0
@@ -386,7 +388,69 @@ def test_coordinates_must_be_finite():
 @pytest.mark.parametrize("parents", [[1, 0], [-1, 2], [-1, 1]])
 def test_parents_that_are_no_tree(parents):
     with pytest.raises(ValueError, match=r"cycle|parent 2"):
-        levels(parents, [1] * len(parents))
+        tree_of_modes(np.array(parents), np.ones(len(parents), dtype=int))
+
+
+# -- many at a time
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_many_pairs_at_once_are_paired_as_one_by_one(seed):
+    rng = np.random.default_rng(seed)
+    n, ma, mb, k = rng.integers((1, 1, 1, 1), (5, 9, 9, 8))
+    if not seed % 20:
+        ma, mb, k = rng.integers(41, 50, 3)
+    lams, shapes = [], []
+    for m in (ma, mb):
+        hz = np.sort(rng.uniform(200.0, 1000.0, (n, m)), axis=1)
+        lams.append(HZ * hz * (1j - rng.uniform(-0.02, 0.02, (n, m))))
+        shapes.append(np.stack([random_shapes(rng, m, k) for _ in range(n)]))
+    same, near = min(ma, mb), 10.0 ** rng.uniform(-9, -1)
+    lams[1][:, :same] = lams[0][:, :same] * (1 + near * rng.normal(size=(n, same)))
+    shapes[1][:, :same] = shapes[0][:, :same] + near * shapes[1][:, :same]
+    shapes = [a.astype(rng.choice([np.complex64, np.complex128])) for a in shapes]
+    expected = lams[0] * (1 + near * rng.normal(size=(n, ma)))
+    found = pair_many(lams[0], shapes[0], lams[1], shapes[1], expected)
+    for i in range(n):
+        one = pair_one(lams[0][i], shapes[0][i], lams[1][i], shapes[1][i], expected[i])
+        for mine, reference in zip(found, one, strict=True):
+            assert np.array_equal(mine[i], reference, equal_nan=mine.dtype.kind == "f")
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None)
+def test_labels_are_those_of_pairing_in_order(seed):
+    rng = np.random.default_rng(seed)
+    lines, n = int(rng.integers(1, 4)), int(rng.integers(3, 9))
+    lams, shapes, parents, x = [], [], [], []
+    for i in range(lines):
+        states = line_of_modes(rng, n)
+        lams += [lam for lam, _ in states]
+        shapes += [shape for _, shape in states]
+        parents += [(i - 1) * n if i else -1, *range(i * n, (i + 1) * n - 1)]
+        x += [[j, i] for j in range(n)]
+    for i in rng.integers(0, len(lams), int(rng.integers(0, 3))):
+        lams[i], shapes[i] = lams[i][:0], shapes[i][:0]
+    found = track(parents, lams, shapes, np.array(x, dtype=float))
+    labels, macs, ambiguous = labels_in_order(parents, lams, shapes, np.array(x, dtype=float))
+    for i in range(len(parents)):
+        assert found.labels[i].tolist() == labels[i].tolist()
+        assert np.array_equal(found.macs[i], macs[i], equal_nan=True)
+        assert found.ambiguous[i].tolist() == ambiguous[i].tolist()
+
+
+def line_of_modes(rng, n):
+    """Modes of n points in a row that cross each other, come and go."""
+    m, slope = 4, rng.uniform(-0.03, 0.03, 4)
+    hz, turned = np.sort(rng.uniform(900.0, 1100.0, m)), random_shapes(rng, m, m)
+    states = []
+    for j in range(n):
+        lam = HZ * hz * (1 + slope * j) * (1j - 0.01 * rng.uniform(-1, 1, m))
+        shape = np.eye(m) + 0.05 * j * turned
+        order = np.argsort(np.abs(lam))[: rng.integers(2, m + 1)]
+        states.append((lam[order], shape[order]))
+    return states
 
 
 # -- refinement
@@ -395,17 +459,17 @@ def test_parents_that_are_no_tree(parents):
 def follow_line(solve, values, depth=4):
     """Labels along a line whose doubtful steps are bisected, and the points solved for that."""
     states = [Modes(*solve(x)) for x in values]
-    tree = TrackTree(
-        range(-1, len(values) - 1), [s.lam for s in states], np.asarray(values)[:, None]
-    )
+    lams = Ragged.of(s.lam for s in states)
+    tree = TrackTree(np.arange(-1, len(values) - 1), lams, np.asarray(values)[:, None])
     refinement = StepRefinement(lambda x: Modes(*solve(float(x[0]))), depth)
-    pairings = {}
-    for i in tree.children:
-        before = pairings.get(i - 1)
-        earlier = states[i - 2].lam if before is not None else None
-        expected = expected_roots(states[i - 1].lam, tree.step[i], earlier, before)
+    stepper = tree.stepper(Known([s.shapes for s in states]))
+    pairings = stepper.all()
+    for i in range(1, len(values)):
+        expected = stepper.expected(pairings, np.array([i]))[0] if tree.step[i] else None
         ends = np.array([values[i - 1]]), np.array([values[i]])
-        pairings[i] = refinement.pair(states[i - 1], states[i], *ends, expected)
+        refined = refinement.pair(states[i - 1], states[i], *ends, expected)
+        one = Pairing(*(part[None] for part in refined))
+        pairings.enter(np.array([i]), one, len(states[i].lam))
     return states, tree.label(pairings), refinement.points
 
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from squealstudy.modes.tracking.labels import TrackTree, pair_points
+import numpy as np
+
+from squealstudy.modes.tracking.labels import TrackTree
+from squealstudy.modes.tracking.ragged import Ragged
+
+
+class Known:
+    """Shapes of points in common coordinates, (m, k) each (see `steps.Shapes`)."""
+
+    def __init__(self, shapes):
+        self.shapes = shapes
+
+    def sort(self, a, b):
+        return np.array([self.shapes[i].shape[1] for i in b])
+
+    def of(self, a, b):
+        return tuple(np.stack([self.shapes[i] for i in points]) for points in (a, b))
 
 
 def track(parents, lams, shapes, coordinates=None):
     """Tracks of points with roots `lams` and shapes in common coordinates (see TrackTree)."""
-    tree = TrackTree(parents, lams, coordinates)
-
-    def pair(a, b):
-        return shapes[a], shapes[b]
-
-    return tree.label(pair_points(tree.children, tree.parents, tree.step, lams, pair, {}))
+    tree = TrackTree(np.array(parents), Ragged.of(lams), coordinates)
+    return tree.label(tree.stepper(Known(shapes)).all())

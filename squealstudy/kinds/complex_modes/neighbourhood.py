@@ -132,6 +132,7 @@ class StudyNeighbourhoods:
     def __init__(self, plan: Plan) -> None:
         self._plan, whole = plan, plan.whole
         self._structures = {s.key: s for s in swept_structures(whole)}
+        self._structure = plan.tasks.structure_index
         self._rungs = {key: rung_of(whole, s) for key, s in self._structures.items()}
         self._boxes = _boxes_of_points(whole)
         self._sweeps = tuple(
@@ -157,9 +158,10 @@ class StudyNeighbourhoods:
         """Whether coordinate `column` is the logarithm of its parameter."""
         return self._sweeps[column][1]
 
-    def joined(self, a: int, b: int) -> bool:
-        """Whether one prepared model holds at both points, and so between them."""
-        return self._plan.tasks[a].structure == self._plan.tasks[b].structure
+    def joined(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Whether one prepared model holds at both of two points, and so between them (n,)."""
+        within: np.ndarray = self._structure[a] == self._structure[b]
+        return within
 
 
 def _boxes_of_points(plan: Plan) -> dict[str, Box]:

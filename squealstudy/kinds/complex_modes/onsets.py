@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,9 @@ REAL = pa.float64()
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
 
 
+Cells = dict[str, np.ndarray]  # columns of the table of onsets while it is made
+
+
 class OnsetSearch:
     """Finds the onsets of a study.
 
@@ -60,6 +64,11 @@ class OnsetSearch:
         Oscillating roots of all points as they are judged (`settled`), rad/s.
     error : ndarray (N,)
         Their estimated errors, rad/s; NaN where there is none.
+
+    Attributes
+    ----------
+    seconds : float
+        Spent on root finding so far.
     """
 
     def __init__(
@@ -73,20 +82,20 @@ class OnsetSearch:
         error: np.ndarray,
     ) -> None:
         self._plan, self._follower, self._points, self._along = plan, follower, points, along
+        self.seconds = 0.0
         self._tolerance = plan.study.definition.modes.stability_tolerance
         self._column = [s.name for s in plan.study.sweeps].index(along)
-        counts = [len(roots) for roots in follower.lams]
-        self._judged = np.split(lam, np.cumsum(counts)[:-1])
+        lams = follower.lams
+        self._judged = lams.with_flat(lam)
         self._error = np.nan_to_num(error) / np.maximum(np.abs(lam), 1e-300)
-        self._point = np.repeat(np.arange(len(counts)), counts)
-        self._place = np.concatenate([np.zeros(0, dtype=int), *map(np.arange, counts)])
-        self._track = np.concatenate([np.zeros(0, dtype=int), *tracks.labels])
-        self._ambiguous = tracks.ambiguous
+        self._point = lams.owner
+        self._place = np.arange(len(lam)) - lams.starts[self._point]
+        self._track = tracks.labels.flat
+        self._ambiguous = tracks.ambiguous.flat
         self._lam, self._zeta = lam, damping_ratios(lam)
-        self._any = np.zeros(len(counts), dtype=bool)  # points with an unstable mode
+        self._any = np.zeros(len(lams), dtype=bool)  # points with an unstable mode
         self._any[self._point[self._zeta < -self._tolerance]] = True
-        raw = np.concatenate([np.zeros(0, dtype=complex), *follower.lams])
-        self._neutral = (damping_ratios(raw) < -self._tolerance) & (lam.real == 0)
+        self._neutral = (damping_ratios(lams.flat) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
         self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
 
@@ -111,17 +120,21 @@ class OnsetSearch:
         events = self._events()
         table = self._unrefined(events)
         self._place_neutral(events, table)
-        if refine and len(table):
+        if refine and len(events):
             self._interpolate(events, table)
+            started = time.perf_counter()
             self._refine(events, table, workers)
-            self._mark_renumbered(events[(table["status"] == RENUMBERED).to_numpy()])
-        status = table["status"].value_counts()
+            self.seconds += time.perf_counter() - started
+            renumbered = events[table["status"] == RENUMBERED]
+            self._ambiguous[renumbered[["before", "after"]].to_numpy().ravel()] = True
+        names, counts = np.unique(table["status"].astype(str), return_counts=True)
+        often = np.argsort(-counts, kind="stable")
         summary = {
             "along": self._along,
             "evaluations": int(table["evaluations"].sum()),
-            **{str(name): int(count) for name, count in status.items()},
+            **{str(names[k]): int(counts[k]) for k in often},
         }
-        return table, summary
+        return pd.DataFrame(table), summary
 
     def _events(self) -> pd.DataFrame:
         """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
@@ -150,7 +163,8 @@ class OnsetSearch:
         events.loc[found, "before"] = kept[events.loc[found, "before"]]
         return events
 
-    def _unrefined(self, events: pd.DataFrame) -> pd.DataFrame:
+    def _unrefined(self, events: pd.DataFrame) -> Cells:
+        """Columns of the table of onsets, before anything is refined."""
         points, x = self._points, self._points[self._along].to_numpy()
         before, after = events["before"].to_numpy(), events["after"].to_numpy()
         crossing = before >= 0
@@ -158,67 +172,68 @@ class OnsetSearch:
         part = _part(x[p0], x[p1], events["value"].to_numpy())
         low, high = self._lam[np.where(crossing, before, after)], self._lam[after]
         ids = points["point_id"].to_numpy()
-        table = pd.DataFrame({"track": events["track"].to_numpy(dtype=np.int32)})
+        table = {"track": events["track"].to_numpy(dtype=np.int32)}
         for name in parameter_columns(points, varied=True):
             if name != self._along:
                 table[name] = points[name].to_numpy()[p1]
         below = (events["kind"] == BELOW_RANGE).to_numpy()
-        table["onset"] = np.where(below, np.nan, events["value"])
+        table["onset"] = np.where(below, np.nan, events["value"].to_numpy())
         table["bracket_low"] = np.where(crossing, x[p0], np.nan)
         table["bracket_high"] = x[p1]
         table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)
-        table["direction"] = events["direction"].to_numpy()
-        table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy()
+        table["direction"] = events["direction"].to_numpy(object)
+        table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy(object)
         table["error_estimate"] = np.full(len(events), np.nan)
         table["evaluations"] = np.zeros(len(events), dtype=np.int32)
         table["point_before"] = np.where(crossing, ids[p0], "")
         table["point_after"] = ids[p1]
         return table
 
-    def _place_neutral(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+    def _place_neutral(self, events: pd.DataFrame, table: Cells) -> None:
         """Crossings at an end that grows by less than its error: there, as far as can be told."""
         into = (events["direction"] == INTO).to_numpy()
-        crossing = (events["before"] >= 0).to_numpy()
-        stable = np.where(into, events["before"], events["after"])
+        before, after = (events[end].to_numpy() for end in ("before", "after"))
+        stable = np.where(into, before, after)
+        rows = np.flatnonzero((before >= 0) & self._neutral[np.where(before >= 0, stable, 0)])
+        if not len(rows):
+            return
         x = self._plan.coordinates[:, self._column][self._point]
         values = self._points[self._along].to_numpy()[self._point]
         outward = self._neighbours()
-        for row in np.flatnonzero(crossing & self._neutral[np.where(crossing, stable, 0)]):
-            at = int(stable[row])
-            side = outward[0 if into[row] else 1]
-            end = int(side[at])
-            while end >= 0 and self._neutral[end]:
-                end = int(side[end])
-            ends = events[["before", "after"]].to_numpy()[[row]]
-            inside = float(self._shift(ends[:, 0], ends[:, 1])[0])
-            error = max(inside, abs(float(x[end] - x[at]))) if end >= 0 else np.nan
-            self._enter_value(table, int(row), float(x[at]), error)
-            table.loc[row, "status"] = WITHIN_ERROR
-            bracket = "bracket_low" if into[row] else "bracket_high"
-            table.loc[row, bracket] = values[end] if end >= 0 else np.nan
+        at, inwards = stable[rows], into[rows]
+        end = at
+        while (neutral := (end >= 0) & self._neutral[end]).any():
+            further = np.where(inwards, outward[0][end], outward[1][end])
+            end = np.where(neutral, further, end)
+        inside = self._shift(before[rows], after[rows])
+        known = end >= 0
+        error = np.where(known, np.maximum(inside, np.abs(x[end] - x[at])), np.nan)
+        self._enter_value(table, rows, x[at], error)
+        table["status"][rows] = WITHIN_ERROR
+        for bracket, side in (("bracket_low", inwards), ("bracket_high", ~inwards)):
+            table[bracket][rows[side]] = np.where(known, values[end], np.nan)[side]
 
-    def _interpolate(self, events: pd.DataFrame, table: pd.DataFrame) -> None:
+    def _interpolate(self, events: pd.DataFrame, table: Cells) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
-        crossing = np.flatnonzero(self._open(events, table))
+        crossing = self._open(events, table)
         ends = events[["before", "after"]].to_numpy()[crossing]
         before, after = self._neighbours()
         rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
         near = self._follower.near
-        joined = [near.joined(int(a), int(b)) for a, b in self._point[rows[:, [0, -1]]]]
-        whole = (rows >= 0).all(axis=1) & np.array(joined, dtype=bool)
+        whole = (rows >= 0).all(axis=1) & near.joined(*self._point[rows[:, [0, -1]]].T)
         crossing, rows = crossing[whole], rows[whole]
         x = self._plan.coordinates[:, self._column][self._point[rows]]
         value, error = cubic_onsets(x, self._zeta[rows] + self._tolerance)
         good = error <= self._precision()
         error += self._shift(ends[:, 0], ends[:, 1])[whole]
-        for row, at, off in zip(crossing[good], value[good], error[good], strict=True):
-            self._enter_value(table, int(row), float(at), float(off))
-            table.loc[row, "status"] = CUBIC
+        self._enter_value(table, crossing[good], value[good], error[good])
+        table["status"][crossing[good]] = CUBIC
 
-    def _open(self, events: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
-        """Which crossings may yet be told better."""
-        told = table["error_estimate"].notna() | (table["status"] == WITHIN_ERROR)
-        return (events["before"] >= 0) & ~told
+    def _open(self, events: pd.DataFrame, table: Cells) -> np.ndarray:
+        """Rows of crossings that may yet be told better."""
+        told = np.isfinite(table["error_estimate"]) | (table["status"] == WITHIN_ERROR)
+        rows: np.ndarray = np.flatnonzero((events["before"] >= 0).to_numpy() & ~told)
+        return rows
 
     def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
         """Row of each mode's track at the point before and after on its line, -1 where none."""
@@ -233,14 +248,16 @@ class OnsetSearch:
         after[order[:-1][same]] = order[1:][same]
         return before, after
 
-    def _enter_value(self, table: pd.DataFrame, row: int, value: float, error: float) -> None:
-        """Write an onset and its error, in coordinates, to its row."""
+    def _enter_value(
+        self, table: Cells, rows: np.ndarray, value: np.ndarray, error: np.ndarray
+    ) -> None:
+        """Write onsets and their errors, in coordinates, to their rows."""
         log = self._follower.near.logarithmic(self._column)
-        value = float(np.exp(value)) if log else value
-        table.loc[row, "onset"] = value
-        table.loc[row, "error_estimate"] = error * value if log else error
+        value = np.exp(value) if log else value
+        table["onset"][rows] = value
+        table["error_estimate"][rows] = error * value if log else error
 
-    def _refine(self, events: pd.DataFrame, table: pd.DataFrame, workers: Workers) -> None:
+    def _refine(self, events: pd.DataFrame, table: Cells, workers: Workers) -> None:
         """Refine crossings in place: those where the first mode turns unstable on a line, or the
         last one stable, which bound stability; of others the first of each track first, within the
         budget.
@@ -264,7 +281,7 @@ class OnsetSearch:
         budget: float,
         brackets: list[list[int]],
         events: pd.DataFrame,
-        table: pd.DataFrame,
+        table: Cells,
         workers: Workers,
     ) -> None:
         """Refine these in their order, until so many design points are solved for it."""
@@ -279,31 +296,28 @@ class OnsetSearch:
             tasks = [self._task(events, rows) for rows in batch]
             for results in workers.each(refine_onsets, tasks):
                 for row, onset in results:
-                    spent += self._enter(table, row, onset, pd.Series(events.loc[row]))
+                    spent += self._enter(table, row, onset, events)
             done += len(batch)
         if done:
             workers.report("onsets", done, done)
 
-    def _brackets(self, events: pd.DataFrame, table: pd.DataFrame) -> list[list[int]]:
+    def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
-        crossing = events[self._open(events, table)]
-        near = self._follower.near
-        ends = [
-            (int(self._point[a]), int(self._point[b]))
-            for a, b in zip(crossing["before"], crossing["after"], strict=True)
-        ]
+        rows = self._open(events, table)
+        crossing = events.iloc[rows]
+        a, b = (self._point[crossing[end].to_numpy()] for end in ("before", "after"))
         into = (crossing["direction"] == INTO).to_numpy()
         order = crossing["value"].groupby([crossing["track"], into]).rank(method="first")
         urgent = np.where(into, order, order + 0.5)
+        ordered = np.lexsort((crossing["track"], urgent))
+        ordered = ordered[self._follower.near.joined(a, b)[ordered]]
         found: dict[tuple[int, int], list[int]] = {}
-        for n in np.lexsort((crossing["track"], urgent)):
-            if near.joined(*ends[n]):
-                found.setdefault(ends[n], []).append(int(crossing.index[n]))
+        for row, *ends in np.column_stack([rows, a, b])[ordered].tolist():
+            found.setdefault((ends[0], ends[1]), []).append(row)
         return list(found.values())
 
     def _task(self, events: pd.DataFrame, rows: list[int]) -> OnsetTask:
-        before = events.loc[rows, "before"].to_numpy()
-        after = events.loc[rows, "after"].to_numpy()
+        before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))
         a, b = int(self._point[before[0]]), int(self._point[after[0]])
         x, follower = self._plan.coordinates[:, self._column], self._follower
         return OnsetTask(
@@ -335,25 +349,21 @@ class OnsetSearch:
         shift: np.ndarray = np.abs(worse * step / np.where(steep == 0, np.inf, steep))
         return np.minimum(shift, np.abs(step))
 
-    def _mark_renumbered(self, events: pd.DataFrame) -> None:
-        """Mark the modes at both ends of these events as ambiguous."""
-        for row in events[["before", "after"]].to_numpy().ravel():
-            self._ambiguous[self._point[row]][self._place[row]] = True
-
-    def _enter(self, table: pd.DataFrame, row: int, onset: Onset | str, event: pd.Series) -> int:
+    def _enter(self, table: Cells, row: int, onset: Onset | str, events: pd.DataFrame) -> int:
         """Write a refined onset to its row; the number of evaluations."""
         if isinstance(onset, str):
             renumbered = onset == NO_CROSSING
-            table.loc[row, "status"] = RENUMBERED if renumbered else FAILED
+            table["status"][row] = RENUMBERED if renumbered else FAILED
             if renumbered:
-                table.loc[row, "onset"] = np.nan
+                table["onset"][row] = np.nan
             return 0
-        ends = np.array([[event["before"]], [event["after"]]])
-        error = 2.0 * self._precision() + float(self._shift(*ends)[0])
-        self._enter_value(table, row, onset.value, error)
-        table.loc[row, "frequency_hz"] = onset.frequency_hz
-        table.loc[row, "status"] = REFINED
-        table.loc[row, "evaluations"] = onset.evaluations
+        at = np.array([row])
+        ends = (events[end].to_numpy()[at] for end in ("before", "after"))
+        error = 2.0 * self._precision() + self._shift(*ends)
+        self._enter_value(table, at, np.array([onset.value]), error)
+        table["frequency_hz"][row] = onset.frequency_hz
+        table["status"][row] = REFINED
+        table["evaluations"][row] = onset.evaluations
         return onset.evaluations
 
 

@@ -9,17 +9,21 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from squealstudy.engine.files import temporary_name
 from squealstudy.engine.rows import HEAD, WORKING_POINT_FIELDS, head, working_point_cells
 from squealstudy.engine.store import INACCURATE, Store
 from squealstudy.faults import named
 from squealstudy.modes.point import PointModes
+from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.root_pairs import LIGHT_DAMPING
 
 POINT_FIELDS = (
@@ -184,11 +188,12 @@ def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 ITEM = np.dtype(np.complex64).itemsize
+IN_MEMORY = 2**27  # bytes of shapes that are held at once
 
 
 @dataclass(frozen=True)
 class ShapeFile:
-    """Shapes of all points in one file, read a point at a time: they may exceed the memory.
+    """Shapes of all points in one file, read as they are asked for: they may exceed the memory.
 
     Attributes
     ----------
@@ -209,12 +214,39 @@ class ShapeFile:
         count = int(self.count[point])
         if not count:
             return np.zeros((0, 1), dtype=np.complex64)
-        n = int(self.size[point]) // ITEM
-        flat = np.fromfile(self.path, np.complex64, n, offset=int(self.offset[point]))
-        return flat.reshape(count, -1)
+        return self.stack(np.array([point]), count)[0]
+
+    def width(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates k of a shape of each of some points with modes (r,)."""
+        coordinates: np.ndarray = self.size[points] // (ITEM * self.count[points])
+        return coordinates
+
+    def stack(self, points: np.ndarray, count: int) -> np.ndarray:
+        """First `count` shapes (r, count, k) complex64 of points, all of as many coordinates."""
+        k = int(self.width(points[:1])[0])
+        if self._held is not None:
+            start = self.offset[points] // ITEM
+            return self._held[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
+        found = np.empty((len(points), count, k), dtype=np.complex64)
+        for row, offset in zip(found, self.offset[points].tolist(), strict=True):
+            self._file.seek(offset)
+            self._file.readinto(row.view(np.uint8).data)
+        return found
+
+    @cached_property
+    def _held(self) -> np.ndarray | None:
+        """All of a small file."""
+        small = self.path.stat().st_size <= IN_MEMORY
+        return np.fromfile(self.path, np.complex64) if small else None
+
+    @cached_property
+    def _file(self) -> FileIO:
+        return FileIO(self.path)
 
     def remove(self) -> None:
         """Delete the file of shapes."""
+        if "_file" in self.__dict__:
+            self._file.close()
         self.path.unlink(missing_ok=True)
 
 
@@ -250,22 +282,24 @@ class ModeColumns:
         """Row in `points` of each mode (N,)."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
-    def oscillating(self) -> list[np.ndarray]:
+    def oscillating(self) -> Ragged:
         """Roots of the oscillating modes of each point; they come first in a point."""
         kept = ~self.overdamped
-        counts = np.bincount(self.point[kept], minlength=len(self.counts))
-        return np.split(self.lam[kept], np.cumsum(counts)[:-1])
+        return Ragged(self.lam[kept], np.bincount(self.point[kept], minlength=len(self.counts)))
 
 
 def read_columns(
-    store: Store, ids: Sequence[str], shapes: bool = True, largest_error: float = np.inf
+    store: Store,
+    ids: Sequence[str] | np.ndarray,
+    shapes: bool = True,
+    largest_error: float = np.inf,
 ) -> ModeColumns:
     """Read all chunk files once.
 
     Parameters
     ----------
     store : Store
-    ids : sequence of str (n,)
+    ids : sequence of str or ndarray (n,)
         Points in the order that is wanted.
     shapes : bool
         Copy the shapes to a temporary file in the directory, for the caller to remove.
@@ -280,35 +314,66 @@ def read_columns(
         Where a point is in no chunk.
     """
     names = [name for name, _ in (*POINT_FIELDS, *MODE_FIELDS)]
-    tables = [SCHEMA.empty_table().select(names)]
+    found: dict[str, list[pa.Array]] = {name: [] for name in names}
     writer = _ShapeWriter(store.directory) if shapes else None
-    for found in store.chunks(SCHEMA, None if shapes else names):
-        tables.append(found.select(names))
+    for table in store.chunks(SCHEMA, None if shapes else names):
+        for name, parts in found.items():
+            parts += table[name].chunks
         if writer is not None:
-            writer.write(found[SHAPES])
-    table = pa.concat_tables(tables)
-    row = {point_id: number for number, point_id in enumerate(table["point_id"].to_pylist())}
-    missing = sum(i not in row for i in ids)
-    if missing:
+            writer.write(table[SHAPES])
+
+    def column(name: str) -> pa.ChunkedArray:
+        """All values of a column, which is then forgotten."""
+        return pa.chunked_array(found.pop(name), SCHEMA.field(name).type)
+
+    point_ids = column("point_id")
+    order = _rows_of(point_ids, ids)
+    if missing := int((order < 0).sum()):
         if writer is not None:
             writer.discard()
         raise store.unsolved(missing, len(ids))
-    order = np.array([row[i] for i in ids], dtype=np.int64)
-    table = table.take(order).combine_chunks()
-    counts = table["re"].combine_chunks().value_lengths().to_numpy(zero_copy_only=False)
-    lam = _flat(table, "re") + 1j * _flat(table, "im")
-    energies, error = _flat(table, "energies"), _flat(table, "error_rung")
-    points = table.select([name for name, _ in POINT_FIELDS])
+    points = [point_ids.take(order), *(column(n).take(order) for n, _ in POINT_FIELDS[1:])]
+    counts, place = _lengths(found["re"], order)
+    shares = _lengths(found["energies"], order)
+    energies = _flat(column("energies"), *shares)
+    lam = _flat(column("re"), counts, place) + 1j * _flat(column("im"), counts, place)
+    error = _flat(column("error_rung"), counts, place)
+    table = pa.Table.from_arrays(points, schema=pa.schema(list(SCHEMA)[: len(POINT_FIELDS)]))
     return ModeColumns(
-        points=_judged(points, counts.astype(np.int64), lam, error, largest_error),
-        counts=counts.astype(np.int64),
+        points=_judged(table, counts, lam, error, largest_error),
+        counts=counts,
         lam=lam,
-        overdamped=_flat(table, "overdamped").astype(bool),
-        residual=_flat(table, "residual"),
+        overdamped=_flat(column("overdamped"), counts, place).astype(bool),
+        residual=_flat(column("residual"), counts, place),
         error_rung=error,
         energies=energies.reshape(len(lam), energies.size // max(len(lam), 1)),
         shapes=None if writer is None else writer.close(order, counts),
     )
+
+
+def _rows_of(point_ids: pa.ChunkedArray, wanted: Sequence[str] | np.ndarray) -> np.ndarray:
+    """Row of each wanted id, -1 where it has none; the last of several."""
+    n = len(point_ids)
+    backwards = pa.array(point_ids.take(np.arange(n)[::-1]).combine_chunks())
+    found = pc.index_in(pa.array(np.asarray(wanted)).cast(pa.string()), value_set=backwards)
+    rows: np.ndarray = n - 1 - found.fill_null(n).to_numpy()
+    return rows
+
+
+def _lengths(parts: list[pa.Array], order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Length of each list of a column in the order of its rows that is wanted, and where it is."""
+    lengths = [part.value_lengths().to_numpy(zero_copy_only=False) for part in parts]
+    counts = np.concatenate([np.zeros(0, dtype=np.int64), *lengths]).astype(np.int64)
+    return counts[order], (np.cumsum(counts) - counts)[order]
+
+
+def _flat(column: pa.ChunkedArray, counts: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Values of a list column one after the other, its rows in the order of `_lengths`."""
+    parts = [part.flatten().to_numpy(zero_copy_only=False) for part in column.chunks]
+    values = np.concatenate([np.zeros(0, dtype=column.type.value_type.to_pandas_dtype()), *parts])
+    rows = np.repeat(place - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    ordered: np.ndarray = values[rows]
+    return ordered
 
 
 def _judged(
@@ -317,19 +382,21 @@ def _judged(
     """The points with the status and message of those that are inaccurate."""
     point = np.repeat(np.arange(len(counts)), counts)
     worst, at = worst_errors(lam, error, point, len(counts))
-    status, message = (points[name].to_pylist() for name in ("status", "message"))
-    for i in np.flatnonzero(worst > largest):
-        status[i] = INACCURATE
-        message[i] = (
-            f"the mode at {np.abs(lam[at[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
-            f"{worst[i]:.1e} of its frequency or in its damping ratio, more than the tolerance "
-            f"{largest:g} of [modes]"
-        )
-    for name, values in (("status", status), ("message", message)):
-        column = points.schema.get_field_index(name)
-        points = points.set_column(
-            column, points.schema.field(column), pa.array(values, pa.string())
-        )
+    inaccurate = worst > largest
+    if not inaccurate.any():
+        return points
+    messages = [
+        f"the mode at {np.abs(lam[at[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
+        f"{worst[i]:.1e} of its frequency or in its damping ratio, more than the tolerance "
+        f"{largest:g} of [modes]"
+        for i in np.flatnonzero(inaccurate)
+    ]
+    told = {"status": [INACCURATE] * len(messages), "message": messages}
+    for name, texts in told.items():
+        number = points.schema.get_field_index(name)
+        column = points[name].combine_chunks()
+        changed = pc.replace_with_mask(column, pa.array(inaccurate), pa.array(texts, pa.string()))
+        points = points.set_column(number, points.schema.field(number), changed)
     return points
 
 
@@ -339,13 +406,17 @@ class _ShapeWriter:
     def __init__(self, directory: Path) -> None:
         self._path = temporary_name(directory / SHAPES)
         self._file = self._path.open("wb")
-        self._sizes: list[int] = []
+        self._sizes = [np.zeros(0, dtype=np.int32)]
 
     def write(self, column: pa.ChunkedArray) -> None:
         """Append the bytes of a binary column as they stand."""
         with self._whole_or_gone():
-            for value in column:
-                self._sizes.append(self._file.write(value.as_buffer()))
+            for part in column.chunks:
+                _, ends, values = part.buffers()
+                places = np.frombuffer(ends, np.int32)[part.offset : part.offset + len(part) + 1]
+                self._sizes.append(np.diff(places))
+                if len(part):
+                    self._file.write(values[int(places[0]) : int(places[-1])])
 
     def discard(self) -> None:
         """Close the unfinished file and delete it."""
@@ -367,12 +438,6 @@ class _ShapeWriter:
         """The file, its points in `order`, each with its number of modes."""
         with self._whole_or_gone():
             self._file.close()
-        size = np.array(self._sizes, dtype=np.int64)
+        size = np.concatenate(self._sizes).astype(np.int64)
         offset = np.cumsum(size) - size
         return ShapeFile(path=self._path, offset=offset[order], size=size[order], count=counts)
-
-
-def _flat(table: pa.Table, name: str) -> np.ndarray:
-    """Values of a list column of all rows one after the other."""
-    values: np.ndarray = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-    return values

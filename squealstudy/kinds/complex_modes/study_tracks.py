@@ -1,12 +1,12 @@
-"""Tracking of a whole study: lines in parallel workers, doubtful steps refined.
+"""Tracking of a whole study: all steps paired at once, doubtful ones refined by workers.
 
-`Follower` hands `PairTask` and `RefineTask` to workers, which run `pair_task` and `refine_task`;
-`CommonShapes` gives the shapes of two points in common coordinates.
+`Follower` hands `RefineTask` to workers, which run `refine_task`; `CommonShapes` gives the shapes
+of two points in common coordinates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import time
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,19 +19,14 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.neighbourhood import PointNeighbourhood, StudyNeighbourhoods
 from squealstudy.kinds.complex_modes.rows import ModeColumns, ShapeFile
-from squealstudy.modes.tracking.labels import (
-    Tracks,
-    TrackTree,
-    expected_roots,
-    join_tracks,
-    pair_points,
-)
+from squealstudy.modes.tracking.joining import join_tracks
+from squealstudy.modes.tracking.labels import Tracks, TrackTree
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
-from squealstudy.modes.tracking.refinement import DEPTH, Modes, StepRefinement, unresolved
+from squealstudy.modes.tracking.ragged import Ragged
+from squealstudy.modes.tracking.refinement import DEPTH, Modes, StepRefinement
+from squealstudy.modes.tracking.steps import Pairings
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
-PARALLEL = 1000  # steps from which on workers pay
-PARTS_A_WORKER = 4
 ROUNDS = 4  # a refined step may put its followers in doubt
 LEAST_BUDGET, MOST_BUDGET = 30, 500  # extra points: as many as design points, within these
 BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
@@ -46,18 +41,26 @@ class Follower:
     columns : ModeColumns
         With shapes.
     workers : Workers
+
+    Attributes
+    ----------
+    lams : Ragged
+        Roots of the oscillating modes of each point, rad/s.
+    seconds : float
+        Spent on refinement so far.
     """
 
     def __init__(self, plan: Plan, columns: ModeColumns, workers: Workers) -> None:
         if columns.shapes is None:
             raise ValueError("columns were read without shapes")
-        self._plan, self._workers, self._file = plan, workers, columns.shapes
-        self.lams = columns.oscillating()
+        self._plan, self._workers = plan, workers
+        self.lams, self.seconds = columns.oscillating(), 0.0
         costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
         parents = tracking_tree(plan.coordinates, plan.grid_shape, costly)
         self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
-        self._tree = TrackTree(parents.tolist(), self.lams, plan.coordinates)
+        self._tree = TrackTree(parents, self.lams, plan.coordinates)
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
+        self._stepper = self._tree.stepper(self._shapes)
         self.near = StudyNeighbourhoods(plan)
 
     def raw(self, point: int) -> np.ndarray:
@@ -75,78 +78,56 @@ class Follower:
             it within a structure, ``interpolated_points`` between structures, which cost far less
             than a reduction and are not limited, and pairs ``still_ambiguous``.
         """
-        pairings = self._pair(self._tree.groups, {})
-        before = _ambiguous(map(unresolved, pairings.values()))
-        known: Pairings = {}
+        pairings = self._stepper.all()
+        before = pairings.count_unresolved()
+        started = time.perf_counter()
+        known = np.zeros(0, dtype=int)
         points = interpolated = 0
         budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
         for _ in range(ROUNDS if refine else 0):
             joined, crossing = self._doubtful(pairings, known)
-            refined, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
+            between, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
             interpolated += spent
             within, spent = self._refine(joined, pairings, budget - points)
             points += spent
-            refined |= within
-            known |= refined
-            groups = [g for g in self._tree.groups if not refined.keys().isdisjoint(g)]
-            if not groups:
+            refined = between | within
+            if not refined:
                 break
-            pairings |= self._pair(groups, known)
-        pairings = {i: p if i in known else unresolved(p) for i, p in pairings.items()}
+            known = np.union1d(known, list(refined))
+            changed = [i for i, pairing in refined.items() if self._enter(pairings, i, pairing)]
+            self._stepper.again(pairings, np.array(changed, dtype=int), known)
+        self.seconds += time.perf_counter() - started
+        pairings.unresolved(known)
         summary = {
             "ambiguous_pairs": before,
             "refined": len(known),
             "extra_points": points,
             "interpolated_points": interpolated,
-            "still_ambiguous": _ambiguous(pairings.values()),
+            "still_ambiguous": int(pairings.ambiguous.flat.sum()),
         }
         low, high = self._plan.band_hz
         tracks = self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high))
-        return join_tracks(tracks, self.lams, self._edges.tolist(), self._shapes.pair), summary
+        return join_tracks(tracks, self.lams, self._edges, self._shapes), summary
 
-    def _pair(self, groups: Sequence[list[int]], known: Pairings) -> Pairings:
-        """Pairings of groups of points with their parents."""
-        tree = self._tree
-        steps = sum(map(len, groups))
-        if self._workers.jobs == 1 or steps < PARALLEL or len(self._plan.structures) > 1:
-            shapes = self._shapes.pair
-            found: Pairings = {}
-            for group in groups:
-                found |= pair_points(group, tree.parents, tree.step, self.lams, shapes, known)
-            return found
-        parts = _split(groups, steps // (PARTS_A_WORKER * self._workers.jobs) + 1)
-        tasks = [self._pair_task(part, known) for part in parts]
-        found = {}
-        for result in self._workers.each(pair_task, tasks):
-            found |= result
-        return found
+    def _enter(self, pairings: Pairings, point: int, pairing: Pairing) -> bool:
+        """Write a refined pairing; whether its partners changed."""
+        one = Pairing(*(part[None] for part in pairing))
+        return bool(pairings.enter(np.array([point]), one, int(self.lams.counts[point]))[0])
 
-    def _pair_task(self, groups: list[list[int]], known: Pairings) -> PairTask:
-        tree = self._tree
-        points = {i for group in groups for i in group}
-        parents = {i: tree.parents[i] for i in points}
-        parents |= {p: tree.parents[p] for p in set(parents.values()) - points}
-        seen = parents.keys() | {p for p in parents.values() if p >= 0}
-        return PairTask(
-            groups=groups,
-            parents=parents,
-            step={i: float(tree.step[i]) for i in points},
-            lams={i: self.lams[i] for i in seen},
-            shapes=self._file,
-            known={i: known[i] for i in points if i in known},
-        )
-
-    def _doubtful(self, pairings: Pairings, known: Pairings) -> tuple[list[int], list[int]]:
+    def _doubtful(self, pairings: Pairings, known: np.ndarray) -> tuple[list[int], list[int]]:
         """Steps in doubt within a structure, and those to another one, the least trusted first."""
-        trust = {i: float(p.trust.min(initial=np.inf)) for i, p in pairings.items()}
-        doubtful = [i for i in trust if trust[i] <= DOUBTFUL and i not in known]
-        doubtful.sort(key=lambda i: (trust[i], i))
-        joined = {i for i in doubtful if self.near.joined(self._tree.parents[i], i)}
-        return [i for i in doubtful if i in joined], [i for i in doubtful if i not in joined]
+        trust = pairings.trust.least()
+        trust[known] = np.inf
+        doubtful = np.flatnonzero(trust <= DOUBTFUL)
+        doubtful = doubtful[np.argsort(trust[doubtful], kind="stable")]
+        joined = self.near.joined(self._tree.parents[doubtful], doubtful)
+        return doubtful[joined].tolist(), doubtful[~joined].tolist()
 
-    def _refine(self, doubtful: list[int], pairings: Pairings, budget: int) -> tuple[Pairings, int]:
+    def _refine(
+        self, doubtful: list[int], pairings: Pairings, budget: int
+    ) -> tuple[dict[int, Pairing], int]:
         """Refine steps in order, as far as the budget goes; the points solved between."""
-        refined: Pairings = {}
+        refined: dict[int, Pairing] = {}
         points = done = 0
         while done < len(doubtful):
             count = min(BATCH, (budget - points) // (2**DEPTH - 1))
@@ -155,8 +136,8 @@ class Follower:
             self._workers.report("tracking", done, len(doubtful))
             batch = [self._refine_task(i, pairings) for i in doubtful[done : done + count]]
             for i, pairing, spent in self._workers.each(refine_task, batch):
-                seen = self._shapes.pair(self._tree.parents[i], i)
-                refined[i] = pairing._replace(mac=pair_macs(*seen, pairing.partner))
+                a, b = self._shapes.of(self._tree.parents[[i]], np.array([i]))
+                refined[i] = pairing._replace(mac=pair_macs(a[0], b[0], pairing.partner))
                 points += spent
             done += len(batch)
         if done:
@@ -165,50 +146,17 @@ class Follower:
 
     def _refine_task(self, i: int, pairings: Pairings) -> RefineTask:
         tree = self._tree
-        p = tree.parents[i]
-        before = pairings.get(p) if tree.step[i] else None
-        earlier = self.lams[tree.parents[p]] if before is not None else None
+        p = int(tree.parents[i])
+        goes_on = bool(tree.step[i])
         return RefineTask(
             point=i,
             start=self.near.of(p),
             end=self.near.of(i),
             a=Modes(self.lams[p], self.raw(p)),
             b=Modes(self.lams[i], self.raw(i)),
-            expected=expected_roots(self.lams[p], float(tree.step[i]), earlier, before),
-            direct=pairings[i],
+            expected=self._stepper.expected(pairings, np.array([i]))[0] if goes_on else None,
+            direct=Pairing(*(part.copy() for part in pairings[i])),
         )
-
-
-def _ambiguous(pairings: Iterable[Pairing]) -> int:
-    return int(sum(p.ambiguous.sum() for p in pairings))
-
-
-def _split(groups: Sequence[list[int]], size: int) -> list[list[list[int]]]:
-    """Consecutive groups in parts of about `size` points."""
-    parts: list[list[list[int]]] = []
-    count = size
-    for group in groups:
-        if count >= size:
-            parts.append([])
-            count = 0
-        parts[-1].append(group)
-        count += len(group)
-    return parts
-
-
-Pairings = dict[int, Pairing]
-
-
-@dataclass(frozen=True)
-class PairTask:
-    """Groups of points for a worker to pair with their parents."""
-
-    groups: list[list[int]]
-    parents: Mapping[int, int]
-    step: Mapping[int, float]
-    lams: Mapping[int, np.ndarray]
-    shapes: ShapeFile
-    known: Pairings
 
 
 @dataclass(frozen=True)
@@ -238,22 +186,6 @@ class RefineTask:
     direct: Pairing
 
 
-def pair_task(task: PairTask) -> Pairings:
-    """Pair the groups of a task."""
-
-    @lru_cache(maxsize=KEPT)
-    def shapes(point: int) -> np.ndarray:
-        return task.shapes.read(point)[: len(task.lams[point])]  # without overdamped roots
-
-    def pair(a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
-        return shapes(a), shapes(b)
-
-    found: Pairings = {}
-    for group in task.groups:
-        found |= pair_points(group, task.parents, task.step, task.lams, pair, task.known)
-    return found
-
-
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
     """Point, pairing with its parent, and number of intermediate points solved."""
     solve, a, b = task.start.solve, task.a, task.b
@@ -277,7 +209,7 @@ KEPT = 8  # shapes of points kept at hand
 
 
 class CommonShapes:
-    """Shapes of two points of a plan as they can be compared by their MAC.
+    """Shapes of two points of a plan as they can be compared by their MAC (`Shapes`).
 
     Points of one structure have the same nominal real modes as coordinates. Each structure has its
     own, so that two structures are compared by what is seen at the places that correspond between
@@ -287,24 +219,30 @@ class CommonShapes:
     ----------
     plan : Plan
     file : ShapeFile
-    lams : list of ndarray (m,)
+    lams : Ragged
         Roots of the oscillating modes of each point; the others' shapes are left out.
     """
 
-    def __init__(self, plan: Plan, file: ShapeFile, lams: list[np.ndarray]) -> None:
+    def __init__(self, plan: Plan, file: ShapeFile, lams: Ragged) -> None:
         self._keys, self._structure = plan.tasks.structures, plan.tasks.structure_index
-        self._file, self._counts = file, [len(lam) for lam in lams]
+        self._file, self._counts = file, lams.counts
         self._seen = lru_cache(maxsize=KEPT)(self._observed)
 
     def raw(self, point: int) -> np.ndarray:
         """Unit shapes (m, k) of a point in the nominal modes of its own structure."""
         return self._file.read(point)[: self._counts[point]]
 
-    def pair(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
-        """Shapes (ma, k) and (mb, k) of two points."""
-        if self._structure[a] == self._structure[b]:
-            return self.raw(a), self.raw(b)
-        return self._seen(a), self._seen(b)
+    def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Coordinates of both ends of steps within a structure (n,), -1 from one to another."""
+        within = self._structure[a] == self._structure[b]
+        return np.where(within, self._file.width(b), -1)
+
+    def of(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shapes (n, ma, k) and (n, mb, k) at both ends of steps of one sort."""
+        if self._structure[a[0]] == self._structure[b[0]]:
+            return self._file.stack(a, self._counts[a[0]]), self._file.stack(b, self._counts[b[0]])
+        at_a, at_b = (np.stack([self._seen(int(point)) for point in points]) for points in (a, b))
+        return at_a, at_b
 
     def _observed(self, point: int) -> np.ndarray:
         shapes = self.raw(point)

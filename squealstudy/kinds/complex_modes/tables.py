@@ -55,8 +55,7 @@ def build_tables(
         Where a point of the plan is in no chunk.
     """
     section = plan.study.definition.modes
-    ids = plan.tasks.ids.astype(str).tolist()
-    columns = read_columns(store, ids, section.track, plan.method.largest_error)
+    columns = read_columns(store, plan.tasks.ids, section.track, plan.method.largest_error)
     references = store.references()
     errors, facts = mode_errors(plan, columns, samples, references)
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
@@ -69,7 +68,8 @@ def build_tables(
     try:
         if columns.shapes is not None:
             found = follow_modes(plan, columns, points, judged, errors.total, workers)
-            tracks, onsets, summary = found
+            tracks, onsets, summary = found.tracks, found.onsets, found.summary
+            summary |= {"seconds": found.seconds}
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()
@@ -125,9 +125,9 @@ def _labels(
     mac, ambiguous = np.full(n, np.nan), np.zeros(n, dtype=bool)
     if tracks is not None:
         tracked = ~overdamped
-        label[tracked] = np.concatenate([*tracks.labels, np.zeros(0)])
-        mac[tracked] = np.concatenate([*tracks.macs, np.zeros(0)])
-        ambiguous[tracked] = np.concatenate([*tracks.ambiguous, np.zeros(0)])
+        label[tracked] = tracks.labels.flat
+        mac[tracked] = tracks.macs.flat
+        ambiguous[tracked] = tracks.ambiguous.flat
     return label, mac, ambiguous
 
 

@@ -17,10 +17,14 @@ from squealstudy.modes.tracking.labels import Tracks
 
 
 class Followed(NamedTuple):
-    """Tracks, the table of onsets (None without a sweep), and how they came about."""
+    """Tracks, the table of onsets (None without a sweep), and how they came about.
+
+    `seconds` has the time spent on design points between those of the study, by what they are for.
+    """
 
     tracks: Tracks
     onsets: pd.DataFrame | None
+    seconds: dict[str, float]
     summary: dict[str, Any]
 
 
@@ -52,8 +56,9 @@ def follow_modes(
     summary: dict[str, Any] = {}
     tracks, summary["tracking"] = follower.follow(section.refine_tracking)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
+    seconds = {"tracking_refinement_s": follower.seconds}
     if along is None:
-        return Followed(tracks, None, summary)
+        return Followed(tracks, None, seconds, summary)
     kept = ~columns.overdamped
     search = OnsetSearch(
         plan=plan,
@@ -65,4 +70,5 @@ def follow_modes(
         error=error[kept],
     )
     onsets, summary["onsets"] = search.table(section.refine_onsets, workers)
-    return Followed(tracks, onsets, summary)
+    seconds["onset_refinement_s"] = search.seconds
+    return Followed(tracks, onsets, seconds, summary)

@@ -17,6 +17,7 @@ DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is u
 PASSING = 1.2  # trust in a pair whose frequency passes that of another
 CLEAR = 0.99  # but for a MAC above this: a crossing
 EDGE = 1.5  # a mode may come or go at an edge of the band within this times the largest change
+ROUNDING = 1e-9  # costs nearer to each other than this are told apart by the assignment alone
 BLOCK = 40  # modes whose MAC is taken together: only those within the frequency window count
 
 
@@ -70,14 +71,14 @@ def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
 
 
 def squares(a: np.ndarray) -> np.ndarray:
-    """Squared 2-norm of each row (m,)."""
-    total: np.ndarray = np.einsum("ij,ij->i", a.real, a.real)
-    return total + np.einsum("ij,ij->i", a.imag, a.imag)
+    """Squared 2-norm of each row (..., m)."""
+    total: np.ndarray = np.einsum("...j,...j->...", a.real, a.real)
+    return total + np.einsum("...j,...j->...", a.imag, a.imag)
 
 
 def _mac(a: np.ndarray, b: np.ndarray, a2: np.ndarray, b2: np.ndarray) -> np.ndarray:
-    product = a.conj() @ b.T
-    size = a2[:, None] * b2
+    product = a.conj() @ b.swapaxes(-1, -2)
+    size = a2[..., :, None] * b2[..., None, :]
     value: np.ndarray = product.real**2 + product.imag**2
     value /= np.maximum(size, np.finfo(size.dtype).tiny, out=size)
     return np.minimum(value, 1.0, out=value)
@@ -106,118 +107,160 @@ def pair_modes(
     expected : ndarray (ma,) complex or None
         Where the roots of a are expected at b; None: where they are at a.
     """
-    from scipy.optimize import linear_sum_assignment
+    there = lam_a if expected is None else expected
+    found = pair_many(lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None])
+    return Pairing(*(part[0] for part in found))
 
-    partner = np.full(len(lam_a), -1)
-    macs = np.full(len(lam_a), np.nan)
-    trust = np.full(len(lam_a), np.inf)
-    if not len(lam_a) or not len(lam_b):
-        return Pairing(partner, macs, np.zeros(len(lam_a), dtype=bool), trust)
-    far, tie = _distance(lam_a if expected is None else expected, lam_b)
-    value = _mac_within(shapes_a, shapes_b, far < UNPAIRED)
+
+def pair_many(
+    lam_a: np.ndarray,
+    shapes_a: np.ndarray,
+    lam_b: np.ndarray,
+    shapes_b: np.ndarray,
+    expected: np.ndarray,
+) -> Pairing:
+    """`pair_modes` of n pairs of design points that have as many modes each: arrays (n, ...)."""
+    n, count = lam_a.shape
+    if not count or not lam_b.shape[1]:
+        alone, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
+        return Pairing(alone, unknown, np.zeros((n, count), bool), np.full((n, count), np.inf))
+    far, tie = _distance(expected, lam_b)
+    value = _macs(shapes_a, shapes_b, far < UNPAIRED)
     cost = np.minimum(1.0 - value + far + tie, UNPAIRED)
-    rows, columns = linear_sum_assignment(cost)
-    taken = cost[rows, columns] < UNPAIRED
-    rows, columns = rows[taken], columns[taken]
-    partner[rows], macs[rows] = columns, value[rows, columns]
-    rival = _rival(cost, rows, columns) / RIVAL
-    trust[rows] = np.minimum(rival, macs[rows] / LOW_MAC)
-    ambiguous = np.zeros(len(lam_a), dtype=bool)
-    ambiguous[rows] = (rival <= 1.0) | (macs[rows] < LOW_MAC)
-    unclear = macs[rows] < CLEAR
-    passing = _passing(lam_a[rows], lam_b[columns])
-    trust[rows[unclear]] = np.minimum(trust[rows], passing)[unclear]
-    trust[_lost(far, partner)] = 1.0
+    partner = _partners(cost)
+    paired = partner >= 0
+    column = np.where(paired, partner, 0)
+    macs = np.where(paired, _taken(value, column).astype(float), np.nan)
+    rival = np.where(paired, _rivals(cost, paired, column) / RIVAL, np.inf)
+    ambiguous = paired & ((rival <= 1.0) | (macs < LOW_MAC))
+    trust = np.where(paired, np.minimum(rival, macs / LOW_MAC), np.inf)
+    passing = _passing(lam_a, np.take_along_axis(lam_b, column, axis=1), paired)
+    trust = np.where(passing & (macs < CLEAR), np.minimum(trust, PASSING), trust)
+    trust[_lost(far, paired, column)] = 1.0
     return Pairing(partner, macs, ambiguous, trust)
 
 
+def _taken(table: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Of each row of tables (n, ma, mb) the value in its column (n, ma)."""
+    return np.take_along_axis(table, column[:, :, None], axis=2)[:, :, 0]
+
+
 def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distance of each pair (ma, mb) as a cost, and what decides between equal pairings.
+    """Distance of each pair (n, ma, mb) as a cost, and what decides between equal pairings.
 
     At an undamped lock-in both pairings cost the same: a term far below all others then sends the
     mode of lower frequency on with the higher growth, so that rounding does not decide.
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
-    zeta_a, zeta_b = -expected.real / size_a, -lam_b.real / size_b
-    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / PAIR_FREQUENCY
-    far += np.abs(zeta_b - zeta_a[:, None]) / PAIR_DAMPING
-    return far, (size_a / size_a.max())[:, None] * (-TIE * zeta_b)
+    zeta_a, zeta_b = -expected.real / size_a, (-lam_b.real / size_b)[:, None, :]
+    far = np.abs(np.log(size_b)[:, None, :] - np.log(size_a)[:, :, None]) / PAIR_FREQUENCY
+    far += np.abs(zeta_b - zeta_a[:, :, None]) / PAIR_DAMPING
+    share = size_a / size_a.max(axis=1, keepdims=True)
+    return far, share[:, :, None] * (-TIE * zeta_b)
 
 
-def _mac_within(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """MAC (ma, mb) of the pairs that are near enough; zero or MAC of others.
+def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """MAC (n, ma, mb) of the pairs that are near enough; zero or MAC of others.
 
     Modes come roughly by frequency, so that a block of them sees a part of the others only.
     """
     a2, b2 = squares(a), squares(b)
-    if len(a) <= BLOCK:
+    if a.shape[1] <= BLOCK:
         return _mac(a, b, a2, b2)
     value = np.zeros(near.shape, dtype=a2.dtype)
-    for start in range(0, len(a), BLOCK):
-        rows = slice(start, start + BLOCK)
-        seen = np.flatnonzero(near[rows].any(axis=0))
-        if len(seen):
-            columns = slice(seen[0], seen[-1] + 1)
-            value[rows, columns] = _mac(a[rows], b[columns], a2[rows], b2[columns])
+    for i in range(len(a)):
+        for start in range(0, a.shape[1], BLOCK):
+            rows = slice(start, start + BLOCK)
+            seen = np.flatnonzero(near[i, rows].any(axis=0))
+            if len(seen):
+                columns = slice(seen[0], seen[-1] + 1)
+                sides = a[i, rows], b[i, columns], a2[i, rows], b2[i, columns]
+                value[i, rows, columns] = _mac(*sides)
     return value
 
 
-def _rival(cost: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Cost of the next best choice of each chosen pair, relative to its own cost (n,).
+def _partners(cost: np.ndarray) -> np.ndarray:
+    """Column of each row in the assignment of least total cost (n, ma), -1 where none is worth it.
+
+    Where the cheapest columns of all rows are different ones, by more than rounding, they are the
+    assignment: no other can be as cheap. What is left is solved one by one.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    least, best = cost.min(axis=2), cost.argmin(axis=2)
+    rest = cost.copy()
+    np.put_along_axis(rest, best[:, :, None], UNPAIRED, axis=2)
+    alone = least >= UNPAIRED
+    clear = alone | (rest.min(axis=2) - least > ROUNDING)
+    rows = np.arange(cost.shape[1])
+    partner = np.where(alone, -1, best)
+    ordered = np.sort(np.where(alone, -1 - rows, best), axis=1)
+    clear[:, 0] &= (np.diff(ordered, axis=1) != 0).all(axis=1)
+    for i in np.flatnonzero(~clear.all(axis=1)):
+        own, columns = linear_sum_assignment(cost[i])
+        taken = cost[i][own, columns] < UNPAIRED
+        partner[i] = -1
+        partner[i, own[taken]] = columns[taken]
+    return partner
+
+
+def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Cost of the next best choice of each chosen pair, relative to its own cost (n, ma).
 
     It exchanges partners with another pair, and then the costs of both count; or it takes a mode
     that has no partner at all. Infinite where there is no other choice.
     """
     least = 1e-300  # the cost of a pair that did not change is zero but for rounding
-    chosen = cost[rows] if len(rows) < cost.shape[0] else cost
-    swapped = chosen.take(columns, axis=1)
-    own = swapped.diagonal().copy()
-    ratio = swapped + swapped.T
-    ratio /= np.maximum(own[:, None] + own, least)
-    ratio.flat[:: len(own) + 1] = np.inf
-    best: np.ndarray = ratio.min(axis=1, initial=np.inf)
-    for others in (_without(chosen.T, columns).T, _without(cost, rows).take(columns, axis=1).T):
-        if others.size:
-            free = np.where(others < UNPAIRED, others, np.inf).min(axis=1)
-            best = np.minimum(best, free / np.maximum(own, least))
+    n, count = column.shape
+    swapped = np.take_along_axis(cost, np.broadcast_to(column[:, None, :], (n, count, count)), 2)
+    own = np.einsum("nii->ni", swapped)
+    ratio = swapped + swapped.transpose(0, 2, 1)
+    ratio /= np.maximum(own[:, :, None] + own[:, None, :], least)
+    ratio[:, np.arange(count), np.arange(count)] = np.inf
+    if not paired.all():
+        ratio[np.broadcast_to(~paired[:, None, :], ratio.shape)] = np.inf
+    best: np.ndarray = ratio.min(axis=2)
+    free = np.ones((n, cost.shape[2]), dtype=bool)  # columns without a pair
+    np.put_along_axis(free, column, False, axis=1)
+    if not paired.all():
+        i, row = np.nonzero(paired)
+        free[:] = True
+        free[i, column[i, row]] = False
+        by_row = np.where(~paired[:, :, None] & (swapped < UNPAIRED), swapped, np.inf).min(axis=1)
+        best = np.minimum(best, by_row / np.maximum(own, least))
+    if free.any():
+        others = np.where(free[:, None, :] & (cost < UNPAIRED), cost, np.inf).min(axis=2)
+        best = np.minimum(best, others / np.maximum(own, least))
     return best
 
 
-def _without(a: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The other rows of an array."""
-    if len(rows) == len(a):
-        return a[:0]
-    kept = np.ones(len(a), dtype=bool)
-    kept[rows] = False
-    return a[kept]
-
-
-def _passing(lam_a: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
-    """PASSING for each pair whose frequency passes that of another pair, else infinite (n,).
+def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.ndarray:
+    """Pairs (n, ma) whose frequency passes that of another pair.
 
     Whether two modes cross or veer, their shapes tell at close quarters only.
     """
-    order_a, order_b = np.abs(lam_a).argsort(), np.abs(lam_b).argsort()
-    place = np.empty(len(lam_a), dtype=int)
-    place[order_b] = np.arange(len(lam_a))
-    ranks = place[order_a]  # ascending but for modes that pass each other
-    if not len(ranks):
-        return np.zeros(0)
-    passing = (np.maximum.accumulate(ranks) > ranks) | (
-        np.minimum.accumulate(ranks[::-1])[::-1] < ranks
-    )
-    found = np.full(len(lam_a), np.inf)
-    found[order_a[passing]] = PASSING
-    return found
+    sizes = (np.where(paired, np.abs(lam), np.inf) for lam in (lam_a, lam_b))
+    order_a, order_b = (size.argsort(axis=1, kind="stable") for size in sizes)
+    place = np.empty_like(order_b)
+    np.put_along_axis(place, order_b, np.arange(place.shape[1])[None, :], axis=1)
+    ranks = np.take_along_axis(place, order_a, axis=1)  # ascending but for modes that pass
+    least_after = np.minimum.accumulate(ranks[:, ::-1], axis=1)[:, ::-1]
+    passing = (np.maximum.accumulate(ranks, axis=1) > ranks) | (least_after < ranks)
+    found = np.empty_like(passing)
+    np.put_along_axis(found, order_a, passing, axis=1)
+    return found & paired
 
 
-def _lost(far: np.ndarray, partner: np.ndarray) -> np.ndarray:
-    """Modes without partner that have another such mode nearby: a step too long, perhaps."""
-    alone = (partner < 0).nonzero()[0]
-    if not len(alone):
-        return alone
-    free = _without(far.T, partner[partner >= 0]).T
-    return alone[(free[alone] < LOST).any(axis=1)]
+def _lost(far: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Modes (n, ma) without partner near another such mode: a step too long, perhaps."""
+    lost = np.zeros(paired.shape, dtype=bool)
+    if paired.all():
+        return lost
+    free = np.ones((far.shape[0], far.shape[2]), dtype=bool)
+    i, row = np.nonzero(paired)
+    free[i, column[i, row]] = False
+    lost[:] = ~paired & ((far < LOST) & free[:, None, :]).any(axis=2)
+    return lost
 
 
 def broken(
@@ -248,7 +291,7 @@ def broken(
     a, b = np.flatnonzero(partner < 0), np.flatnonzero(began)
     began[:] = False
     if len(a) and len(b):
-        near = _distance(lam_a[a], lam_b[b])[0] < LOST
+        near = _distance(lam_a[a][None], lam_b[b][None])[0][0] < LOST
         if band is not None:
             ratio = np.abs(lam_b[partner[paired]]) / np.abs(lam_a[paired])
             reach = EDGE * np.abs(np.log(ratio)).max(initial=0.0)

@@ -134,23 +134,23 @@ def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
     return sp.csr_matrix((length, (edges[:, 0], edges[:, 1])), shape=(n, n))
 
 
-def levels(parents: Sequence[int], counts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
+def tree_of_modes(parents: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The tree without the points that have no modes.
 
     Parameters
     ----------
-    parents : sequence of int (n,)
+    parents : ndarray (n,) of int
         -1 for a root.
-    counts : sequence of int (n,)
+    counts : ndarray (n,) of int
         Number of modes of each point.
 
     Returns
     -------
-    attached : list of int
+    attached : ndarray (n,) of int
         Nearest ancestor with modes; where there is none, the first point with modes below the
-        same root; -1 for that one and for points without modes.
-    rows : list of lists of int
-        Points with modes by depth in that tree, each in ascending order.
+        same root, by depth, then by number; -1 for that one and for points without modes.
+    depth : ndarray (n,) of int
+        Of each point in that tree; 0 for points without modes.
 
     Raises
     ------
@@ -158,39 +158,37 @@ def levels(parents: Sequence[int], counts: Sequence[int]) -> tuple[list[int], li
         Where a parent is no point, or parents form a cycle.
     """
     n = len(parents)
-    anchor = [-1] * n  # the point itself or its nearest ancestor with modes
-    root = list(range(n))
-    attached, depth = [-1] * n, [0] * n
-    first: dict[int, int] = {}
-    rows: list[list[int]] = []
-    for i in _from_the_roots(parents):
-        p = int(parents[i])
-        root[i] = i if p < 0 else root[p]
-        anchor[i] = -1 if p < 0 else anchor[p]
-        if not counts[i]:
-            continue
-        attached[i] = anchor[i] if anchor[i] >= 0 else first.get(root[i], -1)
-        first.setdefault(root[i], i)
-        anchor[i] = i
-        depth[i] = 0 if attached[i] < 0 else depth[attached[i]] + 1
-        rows.extend([] for _ in range(depth[i] + 1 - len(rows)))
-        rows[depth[i]].append(i)
-    return attached, [sorted(row) for row in rows]
+    for i in np.flatnonzero((parents < -1) | (parents >= n))[:1]:
+        raise ValueError(f"point {i} has the parent {parents[i]}, expected -1 to {n - 1}")
+    depth, root = _depths(parents)
+    filled = counts > 0
+    attached = parents.copy()
+    while len(i := np.flatnonzero((attached >= 0) & ~filled[attached])):
+        attached[i] = attached[attached[i]]
+    attached[~filled] = -1
+    first = np.full(n, -1)  # of each root: the first point with modes below it
+    order = np.lexsort((depth, root))
+    order = order[filled[order]]
+    roots, place = np.unique(root[order], return_index=True)
+    first[roots] = order[place]
+    loose = np.flatnonzero(filled & (attached < 0))
+    attached[loose] = np.where(first[root[loose]] == loose, -1, first[root[loose]])
+    return attached, np.where(filled, _depths(attached)[0], 0)
 
 
-def _from_the_roots(parents: Sequence[int]) -> list[int]:
-    """Points by depth, then by index."""
+def _depths(parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and root of each point; ValueError where parents form a cycle.
+
+    Each round doubles the distance to the ancestor that a point knows.
+    """
     n = len(parents)
-    children: list[list[int]] = [[] for _ in range(n)]
-    row: list[int] = []
-    for i, p in enumerate(parents):
-        if not -1 <= p < n:
-            raise ValueError(f"point {i} has the parent {p}, expected -1 to {n - 1}")
-        (row if p < 0 else children[p]).append(i)
-    order: list[int] = []
-    while row:
-        order += row
-        row = sorted(c for i in row for c in children[i])
-    if len(order) < n:
+    ancestor, depth = np.where(parents < 0, np.arange(n), parents), (parents >= 0).astype(np.int64)
+    for _ in range(max(n, 2).bit_length()):
+        further = ancestor[ancestor]
+        if np.array_equal(further, ancestor):
+            break
+        depth += depth[ancestor]
+        ancestor = further
+    if n and (parents[ancestor] >= 0).any():
         raise ValueError("parents form a cycle")
-    return order
+    return depth, ancestor

@@ -1,0 +1,70 @@
+"""Arrays of different lengths, one a design point, in one array: a million of them cost no more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+
+class Ragged:
+    """Rows of different lengths, one after the other in one array.
+
+    Attributes
+    ----------
+    flat : ndarray (N,)
+        Values of all rows.
+    counts : ndarray (n,) of int
+        Length of each row.
+    starts : ndarray (n,) of int
+        Place of its first value in `flat`.
+    """
+
+    def __init__(self, flat: np.ndarray, counts: np.ndarray) -> None:
+        if counts.sum() != len(flat):
+            raise ValueError(f"{len(flat)} values do not fill rows of {int(counts.sum())}")
+        self.flat, self.counts = flat, counts
+        self.starts = np.cumsum(counts) - counts
+
+    @classmethod
+    def of(cls, rows: Iterable[np.ndarray]) -> Ragged:
+        """Of separate arrays (m,)."""
+        found = [np.asarray(row) for row in rows]
+        flat = np.concatenate(found) if found else np.zeros(0)
+        return cls(flat, np.array([len(row) for row in found], dtype=np.int64))
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.counts)
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        """Values of a row, no copy."""
+        start = self.starts[row]
+        values: np.ndarray = self.flat[start : start + self.counts[row]]
+        return values
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """The rows in order."""
+        return (self[row] for row in range(len(self)))
+
+    @property
+    def owner(self) -> np.ndarray:
+        """Row of each value (N,)."""
+        return np.repeat(np.arange(len(self)), self.counts)
+
+    def with_flat(self, flat: np.ndarray) -> Ragged:
+        """Rows of the same lengths with other values (N,)."""
+        return Ragged(flat, self.counts)
+
+    def block(self, rows: np.ndarray, count: int) -> np.ndarray:
+        """Places in `flat` (r, count) of rows of that length."""
+        places: np.ndarray = self.starts[rows][:, None] + np.arange(count)
+        return places
+
+    def least(self) -> np.ndarray:
+        """Least value of each row (n,); infinite of an empty one."""
+        found = np.full(len(self), np.inf)
+        filled = np.flatnonzero(self.counts)
+        if len(filled):
+            found[filled] = np.minimum.reduceat(self.flat, self.starts[filled])
+        return found
