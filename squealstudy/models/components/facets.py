@@ -64,9 +64,10 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
 
 
 def boundary(mesh: SolidMesh) -> np.ndarray:
-    """Faces (p, 2) of only one element: its place, number of the face from 1."""
+    """Faces (p, 2) of only one element: its place, number of the face from 1; ascending."""
     faces, corners = _all_faces(mesh)
-    return faces[_times(corners) == 1]
+    outer = faces[_times(corners) == 1]
+    return outer[np.lexsort(outer.T[::-1])]
 
 
 def shared_too_often(mesh: SolidMesh) -> np.ndarray:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from squealstudy.models.fem.solid import Isotropic
 
 PER_LINE = 16  # the most entries of a line that these codes read
 NUMBER = "{:.13e}"  # 20 characters at most
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_. +-]{0,79}", re.ASCII)
 WRITTEN = {"C3D8_BBAR": "C3D8"}  # names that are ours only
 
 
@@ -28,8 +31,23 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     path : Path
     steps : sequence of str
         Lines to add at the end.
+
+    Raises
+    ------
+    ModelError
+        A name that such a file cannot hold.
     """
-    with path.open("w", encoding="ascii", errors="strict", newline="\n") as handle:
+    for names in (
+        mesh.node_sets,
+        mesh.element_sets,
+        mesh.surfaces,
+        mesh.materials,
+        mesh.orientations,
+    ):
+        for name in names:
+            if not NAME.fullmatch(name):
+                raise mesh.error(f"'{name}' cannot be written as a name of a set or material")
+    with path.open("w", encoding="ascii", newline="\n") as handle:
         for line in (*_lines(mesh), *steps):
             handle.write(line + "\n")
 
@@ -44,10 +62,10 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
             yield from _wrapped([label, *nodes])
     for name, members in mesh.node_sets.items():
         yield f"*NSET, NSET={name}"
-        yield from _wrapped(mesh.numbers[members], PER_LINE)
+        yield from _wrapped(mesh.numbers[members])
     for name, members in mesh.element_sets.items():
         yield f"*ELSET, ELSET={name}"
-        yield from _wrapped(mesh.labels[members], PER_LINE)
+        yield from _wrapped(mesh.labels[members])
     for name, faces in mesh.surfaces.items():
         yield f"*SURFACE, NAME={name}, TYPE=ELEMENT"
         for element, face in faces:
@@ -56,22 +74,35 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
         yield from _material(name, material)
     for name, axes in mesh.orientations.items():
         yield from _orientation(name, axes)
-    pairs = list(zip(mesh.material, mesh.orientation, strict=True))
-    for number, (material_name, axes_name) in enumerate(sorted(set(pairs)), start=1):
-        if material_name:
-            own = [i for i, pair in enumerate(pairs) if pair == (material_name, axes_name)]
-            yield f"*ELSET, ELSET=SECTION_{number}"
-            yield from _wrapped(mesh.labels[own], PER_LINE)
-            axes_part = f", ORIENTATION={axes_name}" if axes_name else ""
-            yield f"*SOLID SECTION, ELSET=SECTION_{number}, MATERIAL={material_name}{axes_part}"
+    yield from _sections(mesh)
 
 
-def _wrapped(numbers: Sequence[int] | np.ndarray, per_line: int = PER_LINE) -> Iterator[str]:
-    """Numbers in lines; of an element each but the last ends in a comma."""
+def _sections(mesh: SolidMesh) -> Iterator[str]:
+    """Sections of element sets that there are, or of sets made for them."""
+    pairs = np.char.add(np.char.add(mesh.material.astype(str), "\n"), mesh.orientation.astype(str))
+    taken = {name.upper() for name in mesh.element_sets}
+    for pair in sorted(set(pairs)):
+        material, axes = pair.split("\n")
+        if not material:
+            continue
+        own = np.flatnonzero(pairs == pair)
+        same = (n for n, members in mesh.element_sets.items() if np.array_equal(members, own))
+        name = next(same, "")
+        if not name:
+            name = next(n for k in count(1) if (n := f"SECTION_{k}") not in taken)
+            taken.add(name)
+            yield f"*ELSET, ELSET={name}"
+            yield from _wrapped(mesh.labels[own])
+        more = f", ORIENTATION={axes}" if axes else ""
+        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={material}{more}"
+
+
+def _wrapped(numbers: Sequence[int] | np.ndarray) -> Iterator[str]:
+    """Numbers in lines, each but the last with a comma at its end."""
     words = [str(n) for n in numbers]
-    for at in range(0, len(words), per_line):
-        more = "," if at + per_line < len(words) else ""
-        yield ", ".join(words[at : at + per_line]) + more
+    for at in range(0, len(words), PER_LINE):
+        more = "," if at + PER_LINE < len(words) else ""
+        yield ", ".join(words[at : at + PER_LINE]) + more
 
 
 def _material(name: str, material: Elastic) -> Iterator[str]:

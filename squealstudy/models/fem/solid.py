@@ -81,6 +81,7 @@ class TransverselyIsotropic:
 
 
 Material = Isotropic | TransverselyIsotropic
+SINGULAR = 1e-13  # relative: compliances below this are round-off, as with nu = 0.5
 
 
 def orthotropic_stiffness(
@@ -102,7 +103,8 @@ def orthotropic_stiffness(
     S[0, 2] = S[2, 0] = -nu_xz / E[0]
     S[1, 2] = S[2, 1] = -nu_yz / E[1]
     S[3, 3], S[4, 4], S[5, 5] = 1 / G[0], 1 / G[1], 1 / G[2]
-    if np.linalg.eigvalsh(S)[0] <= 0:
+    compliances = np.linalg.eigvalsh(S)
+    if compliances[0] <= SINGULAR * compliances[-1]:
         raise ModelError(f"elastic constants E={E}, nu={nu} give no positive definite stiffness")
     return np.linalg.inv(S)
 

@@ -1,0 +1,258 @@
+"""Components from keyword files of Abaqus and CalculiX (``.inp``)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_cards import Card, read_cards
+from squealstudy.models.components.inp_component import READ, Component, Text, passed
+from squealstudy.models.components.inp_keywords import ELEMENTS, PASSED_OVER, REFUSED
+from squealstudy.models.components.inp_materials import MaterialText
+from squealstudy.models.components.mesh import PassedOver, SolidMesh
+
+Dialect = Literal["abaqus", "calculix"]
+OWN = ("C3D8_BBAR",)  # formulations that no file can name
+ABAQUS_ONLY = ("PART", "ASSEMBLY", "INSTANCE")
+OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE")
+
+
+@dataclass
+class Instance:
+    """An ``*INSTANCE``: its own card, and what stands up to its end."""
+
+    card: Card
+    cards: list[Card] = field(default_factory=list)
+
+
+@dataclass
+class Contents:
+    """The cards of a file by where they stand."""
+
+    model: list[Card] = field(default_factory=list)  # of a file without parts
+    parts: dict[str, list[Card]] = field(default_factory=dict)
+    instances: dict[str, Instance] = field(default_factory=dict)
+    assembly: list[Card] = field(default_factory=list)
+    materials: dict[str, MaterialText] = field(default_factory=dict)
+    passed_over: list[PassedOver] = field(default_factory=list)
+    abaqus: bool = False
+
+
+def read_inp(
+    path: Path,
+    part: str | None = None,
+    *,
+    dialect: Dialect | None = None,
+    treat_as: Mapping[str, str] | None = None,
+    pass_over: Collection[str] = (),
+) -> SolidMesh:
+    """A component from a file of Abaqus or CalculiX, in its units.
+
+    Parameters
+    ----------
+    path : Path
+    part : str or None
+        Which instance of an assembly, placed as the file says; in a file without parts an element
+        set. Needed where there are several instances.
+    dialect : str or None
+        abaqus or calculix: whose C3D8 it is (`C3D8_BBAR` or `C3D8`). By default abaqus where the
+        file has parts.
+    treat_as : dict of str -> str
+        Elements of the file and the formulation to read them as, such as C3D8R as C3D8I.
+    pass_over : collection of str
+        Keywords to pass over that would be refused, such as TIE.
+
+    Returns
+    -------
+    SolidMesh
+        `passed_over` lists every keyword that is not in it.
+
+    Raises
+    ------
+    ModelError
+        With file and line: what is malformed, not supported, or refers to what is not there.
+    """
+    contents = _sorted(read_cards(path), {_plain(keyword) for keyword in pass_over})
+    elements = _elements(path, dialect or ("abaqus" if contents.abaqus else "calculix"), treat_as)
+    text = _text(path, contents, part, elements)
+    text.passed_over += contents.passed_over
+    mesh = Component(text).mesh()
+    if part is None or contents.parts:
+        return mesh
+    return mesh.part(mesh.find("element_sets", part))
+
+
+def _plain(keyword: str) -> str:
+    return "".join(keyword.split()).lstrip("*").upper()
+
+
+def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) -> dict[str, str]:
+    """Formulation of each type of element of a file."""
+    found = {name: name for name in FORMULATIONS if name not in OWN}
+    if dialect == "abaqus":
+        found["C3D8"] = "C3D8_BBAR"
+    for written, name in (treat_as or {}).items():
+        if name not in FORMULATIONS:
+            known = ", ".join(FORMULATIONS)
+            raise ModelError(f"{path}: treat_as {written} = '{name}': expected one of {known}")
+        if written.upper() not in (*found, *ELEMENTS):
+            raise ModelError(
+                f"{path}: treat_as: '{written}' is no solid element that is known here"
+            )
+        found[written.upper()] = name
+    return found
+
+
+def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[str, str]) -> Text:
+    """What the component asked for is made of."""
+    placed = (np.eye(3), np.zeros(3))
+    if contents.parts and contents.model:
+        raise contents.model[0].error(f"{contents.model[0].shown} stands outside of the parts")
+    if contents.instances:
+        instance = contents.instances[_chosen(path, "instance", list(contents.instances), part)]
+        return _of_instance(contents, path, instance, elements)
+    cards = contents.model
+    if contents.parts:
+        cards = contents.parts[_chosen(path, "part", list(contents.parts), part)]
+    if not cards:
+        raise ModelError(f"{path}: there are no nodes and elements")
+    return Text(path, cards, (), "", contents.materials, *placed, elements)
+
+
+def _chosen(path: Path, what: str, names: list[str], name: str | None) -> str:
+    """The name asked for, in capitals, or the only one."""
+    if name is None and len(names) > 1:
+        listed = ", ".join(names)
+        raise ModelError(f"{path} has {len(names)} {what}s ({listed}): expected the name of one")
+    chosen = names[0] if name is None else name.upper()
+    if chosen not in names:
+        raise ModelError(f"{path} has no {what} '{name}'; it has {', '.join(names)}")
+    return chosen
+
+
+def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
+    """Where each card belongs; ModelError about cards that are refused or in a wrong place."""
+    contents = Contents()
+    inside: list[Card] = []  # *PART, *ASSEMBLY, *INSTANCE, *STEP that are open
+    material: MaterialText | None = None
+    for card in cards:
+        keyword = card.keyword
+        if inside and inside[-1].keyword == "STEP":
+            if keyword == "ENDSTEP":
+                inside.pop()
+            continue
+        if keyword.startswith("END") and keyword[3:] in (*ABAQUS_ONLY, "STEP"):
+            if not inside or inside[-1].keyword != keyword[3:]:
+                raise card.error(f"{card.shown}: there is no open *{keyword[3:]}")
+            inside.pop()
+        elif keyword == "STEP":
+            contents.passed_over.append(passed(card, "steps are stated in the study"))
+            inside.append(card)
+        elif keyword in ABAQUS_ONLY:
+            contents.abaqus = True
+            _open(contents, card, inside)
+            inside.append(card)
+        elif keyword in pass_over:
+            contents.passed_over.append(passed(card, "as asked for"))
+        elif keyword == "MATERIAL":
+            name = card.value("NAME")
+            if name.upper() in contents.materials:
+                raise card.error(f"there is a material '{name}' already")
+            material = contents.materials[name.upper()] = MaterialText(name, card)
+        elif keyword in ("DENSITY", "ELASTIC"):
+            if material is None:
+                raise card.error(f"{card.shown} belongs after a *MATERIAL")
+            material.add(card)
+        elif keyword in PASSED_OVER:
+            contents.passed_over.append(passed(card, PASSED_OVER[keyword]))
+        elif keyword in REFUSED:
+            raise card.error(
+                f"{card.shown} is not supported: {REFUSED[keyword]}; or name it in pass_over"
+            )
+        elif keyword in READ:
+            _place(contents, card, inside)
+        else:
+            raise card.error(
+                f"{card.shown} is not known here: remove it, or name it in pass_over if neither "
+                "mass nor stiffness depend on it"
+            )
+    if inside:
+        raise inside[-1].error(f"{inside[-1].shown} has no end")
+    return contents
+
+
+def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
+    within = inside[-1].keyword if inside else ""
+    if within != ("ASSEMBLY" if card.keyword == "INSTANCE" else ""):
+        raise card.error(f"{card.shown} cannot stand {'within *' + within if within else 'here'}")
+    card.check(("NAME", "PART") if card.keyword == "INSTANCE" else ("NAME",))
+    if card.keyword == "ASSEMBLY":
+        return
+    name = card.value("NAME").upper()
+    if name in (contents.parts if card.keyword == "PART" else contents.instances):
+        raise card.error(f"there is a {card.keyword.lower()} '{name}' already")
+    if card.keyword == "PART":
+        contents.parts[name] = []
+    else:
+        contents.instances[name] = Instance(card)
+
+
+def _place(contents: Contents, card: Card, inside: list[Card]) -> None:
+    """A card of nodes, elements, sets, surfaces or sections, where it belongs."""
+    within = inside[-1].keyword if inside else ""
+    if not within:
+        contents.model.append(card)
+    elif within == "PART":
+        contents.parts[inside[-1].value("NAME").upper()].append(card)
+    elif within == "INSTANCE":
+        contents.instances[inside[-1].value("NAME").upper()].cards.append(card)
+    elif card.keyword in OF_ASSEMBLY:
+        contents.assembly.append(card)
+    elif card.keyword == "NODE":
+        contents.passed_over.append(passed(card, "nodes of the assembly belong to no component"))
+    else:
+        raise card.error(f"{card.shown} in the assembly is not supported: {REFUSED['COUPLING']}")
+
+
+def _of_instance(
+    contents: Contents, path: Path, instance: Instance, elements: Mapping[str, str]
+) -> Text:
+    card = instance.card
+    name = card.value("PART").upper()
+    if name not in contents.parts:
+        known = ", ".join(contents.parts) or "none"
+        raise card.error(f"there is no part '{name}'; there is {known}")
+    turn, shift = _placement(card)
+    cards = [*contents.parts[name], *instance.cards]
+    own = card.value("NAME").upper()
+    return Text(path, cards, contents.assembly, own, contents.materials, turn, shift, elements)
+
+
+def _placement(card: Card) -> tuple[np.ndarray, np.ndarray]:
+    """Turn and shift of an instance: a point x goes to turn x + shift.
+
+    The file has a line of a shift, and a line of a turn that follows it: two points on its axis
+    and the angle [deg].
+    """
+    if len(card.data) > 2:
+        raise card.data[2].error("expected at most a line of a shift and a line of a turn")
+    numbers = [[line.real(w, "a number") for w in line.words()] for line in card.data]
+    for line, found, count in zip(card.data, numbers, (3, 7), strict=False):
+        if len(found) != count:
+            raise line.error(f"expected {count} numbers, found {len(found)}")
+    shift = np.array(numbers[0]) if numbers else np.zeros(3)
+    if len(numbers) < 2:
+        return np.eye(3), shift
+    a, b, angle = np.array(numbers[1][:3]), np.array(numbers[1][3:6]), np.deg2rad(numbers[1][6])
+    if not np.linalg.norm(b - a) > 0:
+        raise card.data[1].error("the two points of the axis are one")
+    x, y, z = (b - a) / np.linalg.norm(b - a)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return turn, turn @ (shift - a) + a

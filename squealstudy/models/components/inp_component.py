@@ -1,0 +1,382 @@
+"""One component out of the cards of a file: nodes, elements, sets, surfaces, sections."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.models.components.facets import boundary
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_keywords import ELEMENTS
+from squealstudy.models.components.inp_materials import MaterialText, read_orientation
+from squealstudy.models.components.inp_sets import NOTHING, Sets
+from squealstudy.models.components.materials import Elastic, Orientation
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+
+NODE = ("NSET", "INPUT")
+ELEMENT = ("TYPE", "ELSET", "INPUT")
+SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
+SURFACE = ("NAME", "TYPE", "INTERNAL")
+SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
+READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "SOLIDSECTION", "ORIENTATION")
+
+
+@dataclass
+class Text:
+    """What one component is made of.
+
+    Attributes
+    ----------
+    path : Path
+        The file asked for.
+    part : list of Card
+        Of the part and its instance, or of a file without parts.
+    assembly : list of Card
+        Sets and surfaces of the assembly.
+    instance : str
+        In capitals; empty without parts.
+    materials : dict of str -> MaterialText
+        By their names in capitals.
+    turn, shift : ndarray
+        Placement of the instance: x goes to turn x + shift.
+    elements : dict of str -> str
+        Types of elements of the file, in capitals, and their formulation here.
+    """
+
+    path: Path
+    part: Sequence[Card]
+    assembly: Sequence[Card]
+    instance: str
+    materials: Mapping[str, MaterialText]
+    turn: np.ndarray
+    shift: np.ndarray
+    elements: Mapping[str, str]
+    passed_over: list[PassedOver] = field(default_factory=list)
+
+    def note(self, card: Card, why: str) -> None:
+        """Report a card that is passed over, or of which something is."""
+        self.passed_over.append(passed(card, why))
+
+
+def passed(card: Card, why: str) -> PassedOver:
+    """A card for the report of what is passed over."""
+    return PassedOver(card.shown, card.line.file.path, card.line.place + 1, why)
+
+
+class Component:
+    """Reads the cards of a component; `mesh` is what they say."""
+
+    def __init__(self, text: Text) -> None:
+        self.text = text
+        self.numbers, self.nodes = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        self.node_sets, self.element_sets = Sets("node"), Sets("element")
+        self.of_assembly = (
+            Sets("node", self.node_sets, text.instance),
+            Sets("element", self.element_sets, text.instance),
+        )
+        self.blocks: list[ElementBlock] = []
+        self.labels = np.zeros(0, dtype=np.int64)  # of all elements, block after block
+        self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
+
+    def mesh(self) -> SolidMesh:
+        """The component; ModelError about the line of what is wrong or not supported."""
+        self._read_nodes()
+        self._read_elements()
+        self._collect_sets()
+        mesh = SolidMesh(self.text.path, self.nodes, self.numbers, tuple(self.blocks))
+        mesh = replace(
+            mesh,
+            element_sets=self._resolved(self.element_sets, self.of_assembly[1], self._elements),
+            node_sets=self._resolved(self.node_sets, self.of_assembly[0], self._nodes),
+        )
+        mesh = self._with_surfaces(self._with_sections(mesh))
+        mesh = self._without_unused(mesh)
+        for sets in (self.node_sets, self.element_sets):
+            for card, missing in sets.absent:
+                self.text.note(card, f"{missing} of its numbers are of no {sets.kind}")
+        orientations = {
+            name: axes.moved(self.text.turn, self.text.shift)
+            for name, axes in mesh.orientations.items()
+        }
+        return replace(
+            mesh,
+            nodes=mesh.nodes @ self.text.turn.T + self.text.shift,
+            orientations=orientations,
+            passed_over=tuple(self.text.passed_over),
+        )
+
+    # -- nodes and elements ----------------------------------------------------------------------
+    def _read_nodes(self) -> None:
+        numbers: list[int] = []
+        places: list[list[float]] = []
+        lines: list[Line] = []
+        for card in self._cards("NODE"):
+            card.check(NODE)
+            first = len(numbers)
+            for line in card.data:
+                number, *x = line.words()
+                if len(x) > 3:
+                    raise line.error(
+                        f"expected a node and three coordinates, found {len(x) + 1} words"
+                    )
+                numbers.append(line.whole(number, "a node number"))
+                places.append([line.real(c, "a coordinate") if c else 0.0 for c in x])
+                places[-1] += [0.0] * (3 - len(x))
+                lines.append(line)
+            if name := card.parameters.get("NSET"):
+                self.node_sets.add(name, np.array(numbers[first:], dtype=np.int64))
+        if not numbers:
+            raise self._first().error("there are no nodes")
+        labels, X = np.array(numbers, dtype=np.int64), np.array(places)
+        order = np.argsort(labels, kind="stable")
+        labels, X = labels[order], X[order]
+        again = np.flatnonzero(labels[1:] == labels[:-1])
+        for k in again:
+            if (X[k] != X[k + 1]).any():
+                line = lines[order[k + 1]]
+                raise line.error(f"node {labels[k]} is there twice, at different places")
+        keep = np.append(True, labels[1:] != labels[:-1])
+        self.numbers, self.nodes = labels[keep], X[keep]
+        self.node_sets.known = self.numbers
+
+    def _read_elements(self) -> None:
+        parts: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        first: dict[int, Line] = {}
+        for card in self._cards("ELEMENT"):
+            card.check(ELEMENT)
+            name = self._formulation(card)
+            labels, nodes = self._records(card, FORMULATIONS[name].shape.nodes, first)
+            parts.setdefault(name, []).append((labels, nodes))
+            if in_set := card.parameters.get("ELSET"):
+                self.element_sets.add(in_set, labels)
+        if not parts:
+            raise self._first().error("there are no elements")
+        for name, found in parts.items():
+            labels = np.concatenate([found_labels for found_labels, _ in found])
+            nodes = np.concatenate([found_nodes for _, found_nodes in found])
+            self.blocks.append(ElementBlock(name, nodes, labels))
+        self.labels = np.concatenate([b.labels for b in self.blocks])
+        self.by_label = np.argsort(self.labels)
+        self.element_sets.known = self.labels[self.by_label]
+
+    def _formulation(self, card: Card) -> str:
+        written = card.value("TYPE").upper()
+        if written in self.text.elements:
+            return self.text.elements[written]
+        if written in ELEMENTS:
+            advice = f"{ELEMENTS[written]}; or say by treat_as what it is to be"
+        else:
+            advice = f"supported: {', '.join(self.text.elements)}"
+        raise card.error(f"element {written} is not supported: {advice}")
+
+    def _records(self, card: Card, k: int, first: dict[int, Line]) -> tuple[np.ndarray, np.ndarray]:
+        """Labels and places of nodes of elements with k nodes; a record may take several lines."""
+        records: list[list[int]] = []
+        begun: list[int] = []
+        starts: list[Line] = []
+        for line in card.data:
+            if not begun:
+                starts.append(line)
+            begun += [line.whole(w, "an element or node number") for w in line.words()]
+            if len(begun) > k + 1:
+                message = f"expected an element and its {k} nodes, found {len(begun)} numbers"
+                raise starts[-1].error(message)
+            if len(begun) == k + 1:
+                if begun[0] in first:
+                    there = first[begun[0]]
+                    raise line.error(
+                        f"element {begun[0]} is there twice, first in line {there.place + 1} of "
+                        f"{there.file.path}"
+                    )
+                first[begun[0]] = starts[-1]
+                records.append(begun)
+                begun = []
+        if begun:
+            message = f"expected an element and its {k} nodes, found {len(begun)} numbers"
+            raise starts[-1].error(message)
+        table = np.array(records, dtype=np.int64).reshape(-1, k + 1)
+        at = np.searchsorted(self.numbers, table[:, 1:])
+        at[at == len(self.numbers)] = 0
+        wrong = self.numbers[at] != table[:, 1:]
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            label, node = table[row, 0], table[row, column + 1]
+            raise starts[row].error(f"element {label} has node {node}, which is not there")
+        return table[:, 0], at
+
+    # -- sets and surfaces -----------------------------------------------------------------------
+    def _collect_sets(self) -> None:
+        nodes, elements = self.of_assembly
+        for cards, node_sets, element_sets in (
+            (self.text.part, self.node_sets, self.element_sets),
+            (self.text.assembly, nodes, elements),
+        ):
+            for card in cards:
+                if card.keyword == "ELSET":
+                    card.check(SET)
+                    element_sets.add(card.value("ELSET"), card)
+                elif card.keyword == "NSET":
+                    card.check(SET)
+                    if "ELSET" in card.parameters:
+                        of = element_sets.labels(card.parameters["ELSET"], card.line)
+                        node_sets.add(card.value("NSET"), self._nodes_of(of))
+                    else:
+                        node_sets.add(card.value("NSET"), card)
+
+    def _nodes_of(self, elements: np.ndarray) -> np.ndarray:
+        """Numbers of the nodes of elements of these labels."""
+        found = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
+        return self.numbers[np.unique(np.concatenate(found))]
+
+    def _nodes(self, labels: np.ndarray) -> np.ndarray:
+        return np.searchsorted(self.numbers, labels)
+
+    def _elements(self, labels: np.ndarray) -> np.ndarray:
+        at = np.searchsorted(self.labels, labels, sorter=self.by_label)
+        return np.sort(self.by_label[at])
+
+    def _resolved(
+        self, part: Sets, assembly: Sets, places: Callable[[np.ndarray], np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """All sets by name; those of the assembly as ASSEMBLY.name where the part has the name."""
+        found = {}
+        for key, name in part.shown.items():
+            found[name] = places(part.labels(key, self._first().line))
+        for key, name in assembly.shown.items():
+            members = places(assembly.labels(key, self._first().line))
+            if len(members):
+                found[f"ASSEMBLY.{name}" if key in part.shown else name] = members
+        return found
+
+    def _with_surfaces(self, mesh: SolidMesh) -> SolidMesh:
+        surfaces: dict[str, np.ndarray] = {}
+        node_sets = dict(mesh.node_sets)
+        outer = None
+        for cards, sets in (
+            (self.text.part, (self.node_sets, self.element_sets)),
+            (self.text.assembly, self.of_assembly),
+        ):
+            for card in cards:
+                if card.keyword != "SURFACE":
+                    continue
+                card.check(SURFACE)
+                name = card.value("NAME")
+                kind = card.parameters.get("TYPE", "ELEMENT").upper()
+                if kind == "NODE":
+                    members = self._nodes(self._members(card, sets[0]))
+                    if len(members):
+                        node_sets[_free_name(name, node_sets, card)] = members
+                    continue
+                if kind != "ELEMENT":
+                    raise card.error(
+                        f"*SURFACE, TYPE={kind} is not supported: only ELEMENT and NODE"
+                    )
+                if outer is None:
+                    outer = boundary(mesh)
+                faces = self._faces(mesh, card, sets[1], outer)
+                if len(faces):
+                    surfaces[_free_name(name, surfaces, card)] = faces
+        return replace(mesh, surfaces=surfaces, node_sets=node_sets)
+
+    def _members(self, card: Card, sets: Sets) -> np.ndarray:
+        """Labels that the first words of the lines of a surface name."""
+        found = [self._named(line, line.words()[0], sets) for line in card.data]
+        return np.unique(np.concatenate([NOTHING, *found]))
+
+    def _named(self, line: Line, word: str, sets: Sets) -> np.ndarray:
+        """Labels of a set, or a label itself, in a surface."""
+        owner, dot, label = word.rpartition(".")
+        if WHOLE.fullmatch(label) and (sets.part is not None) == bool(dot):
+            if dot and owner.upper() != sets.instance:
+                return NOTHING
+            (sets.part or sets).check(line, int(label))
+            return np.array([int(label)], dtype=np.int64)
+        return sets.labels(word, line)
+
+    def _faces(self, mesh: SolidMesh, card: Card, sets: Sets, outer: np.ndarray) -> np.ndarray:
+        found = [np.zeros((0, 2), dtype=np.int64)]
+        for line in card.data:
+            who, *face = line.words()
+            elements = self._elements(self._named(line, who, sets))
+            if not face or not face[0]:
+                found.append(outer[np.isin(outer[:, 0], elements)])
+                continue
+            number = face[0].upper().removeprefix("S")
+            if not WHOLE.fullmatch(number) or face[1:]:
+                raise line.error(f"expected a face S1 to S6, found '{', '.join(face)}'")
+            for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
+                here = elements[(elements >= start) & (elements < end)]
+                if len(here) and not 1 <= int(number) <= len(block.kind.shape.faces):
+                    raise line.error(
+                        f"{mesh.elements_named(here)}: there is no face {face[0]}, only S1 to "
+                        f"S{len(block.kind.shape.faces)}"
+                    )
+            found.append(np.column_stack([elements, np.full(len(elements), int(number))]))
+        return np.unique(np.concatenate(found), axis=0)
+
+    # -- materials -------------------------------------------------------------------------------
+    def _with_sections(self, mesh: SolidMesh) -> SolidMesh:
+        material = np.full(mesh.n_elements, "", dtype=object)
+        orientation = material.copy()
+        materials: dict[str, Elastic] = {}
+        orientations: dict[str, Orientation] = {}
+        axes = {c.value("NAME").upper(): c for c in self._cards("ORIENTATION")}
+        for card in self._cards("SOLIDSECTION"):
+            card.check(SECTION)
+            elements = self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
+            name = card.value("MATERIAL")
+            if name.upper() not in self.text.materials:
+                known = ", ".join(m.name for m in self.text.materials.values()) or "none"
+                raise card.error(f"there is no material '{name}'; there is {known}")
+            text = self.text.materials[name.upper()]
+            if text.name not in materials:
+                materials[text.name] = text.read()
+            if (material[elements] != "").any():
+                twice = elements[material[elements] != ""]
+                raise card.error(f"{mesh.elements_named(twice)}: a section is given already")
+            material[elements] = text.name
+            if turned := card.parameters.get("ORIENTATION"):
+                if turned.upper() not in axes:
+                    raise card.error(f"there is no orientation '{turned}'")
+                key = axes[turned.upper()].parameters["NAME"]
+                orientations[key] = read_orientation(axes[turned.upper()])
+                orientation[elements] = key
+        return replace(
+            mesh,
+            materials=materials,
+            material=material,
+            orientations=orientations,
+            orientation=orientation,
+        )
+
+    def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
+        used = np.zeros(len(mesh.nodes), dtype=bool)
+        for block in mesh.blocks:
+            used[block.nodes] = True
+        if used.all():
+            return mesh
+        unused = np.flatnonzero(~used)
+        them = "them" if len(unused) > 1 else "it"
+        why = f"{mesh.nodes_named(unused)}: no element has {them}"
+        self.text.note(self._cards("NODE")[0], why)
+        return mesh.part(np.arange(mesh.n_elements))
+
+    def _cards(self, keyword: str) -> list[Card]:
+        return [card for card in self.text.part if card.keyword == keyword]
+
+    def _first(self) -> Card:
+        return self.text.part[0]
+
+
+def _free_name(name: str, taken: Mapping[str, object], card: Card) -> str:
+    """The name, or ASSEMBLY.name where the part has it too."""
+    known = {n.upper() for n in taken}
+    if name.upper() not in known:
+        return name
+    if f"ASSEMBLY.{name}".upper() in known:
+        raise card.error(f"there is a '{name}' already")
+    return f"ASSEMBLY.{name}"

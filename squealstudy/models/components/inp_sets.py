@@ -1,0 +1,116 @@
+"""Sets of nodes and elements in files of Abaqus and CalculiX, resolved when they are needed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+
+NOTHING = np.zeros(0, dtype=np.int64)
+
+
+class Sets:
+    """The node sets, or the element sets, of a part or of an assembly.
+
+    Parameters
+    ----------
+    kind : str
+        node or element.
+    part : Sets or None
+        Of an assembly: those of the part of which it shows one instance.
+    instance : str
+        Name of that instance, in capitals.
+    """
+
+    def __init__(self, kind: str, part: Sets | None = None, instance: str = "") -> None:
+        self.kind, self.part, self.instance = kind, part, instance
+        self.shown: dict[str, str] = {}  # names as first written, by capitals
+        self._entries: dict[str, list[Card | np.ndarray]] = {}
+        self.known = NOTHING  # labels that there are, ascending
+        self._absent: dict[int, tuple[Card, int]] = {}
+
+    @property
+    def absent(self) -> list[tuple[Card, int]]:
+        """Cards that generate labels that there are not, and how many."""
+        return list(self._absent.values())
+
+    def add(self, name: str, entry: Card | np.ndarray) -> None:
+        """Add the members of a card, or labels, to a set."""
+        self.shown.setdefault(name.upper(), name)
+        self._entries.setdefault(name.upper(), []).append(entry)
+
+    def labels(self, name: str, line: Line, above: tuple[str, ...] = ()) -> np.ndarray:
+        """Labels of a set, ascending, of an assembly those in the instance.
+
+        Raises
+        ------
+        ModelError
+            About `line`, which names it: there is no such set; a set that contains itself. About
+            its own lines: labels that there are not.
+        """
+        key = name.upper()
+        if key in above:
+            raise line.error(f"the {self.kind} set '{name}' contains itself")
+        if key in self._entries:
+            parts = [self._members(e, (*above, key)) for e in self._entries[key]]
+            return np.unique(np.concatenate([NOTHING, *parts]))
+        owner, dot, inner = name.partition(".")
+        if self.part is not None and dot:
+            return self.part.labels(inner, line) if owner.upper() == self.instance else NOTHING
+        known = ", ".join(self.shown.values()) or "none"
+        raise line.error(f"there is no {self.kind} set '{name}'; there is {known}")
+
+    def _members(self, entry: Card | np.ndarray, above: tuple[str, ...]) -> np.ndarray:
+        if isinstance(entry, np.ndarray):
+            return entry
+        of = entry.parameters.get("INSTANCE")
+        if self.part is not None and of is not None:
+            if of.upper() != self.instance:
+                return NOTHING
+            return self.part._members(entry, ())
+        if "GENERATE" in entry.parameters:
+            return self._generated(entry) if self.part is None else NOTHING
+        found, numbers = [], []
+        for line in entry.data:
+            for word in line.words():
+                if WHOLE.fullmatch(word):
+                    numbers.append(int(word))
+                    self.check(line, numbers[-1])
+                else:
+                    found.append(self._named(line, word, above))
+        own = np.array(numbers, dtype=np.int64) if self.part is None else NOTHING
+        return np.concatenate([own, *found])
+
+    def _named(self, line: Line, word: str, above: tuple[str, ...]) -> np.ndarray:
+        """A set, or instance.label, in a set."""
+        owner, _, label = word.partition(".")
+        if self.part is not None and WHOLE.fullmatch(label):
+            if owner.upper() != self.instance:
+                return NOTHING
+            self.part.check(line, int(label))
+            return np.array([int(label)], dtype=np.int64)
+        return self.labels(word, line, above)
+
+    def _generated(self, card: Card) -> np.ndarray:
+        found, missing = [], 0
+        for line in card.data:
+            words = line.words()
+            if len(words) not in (2, 3):
+                raise line.error(f"expected first, last and step, found '{line.text.strip()}'")
+            first, last, *step = (line.whole(w, f"a {self.kind} number") for w in words)
+            by = step[0] if step else 1
+            if by < 1 or last < first:
+                raise line.error(f"from {first} to {last} in steps of {by} there is nothing")
+            inside = self.known[(self.known >= first) & (self.known <= last)]
+            inside = inside[(inside - first) % by == 0]
+            missing += (last - first) // by + 1 - len(inside)
+            found.append(inside)
+        if missing:
+            self._absent[id(card)] = (card, missing)
+        return np.concatenate([NOTHING, *found])
+
+    def check(self, line: Line, label: int) -> None:
+        """ModelError about the line where a part has no such label."""
+        at = np.searchsorted(self.known, label)
+        if self.part is None and (at == len(self.known) or self.known[at] != label):
+            raise line.error(f"there is no {self.kind} {label}")
