@@ -1,0 +1,207 @@
+"""Rows of contact pairs over the degrees of freedom of a whole assembly.
+
+A pair slides on the rotor, or is stuck or frictionless elsewhere: the piston on its plate, an ear
+on its abutment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.laws import ContactLaw
+from squealstudy.models.assembly import ContactInterface, SpringInterface, expand_rows
+from squealstudy.models.components.pairs import Pair
+
+KINDS = ("sliding", "stuck", "frictionless")
+SIDES = ("master", "slave")
+STEEP = 1e-6  # share of the circumferential direction that must lie in the contact plane
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """Axis about which the rotor turns, by the right hand.
+
+    Attributes
+    ----------
+    point : ndarray (3,)
+        Of the axis, m.
+    axis : ndarray (3,)
+        Its direction, of any length but zero.
+    """
+
+    point: np.ndarray
+    axis: np.ndarray
+
+    def __post_init__(self) -> None:
+        if np.shape(self.point) != (3,) or np.shape(self.axis) != (3,):
+            raise ModelError("rotation: point and axis need three numbers each")
+        if not (np.isfinite(self.point).all() and 0 < np.linalg.norm(self.axis) < np.inf):
+            raise ModelError("rotation: point and axis must be finite, the axis not zero")
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit vector of the axis."""
+        axis = np.asarray(self.axis, dtype=float)
+        return axis / np.linalg.norm(axis)
+
+    def around(self, points: np.ndarray) -> np.ndarray:
+        """Velocity of points (n, 3) [m] at 1 rad/s, m/s."""
+        return np.cross(self.direction, points - np.asarray(self.point, dtype=float))
+
+
+@dataclass(frozen=True)
+class ContactRows:
+    """Contact points of one pair; see ContactInterface for the rows.
+
+    Attributes
+    ----------
+    N, T, T_perp : csr_matrix (n, n_dof)
+        Where nothing slides T and T_perp are two directions of the contact plane, of the master
+        under the slave, square to each other.
+    area, gap0, radius, frictional : ndarray (n,)
+        radius and frictional are 0 where nothing slides.
+    points : ndarray (n, 3)
+        m.
+    """
+
+    N: sp.csr_matrix
+    T: sp.csr_matrix
+    T_perp: sp.csr_matrix
+    area: np.ndarray
+    gap0: np.ndarray
+    radius: np.ndarray
+    frictional: np.ndarray
+    points: np.ndarray
+
+    def ties(self, name: str, stiffness: float, in_static: bool = True) -> SpringInterface:
+        """Springs that hold both tangential directions of stuck points; `stiffness` in N/m3."""
+        k = stiffness * self.area
+        B = sp.vstack([self.T, self.T_perp]).tocsr()
+        return SpringInterface(name, B, np.concatenate([k, k]), in_static)
+
+
+def contact_rows(
+    pair: Pair,
+    slave: str,
+    master: str,
+    spans: dict[str, slice],
+    n_dof: int,
+    *,
+    kind: str = "sliding",
+    rotation: Rotation | None = None,
+    rotor: str = "master",
+) -> ContactRows:
+    """Rows of a pair between the components `slave` and `master`.
+
+    The sliding direction is that in which the rotor moves, its part in the contact plane. `radius`
+    is the arm of a force in that direction about the axis; it is as well the speed of sliding at
+    1 rad/s.
+
+    Parameters
+    ----------
+    pair : Pair
+        Contact points.
+    slave, master : str
+        Names in `spans`.
+    spans, n_dof : dict of slice, int
+        Degrees of freedom of each component and their number (`component_slices`).
+    kind : str
+        ``sliding``, ``stuck`` (with `ContactRows.ties`) or ``frictionless``.
+    rotation : Rotation, optional
+        Needed where it slides.
+    rotor : str
+        Which side turns: ``master`` or ``slave``.
+
+    Raises
+    ------
+    ModelError
+        An unknown kind, side or component; no rotation; points on the axis, or where the rotor
+        moves into the other body.
+    """
+    if kind not in KINDS:
+        raise ModelError(f"contact kind '{kind}' is not known; there are {', '.join(KINDS)}")
+    if rotor not in SIDES:
+        raise ModelError(f"the rotor is master or slave, got '{rotor}'")
+    for name, surface in ((slave, pair.slave), (master, pair.master)):
+        if name not in spans:
+            raise ModelError(f"contact: there is no component '{name}'")
+        own = spans[name].stop - spans[name].start
+        if 3 * surface.shape.shape[1] != own:
+            raise ModelError(
+                f"contact: component '{name}' has {own} degrees of freedom, not three "
+                f"for each of {surface.shape.shape[1]} nodes"
+            )
+    opening = -pair.slave.normal  # from the master towards the slave
+
+    def relative(d: np.ndarray, sign: float = 1.0) -> sp.csr_matrix:
+        """Displacement of the slave less that of the master along d (n, 3), times `sign`."""
+        sides = (slave, sign * pair.slave.observe(d)), (master, -sign * pair.master.observe(d))
+        return expand_rows(sides, spans, n_dof)
+
+    n = len(pair.gap0)
+    if kind == "sliding":
+        if rotation is None:
+            raise ModelError(f"contact of {slave} on {master}: sliding needs an axis of rotation")
+        along, across, radius = _sliding(pair, rotation, f"contact of {slave} on {master}")
+        sign = -1.0 if rotor == "master" else 1.0
+        frictional = np.ones(n)
+    else:
+        along, across = _tangents(opening)
+        sign, radius, frictional = -1.0, np.zeros(n), np.zeros(n)
+    return ContactRows(
+        N=relative(opening),
+        T=relative(along, sign),
+        T_perp=relative(across, sign),
+        area=pair.slave.area,
+        gap0=pair.gap0,
+        radius=radius,
+        frictional=frictional,
+        points=pair.slave.points,
+    )
+
+
+def contact_interface(parts: Sequence[ContactRows], law: ContactLaw) -> ContactInterface:
+    """All contact points of an assembly under one law."""
+    N, T, T_perp = (
+        sp.vstack([getattr(p, rows) for p in parts]).tocsr() for rows in ("N", "T", "T_perp")
+    )
+    area, gap0, radius, frictional = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("area", "gap0", "radius", "frictional")
+    )
+    return ContactInterface(N, T, T_perp, area, gap0, radius, law, frictional)
+
+
+def _sliding(
+    pair: Pair, rotation: Rotation, where: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit vectors along and across sliding (n, 3), and the arm (n,) [m]."""
+    n = pair.slave.normal
+    velocity = rotation.around(pair.slave.points)
+    along = velocity - np.sum(velocity * n, axis=1, keepdims=True) * n
+    size = np.linalg.norm(along, axis=1)
+    speed = np.linalg.norm(velocity, axis=1)
+    far = np.linalg.norm(pair.slave.points - rotation.point, axis=1).max()
+    still = (speed <= STEEP * far) | (size <= STEEP * speed)
+    if still.any():
+        raise ModelError(
+            f"{where}: {still.sum()} of {len(n)} points do not slide: they lie on the axis of "
+            "rotation, or the rotor moves along the normal there"
+        )
+    along /= size[:, None]
+    # to the outside wherever the contact plane is not parallel to the axis
+    turned = np.where(n @ rotation.direction > STEEP, -1.0, 1.0)[:, None]
+    return along, turned * np.cross(n, along), size
+
+
+def _tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (n, 3) square to the unit vectors n (n, 3) and to each other."""
+    e = np.eye(3)[np.abs(n).argmin(axis=1)]
+    one = e - np.sum(e * n, axis=1, keepdims=True) * n
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    return one, np.cross(n, one)

@@ -1,0 +1,137 @@
+"""Points of a slave surface and what of the master lies opposite along the slave's normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from squealstudy.kernels.facets import BULGE, MOST, project
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.fem.sampling import Surface
+
+SAMPLES = 2000  # points at which a survey asks
+
+
+@dataclass(frozen=True)
+class Opposite:
+    """Points of a slave that have the master in reach; there may be none.
+
+    Attributes
+    ----------
+    points, normal : ndarray (n, 3)
+        Points on the slave [m] and its outward unit normals there.
+    area : ndarray (n,)
+        Positive, m2.
+    slave, master : csr_matrix (n, n_nodes)
+        Shape functions of each side.
+    gap : ndarray (n,)
+        Distance along the slave's normal, m; negative where the surfaces overlap.
+    same_way : float
+        Area of the slave where the master is in reach but its normals point the same way, m2.
+    """
+
+    points: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    slave: sp.csr_matrix
+    master: sp.csr_matrix
+    gap: np.ndarray
+    same_way: float
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Master facets that may face each slave facet: candidates[start[i] : start[i + 1]]."""
+
+    start: np.ndarray
+    candidates: np.ndarray
+
+    def of(self, facets: np.ndarray) -> Neighbours:
+        """Those of some slave facets."""
+        parts = [self.candidates[self.start[i] : self.start[i + 1]] for i in facets]
+        return Neighbours(np.cumsum([0, *map(len, parts)]), np.concatenate(parts))
+
+
+def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
+    """Facets whose surrounding spheres come closer than `search` [m] to each other.
+
+    Masters are looked up by size, so that a few large ones do not make all others candidates.
+    """
+    sizes = np.floor(np.log2(master.radii))
+    owner, found = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    for size in np.unique(sizes):
+        some = np.flatnonzero(sizes == size)
+        reach = BULGE * (slave.radii + master.radii[some].max()) + search
+        lists = cKDTree(master.centres[some]).query_ball_point(slave.centres, reach)
+        owner.append(np.repeat(np.arange(len(lists)), [len(x) for x in lists]))
+        found.append(some[np.concatenate([np.asarray(x, dtype=int) for x in lists])])
+    i, m = np.concatenate(owner), np.concatenate(found)
+    apart = np.linalg.norm(slave.centres[i] - master.centres[m], axis=1)
+    kept = apart <= BULGE * (slave.radii[i] + master.radii[m]) + search
+    i, m = i[kept], m[kept]
+    order = np.lexsort((m, i))
+    start = np.searchsorted(i[order], np.arange(len(slave.kinds) + 1))
+    return Neighbours(start, m[order])
+
+
+def gauss_points(
+    slave: Facets, master: Facets, neighbours: Neighbours, search: float, points_per_side: int
+) -> Opposite:
+    """The Gauss points of the slave's facets that are in reach."""
+    surface, group = slave.gauss_points(points_per_side)
+    facet, same_way, gap, values = _projected(surface, group, neighbours, master, search)
+    kept = facet >= 0
+    return Opposite(
+        surface.points[kept],
+        surface.normal[kept],
+        surface.area[kept],
+        surface.shape[kept],
+        master.rows(facet[kept], values[kept]),
+        gap[kept],
+        float(surface.area[same_way & ~kept].sum()),
+    )
+
+
+def survey(slave: Facets, master: Facets) -> tuple[float, np.ndarray]:
+    """Share of the slave that has the master opposite at any distance, and gaps found there [m].
+
+    From at most SAMPLES Gauss points, evenly taken from all facets.
+    """
+    surface, _ = slave.gauss_points(2)
+    some = np.unique(np.linspace(0, len(surface.area) - 1, SAMPLES).astype(int))
+    part = Surface(
+        surface.points[some], surface.area[some], surface.normal[some], surface.shape[some]
+    )
+    everywhere = Neighbours(np.array([0, len(master.kinds)]), np.arange(len(master.kinds)))
+    group = np.zeros(len(some), dtype=int)
+    facet, _, gap, _ = _projected(part, group, everywhere, master, np.inf)
+    return float(part.area[facet >= 0].sum() / part.area.sum()), gap[facet >= 0]
+
+
+def _projected(
+    surface: Surface, group: np.ndarray, neighbours: Neighbours, master: Facets, search: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Facet (n,), whether one of the same way is met (n,), gap (n,), values (n, 9): `project`."""
+    n = len(surface.points)
+    facet, same_way = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
+    gap, values = np.zeros(n), np.zeros((n, MOST))
+    project(
+        surface.points,
+        surface.normal,
+        group,
+        neighbours.start,
+        neighbours.candidates,
+        master.kinds,
+        master.nodes,
+        master.centres,
+        master.radii,
+        search,
+        facet,
+        same_way,
+        gap,
+        values,
+    )
+    return facet, same_way, gap, values

@@ -1,0 +1,181 @@
+"""Contact points between two surfaces whose meshes do not match.
+
+Points are those of the slave, brought to the master along the slave's normals. ``gauss``: the Gauss
+points of the slave's facets; simple, but a uniform pressure does not come over unchanged.
+``clipped``: means over the segments, the parts of a slave facet that each master facet covers, on
+both sides alike. A uniform pressure then comes over exactly between parallelograms and triangles
+with straight edges, whatever their sizes, and nearly between others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.opposite import Opposite, gauss_points, near_facets, survey
+from squealstudy.models.components.segments import Segments, segment_means
+from squealstudy.models.fem.sampling import Surface
+
+QUADRATURES = ("clipped", "gauss")
+WHOLE = 1 - 1e-3  # share of a slave that is in reach but for chords at its edges
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Contact points of two surfaces.
+
+    Attributes
+    ----------
+    slave, master : Surface
+        The same points and areas, opposite normals, each side's own shape functions.
+    gap0 : ndarray (n,)
+        Initial gap that the contact law sees, m.
+    geometric_gap : ndarray (n,)
+        Distance from the slave's surface to the master's along the slave's normal, m; negative
+        where they overlap.
+    in_reach : float
+        Share of the slave's area with the master opposite and no further than `search`.
+    covered : float
+        Share of the slave's area with the master opposite at any distance. Where not all is in
+        reach it is estimated at up to 2000 of the slave's Gauss points.
+    gap_range : tuple of float
+        Least and greatest gap found, at any distance, m.
+    """
+
+    slave: Surface
+    master: Surface
+    gap0: np.ndarray
+    geometric_gap: np.ndarray
+    in_reach: float
+    covered: float
+    gap_range: tuple[float, float]
+
+    @property
+    def gap_mean(self) -> float:
+        """Mean of the geometric gap over the area in reach, m."""
+        return float(np.average(self.geometric_gap, weights=self.slave.area))
+
+    @property
+    def gap_spread(self) -> float:
+        """Standard deviation of the geometric gap over the area in reach, m."""
+        off = self.geometric_gap - self.gap_mean
+        return float(np.sqrt(np.average(off**2, weights=self.slave.area)))
+
+
+def pair(
+    slave: Facets,
+    master: Facets,
+    *,
+    search: float,
+    quadrature: str = "clipped",
+    initial_gap: float | str = "zero",
+    points_per_side: int = 3,
+    pieces: int = 4,
+    degree: int = 8,
+) -> Pair:
+    """Contact points on `slave` and their places on `master`.
+
+    Parameters
+    ----------
+    slave, master : Facets
+        Two surfaces whose normals oppose each other.
+    search : float
+        Greatest distance at which the two are in contact, to either side, m.
+    quadrature : str
+        ``clipped`` or ``gauss``.
+    initial_gap : str or float
+        ``zero``, ``geometric`` or a number [m].
+    points_per_side : int
+        n x n points on a quadrilateral; 1, 3, 6 on a triangle for n = 1, 2, 3. At most 3 if
+        clipped.
+    pieces, degree : int
+        Of ``clipped``: chords on a curved edge, at least 1; degree of the quadrature on segments,
+        2 to 12. On parallelograms and straight triangles of the second degree, sums of forces are
+        exact from 4 on, the rows themselves with 8.
+
+    Returns
+    -------
+    Pair
+
+    Raises
+    ------
+    ModelError
+        Settings out of range; nothing in reach; normals that point the same way; master facets that
+        lie above each other.
+    """
+    _check(search, quadrature, initial_gap, points_per_side, pieces, degree)
+    neighbours = near_facets(slave, master, search)
+    if quadrature == "gauss":
+        found = gauss_points(slave, master, neighbours, search, points_per_side)
+    else:
+        settings = Segments(points_per_side, pieces, degree, search)
+        found = segment_means(slave, master, neighbours, settings)
+    names = f"{slave.name} on {master.name}"
+    if found.same_way > found.area.sum():
+        raise ModelError(
+            f"{names}: the normals of the two surfaces point the same way; facets are numbered so "
+            "that normals point out of the body, or one surface is the far side of its body"
+        )
+    in_reach = found.area.sum() / slave.areas.sum()
+    covered, gaps = (in_reach, found.gap) if in_reach >= WHOLE else survey(slave, master)
+    if not len(found.area):
+        raise ModelError(f"{names}: nothing lies within {search:.3g} m; {_where(covered, gaps)}")
+    gaps = np.concatenate([gaps, found.gap])
+    return Pair(
+        slave=Surface(found.points, found.area, found.normal, found.slave),
+        master=Surface(found.points, found.area, -found.normal, found.master),
+        gap0=_initial(initial_gap, found),
+        geometric_gap=found.gap,
+        in_reach=float(in_reach),
+        covered=float(max(covered, in_reach)),
+        gap_range=(float(gaps.min()), float(gaps.max())),
+    )
+
+
+def _initial(initial_gap: float | str, found: Opposite) -> np.ndarray:
+    """Initial gap (n,) [m]."""
+    if initial_gap == "geometric":
+        return found.gap.copy()
+    return np.full(len(found.gap), 0.0 if initial_gap == "zero" else float(initial_gap))
+
+
+def _where(covered: float, gaps: np.ndarray) -> str:
+    """Where the master is, for a message."""
+    if not len(gaps):
+        return "no normal of the one meets the other: is a part placed wrongly?"
+    return (
+        f"{100 * covered:.3g} % of it has the other opposite, {gaps.min():.4g} to "
+        f"{gaps.max():.4g} m away: is a part placed wrongly, or the unit of length another?"
+    )
+
+
+def _check(
+    search: float,
+    quadrature: str,
+    initial_gap: float | str,
+    points_per_side: int,
+    pieces: int,
+    degree: int,
+) -> None:
+    """Raise ModelError where a setting is out of range."""
+    most = 3 if quadrature == "clipped" else 32
+    if quadrature not in QUADRATURES:
+        raise ModelError(f"quadrature '{quadrature}' is not known; there are clipped and gauss")
+    if not 0 < search < np.inf:
+        raise ModelError(f"search must be a distance above zero, got {search}")
+    if isinstance(initial_gap, str):
+        if initial_gap not in ("zero", "geometric"):
+            raise ModelError(
+                f"initial_gap '{initial_gap}' is not known; it is zero, geometric or a number"
+            )
+    elif not np.isfinite(initial_gap):
+        raise ModelError(f"initial_gap must be finite, got {initial_gap}")
+    if not 1 <= points_per_side <= most:
+        raise ModelError(
+            f"{quadrature} has 1 to {most} points a side of a facet, got {points_per_side}"
+        )
+    if pieces < 1 or not 2 <= degree <= 12:
+        raise ModelError(f"clipping needs pieces >= 1 and degree 2 to 12, got {pieces}, {degree}")

@@ -1,0 +1,216 @@
+"""Contact points as means over a slave's facets, integrated over the segments of two meshes.
+
+The functions of the means are the Lagrange functions L_a of the facet's Gauss points: they sum to
+one, so that no force is lost, and their integrals are the Gauss points' areas. Where the meshes
+match, the points and rows of parallelograms are those of Gauss points. On a facet that is covered
+in part, integrals of Lagrange functions may be negative; they are drawn towards constant
+functions, c_a = w_a / sum(w), just so far that every area is at least LEAST of what it would be
+with those.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
+
+from squealstudy.errors import ModelError
+from squealstudy.kernels.facets import MOST
+from squealstudy.kernels.segments import TERMS, integrate_segments
+from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
+from squealstudy.models.components.opposite import Neighbours, Opposite
+
+AT_ONCE = 20_000  # pairs of facets whose integrals are held at the same time: 13 MB
+LEAST = 0.1
+NOTHING = 1e-12  # share of a facet below which it is not covered
+LAYERS = 1.02  # share of a facet above which several masters cover it
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Settings of the integration.
+
+    Attributes
+    ----------
+    points_per_side : int
+        n x n means on a quadrilateral, n = 1, 2, 3; 1, 3, 6 on a triangle.
+    pieces : int
+        Chords on a curved edge, at least 1.
+    degree : int
+        Of the polynomials of local coordinates that are exactly integrated over a segment, 1 to 12.
+    search : float
+        Greatest distance of the surfaces, m.
+    """
+
+    points_per_side: int
+    pieces: int
+    degree: int
+    search: float
+
+
+def segment_means(
+    slave: Facets, master: Facets, neighbours: Neighbours, settings: Segments
+) -> Opposite:
+    """Means over the parts of all slave facets that are in reach.
+
+    Raises ModelError where master facets lie in layers, or a facet is folded.
+    """
+    parts = []
+    for three in (True, False):
+        family = np.flatnonzero(np.isin(slave.kinds, TRIANGLES) == three)
+        held = np.cumsum(np.diff(neighbours.start)[family])
+        cuts = np.flatnonzero(np.diff(held // AT_ONCE)) + 1
+        functions = lagrange(three, settings.points_per_side)
+        parts += [
+            _means(slave, master, some, neighbours.of(some), functions, settings)
+            for some in np.split(family, cuts)
+            if len(some)
+        ]
+    return Opposite(
+        points=np.concatenate([p.points for p in parts]),
+        normal=np.concatenate([p.normal for p in parts]),
+        area=np.concatenate([p.area for p in parts]),
+        slave=sp.vstack([p.slave for p in parts]).tocsr(),
+        master=sp.vstack([p.master for p in parts]).tocsr(),
+        gap=np.concatenate([p.gap for p in parts]),
+        same_way=sum(p.same_way for p in parts),
+    )
+
+
+def lagrange(three: bool, points_per_side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lagrange functions of a facet's Gauss points, and the points' shares of the area.
+
+    Returns
+    -------
+    functions : ndarray (p, 9)
+        Their coefficients by the terms 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2.
+    share : ndarray (p,)
+        Gauss weights, of sum one.
+    """
+    places, weights = rule(3 if three else 4, points_per_side)
+    a, b = places.T
+    terms = np.column_stack([a**0, a, b, a * b, a * a, b * b, a * a * b, a * b * b, a * a * b * b])
+    n = len(weights)
+    functions = np.zeros((n, TERMS))
+    functions[:, :n] = np.linalg.inv(terms[:, :n]).T
+    return functions, weights / weights.sum()
+
+
+def _means(
+    slave: Facets,
+    master: Facets,
+    some: np.ndarray,
+    near: Neighbours,
+    lagrange_functions: tuple[np.ndarray, np.ndarray],
+    settings: Segments,
+) -> Opposite:
+    """Means over the slave facets `some`, all triangles or all quadrilaterals."""
+    terms = _integrals(slave, master, some, near, settings)
+    functions, share = lagrange_functions
+    whole = terms.area[:, 0]
+    layered = np.flatnonzero(whole > LAYERS * slave.areas[some])
+    if len(layered):
+        raise ModelError(
+            f"{master.name}: its facets lie above each other, opposite {len(layered)} facets of "
+            f"{slave.name}, first number {some[layered[0]]}"
+        )
+    constant = np.zeros_like(functions)
+    constant[:, 0] = share
+    drawn = _drawn(terms.area @ functions.T, whole[:, None] * share)[:, None, None]
+    functions = (1 - drawn) * functions + drawn * constant  # (facets, points, terms)
+    area = np.einsum("spt,st->sp", functions, terms.area)
+    kept = whole > NOTHING * slave.areas[some]
+    functions[kept] /= area[kept, :, None]
+    n = np.count_nonzero(kept) * len(share)
+    number = np.full(len(some), -1)
+    number[kept] = np.arange(np.count_nonzero(kept))
+
+    def rows(facets: Facets, which: np.ndarray, of: np.ndarray, M: np.ndarray) -> sp.csr_matrix:
+        """Rows from the integrals M of the facets `which`, each over a part of slave `of`."""
+        values = functions[of] @ M
+        row = number[of][:, None] * len(share) + np.arange(len(share))
+        columns = np.broadcast_to(facets.table[which][:, None], values.shape)
+        entries = values.ravel(), (np.repeat(row.ravel(), MOST), columns.ravel())
+        made = sp.csr_matrix(entries, shape=(n, len(facets.coordinates)))
+        made.eliminate_zeros()
+        return made
+
+    owner = np.repeat(np.arange(len(some)), np.diff(near.start))
+    met = kept[owner] & terms.master.any(axis=(1, 2))
+    of_slave = rows(slave, some[kept], np.flatnonzero(kept), terms.slave[kept])
+    normal = (functions[kept] @ terms.normal[kept]).reshape(-1, 3)
+    return Opposite(
+        points=of_slave @ slave.coordinates,
+        normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
+        area=area[kept].ravel(),
+        slave=of_slave,
+        master=rows(master, near.candidates[met], owner[met], terms.master[met]),
+        gap=np.einsum("spt,st->sp", functions[kept], terms.gap[kept]).ravel(),
+        same_way=float(terms.left_out[:, 1].sum()),
+    )
+
+
+def _drawn(areas: np.ndarray, constant: np.ndarray) -> np.ndarray:
+    """Share (facets,) of the constant functions by which all areas (facets, p) are large enough.
+
+    `constant` are the areas that these would have; both sum to that of the facet.
+    """
+    short = LEAST * constant - areas
+    with np.errstate(invalid="ignore", divide="ignore"):  # a facet that is not covered has none
+        needed = np.where(short > 0, short / (constant - areas), 0.0)
+    drawn: np.ndarray = needed.max(axis=1)
+    return drawn
+
+
+@dataclass(frozen=True)
+class _Integrals:
+    """What `integrate_segments` leaves in its results."""
+
+    area: np.ndarray
+    slave: np.ndarray
+    master: np.ndarray
+    gap: np.ndarray
+    normal: np.ndarray
+    left_out: np.ndarray
+
+
+def _integrals(
+    slave: Facets, master: Facets, some: np.ndarray, near: Neighbours, settings: Segments
+) -> _Integrals:
+    """Integrals over the segments of the slave facets `some`."""
+    n = len(some)
+    terms = _Integrals(
+        np.zeros((n, TERMS)),
+        np.zeros((n, TERMS, MOST)),
+        np.zeros((len(near.candidates), TERMS, MOST)),
+        np.zeros((n, TERMS)),
+        np.zeros((n, TERMS, 3)),
+        np.zeros((n, 2)),
+    )
+    places, weights = get_quadrature(RefTri, settings.degree)
+    failed = integrate_segments(
+        slave.kinds[some],
+        slave.nodes[some],
+        master.kinds,
+        master.nodes,
+        near.start,
+        near.candidates,
+        np.ascontiguousarray(places.T),
+        weights,
+        settings.pieces,
+        settings.search,
+        terms.area,
+        terms.slave,
+        terms.master,
+        terms.gap,
+        terms.normal,
+        terms.left_out,
+    )
+    if failed >= 0:
+        raise ModelError(
+            f"{slave.name}: facet {some[failed]} is folded or too distorted for clipping"
+        )
+    return terms
