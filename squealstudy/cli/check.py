@@ -19,7 +19,7 @@ from squealstudy.engine.model_kind import (
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.store import Store
 from squealstudy.engine.template import methods_schema, study_schema
-from squealstudy.engine.validity import parameter_reasons
+from squealstudy.engine.validity import parameter_reasons, points_by_rule
 from squealstudy.engine.worker_count import worker_count
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
@@ -30,7 +30,7 @@ from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.tables.validity import BETWEEN, broken_rules, rule_counts
+from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import duration, plural
 
 
@@ -67,8 +67,9 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     solver.check(plan)
     store = Store(directory)
     plan = solver.grown(plan, store)
-    done = store.finished_points(solver.schema)
-    missing = sum(t.point_id not in done for t in plan.tasks)
+    missing = len(plan.tasks)
+    if len(done := store.finished_points(solver.schema)):  # ids are not made without
+        missing -= int(np.isin(plan.tasks.ids, done).sum())
     rows = _facts(plan, directory, missing, jobs, estimate(plan))
     rows += _mesh_error(plan, jobs) if of_mesh else []
     if text := outdated(directory, found):
@@ -119,11 +120,12 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
 
 def _validity(plan: Plan) -> Rows:
     """Design points whose parameters break an assumption; what only their results tell is open."""
-    reasons = [BETWEEN.join(found) for found in parameter_reasons(plan) if found]
-    if not reasons:
+    found = parameter_reasons(plan)
+    if not found:
         return []
-    text = f"{len(reasons)} of {len(plan.tasks)} points will be outside: "
-    return [("validity", text + broken_rules(rule_counts(reasons)))]
+    outside = len(np.unique(np.concatenate([broken.rows for broken in found])))
+    text = f"{outside} of {len(plan.tasks)} points will be outside: "
+    return [("validity", text + broken_rules(points_by_rule(found)))]
 
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:

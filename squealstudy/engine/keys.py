@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 import squealstudy
 
@@ -98,6 +99,11 @@ def _ended(head: hashlib._Hash, text: str) -> str:
     digest = head.copy()
     digest.update(text.encode())
     return digest.hexdigest()[:LENGTH]
+
+
+def ids_of(column: pa.ChunkedArray) -> np.ndarray:
+    """Ids (n,) of a text column, 16 bytes each."""
+    return np.array(column.to_pylist(), dtype=ID_TYPE)
 
 
 def chunk_id(point_ids: Iterable[str]) -> str:

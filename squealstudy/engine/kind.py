@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -160,17 +160,21 @@ class Kind:
         """What may go wrong in a run."""
         return []
 
-    def tasks(self, plan: Any, points: Sequence[Any], workers: Workers) -> list[Any]:
-        """Work for one call of `solve` each, and whatever that needs made first."""
+    def tasks(self, plan: Any, points: Any, workers: Workers) -> Iterable[Any]:
+        """Work for one call of `solve` each, and whatever that needs made first.
+
+        `points` are some of the plan's (`Points`). A million of them are many tasks: they are
+        best made as they are drawn.
+        """
         raise NotImplementedError
 
     def solve(self, task: Any) -> Solved:
         """Rows of the design points of a task, in a worker."""
         raise NotImplementedError
 
-    def unsolvable(self, plan: Any, point: Any, failures: Mapping[str, str]) -> str:
-        """Why a design point cannot be solved; empty where it can."""
-        return ""
+    def unsolvable(self, plan: Any, points: Any, failures: Mapping[str, str]) -> dict[str, str]:
+        """Why design points cannot be solved, by the ids of those that cannot."""
+        return {}
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Row of a design point that could not be solved."""

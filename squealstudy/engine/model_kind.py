@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared, save_prepared
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.manifest import model_facts
 from squealstudy.engine.plan import Plan, has_mesh
@@ -157,9 +158,16 @@ class ModelKind(Kind):
         """Make the structures that the cache does not hold."""
         return build_structures(plan, workers)
 
-    def unsolvable(self, plan: Plan, point: DesignPoint, failures: Mapping[str, str]) -> str:
-        """Its structure could not be made."""
-        return failures.get(point.structure, "")
+    def unsolvable(
+        self, plan: Plan, points: DesignPoints, failures: Mapping[str, str]
+    ) -> dict[str, str]:
+        """Those whose structure could not be made."""
+        return {
+            name: failures[key]
+            for key, rows in (points.of_structures() if failures else ())
+            if key in failures
+            for name in points.ids[rows].astype(str).tolist()
+        }
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point on one core; None where it has no working point."""

@@ -8,6 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
     check_owner,
@@ -142,7 +145,7 @@ def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
 def _left_over(plan: Planned, store: Store) -> str:
     """What of the rows that are there a study takes over, where it does not take over all."""
     known = store.finished_points(plan.kind.schema)
-    others = len(known - {task.point_id for task in plan.tasks})
+    others = int(np.isin(known, plan.tasks.ids, invert=True).sum())
     if not others:
         return ""
     return (
@@ -162,13 +165,14 @@ def _solve_points(
     """Solve the design points that no chunk file holds; their number."""
     started, kind = time.perf_counter(), plan.kind
     done_before = store.finished_points(kind.schema)
-    pending = [t for t in plan.tasks if t.point_id not in done_before]
-    why = {t.point_id: kind.unsolvable(plan, t, failures) for t in pending}
-    rows = [kind.failed_row(name, "structure", text) for name, text in why.items() if text]
+    pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
+    why = kind.unsolvable(plan, plan.tasks.at(pending), failures)
+    rows = [kind.failed_row(name, "structure", text) for name, text in why.items()]
     if rows:
         store.write_rows(rows, kind.schema)
-    solvable = [t for t in pending if not why[t.point_id]]
-    tasks = kind.tasks(plan, solvable, workers) if solvable else []
+    lost = np.isin(plan.tasks.ids[pending], np.array(list(why), dtype=ID_TYPE))
+    solvable = plan.tasks.at(pending[~lost])
+    tasks = kind.tasks(plan, solvable, workers) if len(solvable) else []
     total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     failed = len(rows)
     workers.report(kind.rows_word, done, total, failed)

@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -29,7 +30,7 @@ from squealstudy.engine.files import (
     write_text,
 )
 from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
-from squealstudy.engine.keys import LENGTH, chunk_id
+from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
 from squealstudy.engine.workers import ChunkRows
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.wording import listed
@@ -246,12 +247,11 @@ class Store:
                     if file.schema_arrow.equals(schema):
                         yield file.read(columns=chosen, use_threads=False)
 
-    def finished_points(self, schema: pa.Schema) -> set[str]:
-        """Ids of all points in chunk files."""
-        found: set[str] = set()
-        for table in self.chunks(schema, ["point_id"]):
-            found.update(table["point_id"].to_pylist())
-        return found
+    def finished_points(self, schema: pa.Schema) -> np.ndarray:
+        """Ids (n,) of all points in chunk files, each once, ascending."""
+        tables = self.chunks(schema, ["point_id"])
+        found = [ids_of(table["point_id"]) for table in tables]
+        return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *found]))
 
     def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
         """Rows of the wanted points by id; a point that stands twice is taken once."""

@@ -7,7 +7,8 @@ they say little of a brake. Reasons read ``rule: value``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.tables.validity import BETWEEN
 
 if TYPE_CHECKING:
@@ -43,10 +45,71 @@ KICK_RULE = (
 )
 
 
-def parameter_reasons(plan: Plan) -> list[list[str]]:
-    """Assumptions that the parameters of each design point break, known before it is solved."""
-    critical = _damped_modes(plan)
-    return [[*_broken(design), *critical[i]] for i, design in enumerate(plan.tasks)]
+@dataclass(frozen=True, eq=False)
+class Broken:
+    """Design points that break an assumption.
+
+    Attributes
+    ----------
+    rule : str
+    rows : ndarray (m,)
+        Their positions among all, ascending.
+    values : ndarray (m,)
+        What of each is beyond the bound.
+    """
+
+    rule: str
+    rows: np.ndarray
+    values: np.ndarray
+
+    def texts(self) -> Iterator[tuple[int, str]]:
+        """Position and reason of each of them."""
+        for row, value in zip(self.rows.tolist(), self.values.tolist(), strict=True):
+            yield row, f"{self.rule}: {value:.4g}"
+
+
+def parameter_reasons(plan: Plan) -> list[Broken]:
+    """Assumptions that parameters of design points break, known before they are solved.
+
+    In the order in which they are told of a point; none that no point breaks.
+    """
+    points = plan.tasks
+    columns, count = points.columns, len(points)
+    found = [
+        _beyond(a.rule, a.values(columns, count), a.most) for a in plan.study.model.assumptions
+    ]
+    for rule, most, parameters in (
+        (MODE_RULE, LARGEST_MODAL_DAMPING, plan.first.assembly_parameters()),
+        (COMPONENT_RULE, float(np.nextafter(CRITICAL, 0.0)), plan.first.mode_parameters()),
+    ):
+        damped = [points.column(p.name) for p in parameters if p.quantity == DAMPING_RATIO]
+        if damped:
+            found.append(_beyond(rule, np.maximum.reduce(damped), most))
+    found.append(_damped_modes(plan))
+    return [broken for broken in found if len(broken.rows)]
+
+
+def _beyond(rule: str, values: np.ndarray, most: float) -> Broken:
+    rows = np.flatnonzero(~(values <= most))
+    return Broken(rule, rows, values[rows])
+
+
+def reasons_by_point(found: Sequence[Broken]) -> dict[int, list[str]]:
+    """Reasons of each design point that breaks an assumption, by its position."""
+    reasons: dict[int, list[str]] = {}
+    for broken in found:
+        for row, text in broken.texts():
+            reasons.setdefault(row, []).append(text)
+    return reasons
+
+
+def points_by_rule(found: Sequence[Broken]) -> list[tuple[str, int]]:
+    """How many design points break each rule, the most frequent first."""
+    rows: dict[str, list[np.ndarray]] = {}
+    for broken in found:
+        rows.setdefault(broken.rule, []).append(broken.rows)
+    counts = [(rule, len(np.unique(np.concatenate(own)))) for rule, own in rows.items()]
+    return sorted(counts, key=lambda item: -item[1])
 
 
 def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
@@ -66,10 +129,10 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     solved = points["status"].isin(SOLVED).to_numpy(bool)
     found = points.get("invalid_reason", pd.Series("", index=points.index))
     reasons = []
-    for i, (known, row) in enumerate(
-        zip(parameter_reasons(plan), points.to_dict("records"), strict=True)
-    ):
-        own = [text for text in (found.iloc[i], *known, *_of_the_point(plan.tasks[i], row)) if text]
+    known = reasons_by_point(parameter_reasons(plan))
+    for i, (design, row) in enumerate(zip(plan.tasks, points.to_dict("records"), strict=True)):
+        of_point = _of_the_point(design, row)
+        own = [text for text in (found.iloc[i], *known.get(i, ()), *of_point) if text]
         reasons.append(BETWEEN.join(own) if solved[i] else "")
     valid = pd.array([not reason for reason in reasons], dtype="boolean")
     valid[~solved] = pd.NA
@@ -110,19 +173,6 @@ def open_reason(law_kind: str, share: float) -> str:
     return f"{rule}: {share:.3g}" if share > most else ""
 
 
-def _broken(design: DesignPoint) -> list[str]:
-    given: Mapping[str, float] = design.values  # noqa: PD011 - no data frame
-    texts = [a.broken(given) for a in design.model.assumptions]
-    for rule, most, parameters in (
-        (MODE_RULE, LARGEST_MODAL_DAMPING, design.assembly_parameters()),
-        (COMPONENT_RULE, np.nextafter(CRITICAL, 0.0), design.mode_parameters()),
-    ):
-        damped = [given[p.name] for p in parameters if p.quantity == "damping_ratio"]
-        if max(damped, default=0.0) > most:
-            texts.append(f"{rule}: {max(damped):.4g}")
-    return [text for text in texts if text]
-
-
 def _of_the_point(design: DesignPoint, row: Mapping[Hashable, object]) -> list[str]:
     """What the findings of a point break."""
     if isinstance(design.model, FamilyDefinition):
@@ -142,28 +192,23 @@ def _number(row: Mapping[Hashable, object], name: str) -> float:
     return float(value) if isinstance(value, int | float) else np.nan
 
 
-def _damped_modes(plan: Plan) -> list[list[str]]:
-    """A reason where a real mode of the band does not oscillate, for each design point.
+def _damped_modes(plan: Plan) -> Broken:
+    """Where a real mode of the band does not oscillate.
 
     Damping that is proportional to stiffness rises with frequency: real modes are those of the
     structure's nominal working point.
     """
-    if isinstance(plan.study.model, FamilyDefinition):
-        return [[] for _ in plan.tasks]
-    low, high = plan.band_hz
-    highest: dict[str, float] = {}
-    reasons: list[list[str]] = []
-    for task in plan.tasks:
-        state = task.state()
-        zeta, beta = state.damping_ratio, state.stiffness_damping
-        key = task.structure
-        if zeta + np.pi * beta * high < CRITICAL or not is_prepared(key):
-            reasons.append([])
-            continue
-        if key not in highest:
+    points, (low, high) = plan.tasks, plan.band_hz
+    columns = points.columns
+    zeta, beta = columns.get("damping_ratio", 0.0), columns.get("stiffness_damping", 0.0)
+    most = np.broadcast_to(zeta + np.pi * beta * high, len(points))
+    ratio = np.zeros(len(points))
+    if not isinstance(plan.study.model, FamilyDefinition) and (most >= CRITICAL).any():
+        for key, rows in points.of_structures():
+            if not (most[rows] >= CRITICAL).any() or not is_prepared(key):
+                continue
             hz = natural_frequencies(prepared_model(key), plan.nominal)
-            highest[key] = float(hz[(hz >= low) & (hz <= high)].max(initial=0.0))
-        ratio = zeta + np.pi * beta * highest[key]
-        critical = highest[key] > 0 and ratio >= CRITICAL
-        reasons.append([f"{OSCILLATES_RULE}: {ratio:.4g}"] if critical else [])
-    return reasons
+            highest = float(hz[(hz >= low) & (hz <= high)].max(initial=0.0))
+            if highest > 0:
+                ratio[rows] = np.broadcast_to(zeta + np.pi * beta * highest, len(points))[rows]
+    return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL, 0.0)))

@@ -94,11 +94,11 @@ LARGEST_MODAL_DAMPING = (
 )
 
 
-def _static_friction(values: Mapping[str, float]) -> float:
+def _static_friction(values: Mapping[str, Any]) -> Any:
     return values["friction"] * values[STATIC_RATIO.name]
 
 
-def _damping_ratio(values: Mapping[str, float]) -> float:
+def _damping_ratio(values: Mapping[str, Any]) -> Any:
     return values["damping_ratio"]
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly
@@ -44,19 +47,25 @@ class Assumption:
     rule : str
         What holds up to the bound, in words: the reason of a design point beyond it.
     group : callable
-        Values of all parameters -> the dimensionless group.
+        Values of all parameters, each a number or an array over design points -> the dimensionless
+        group. One that takes numbers alone is asked point by point.
     most : float
         The largest value of the group for which the model holds.
     """
 
     rule: str
-    group: Callable[[Mapping[str, float]], float]
+    group: Callable[[Mapping[str, Any]], Any]
     most: float
 
-    def broken(self, values: Mapping[str, float]) -> str:
-        """The rule and the group's value where it is beyond the bound, else an empty text."""
-        value = self.group(values)
-        return "" if value <= self.most else f"{self.rule}: {value:.4g}"
+    def values(self, columns: Mapping[str, float | np.ndarray], count: int) -> np.ndarray:
+        """The group (count,) at design points whose values are numbers or arrays (count,)."""
+        try:
+            found = np.asarray(self.group(columns), dtype=float)
+        except (TypeError, ValueError):
+            varied = {k: x for k, x in columns.items() if isinstance(x, np.ndarray)}
+            own = ({k: float(x[i]) for k, x in varied.items()} for i in range(count))
+            found = np.array([self.group({**columns, **values}) for values in own], dtype=float)
+        return np.broadcast_to(found, count)
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,12 @@ w^2 = (w1^2 + w2^2) / 2.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from squealstudy.laws import FrictionCurve
+from squealstudy.laws.friction.exponential_fall import EXPONENTIAL_FALL
+from squealstudy.laws.registry import at_points
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
 from squealstudy.models.operating import (
@@ -46,10 +48,13 @@ PARAMETERS: Declared = (
 )
 
 
-def _friction(values: Mapping[str, float]) -> float:
+def _friction(values: Mapping[str, Any]) -> Any:
     """The coefficient at the sliding speed."""
-    curve = FrictionCurve.from_values("exponential_fall", values)
-    return float(curve.at(values["friction"], values["sliding_speed"], np.zeros(1)).mu)
+    speed, friction = values["sliding_speed"], values["friction"]
+    curve, parameters = EXPONENTIAL_FALL, [values[p.name] for p in EXPONENTIAL_FALL.parameters]
+    if curve.constant is not None and np.all(curve.constant(*parameters)):
+        return friction
+    return at_points(curve.mu, 3, speed, 0.0, friction, *parameters)[0]
 
 
 BOTH_PRESS = Assumption(

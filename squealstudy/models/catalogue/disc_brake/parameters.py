@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -73,12 +74,12 @@ def _bounded(parameter: Parameter) -> Parameter:
     return replace(parameter, below=HALF_TURN) if parameter.unit == "deg" else parameter
 
 
-def _lining_strain(values: Mapping[str, float]) -> float:
+def _lining_strain(values: Mapping[str, Any]) -> Any:
     """Mean strain of the lining under the brake force."""
     inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
     area = np.deg2rad(values["pad.half_angle"]) * (outer**2 - inner**2)
     force = values["pressure"] * values["piston.area"]
-    return float(abs(force / (area * values["pad.lining_young_modulus_z"])))
+    return abs(force / (area * values["pad.lining_young_modulus_z"]))
 
 
 SMALL_STRAINS = Assumption(
