@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, overload
+from typing import Any, Protocol, overload
 
 import numpy as np
 
@@ -114,6 +114,36 @@ class GivenNames:
     def name(self, number: int) -> str:
         """Id of one of the points."""
         return str(self.ids[number], "ascii")
+
+
+@dataclass(frozen=True, eq=False)
+class PartNames:
+    """Names of some rows of other points, made with theirs."""
+
+    whole: Names
+    rows: np.ndarray | slice
+
+    @property
+    def structures(self) -> tuple[str, ...]:
+        """Keys of prepared models, others' too."""
+        return self.whole.structures
+
+    @property
+    def structure_index(self) -> np.ndarray:
+        """Place (n,) int32 of each point's key among them."""
+        return self.whole.structure_index[self.rows]
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each point, 16 bytes."""
+        return self.whole.ids[self.rows]
+
+    def name(self, number: int) -> str:
+        """Id of one of the points, without the others'."""
+        rows = self.rows
+        if isinstance(rows, slice):
+            return self.whole.name(range(*rows.indices(len(self.whole.structure_index)))[number])
+        return self.whole.name(int(rows[number]))
 
 
 class PlannedNames:
@@ -277,11 +307,16 @@ class DesignPoints(Sequence[DesignPoint]):
             yield self.structures[number], rows
 
     def at(self, rows: np.ndarray | slice) -> DesignPoints:
-        """Some of the points, with their names: what a task has."""
+        """Some of the points, with their names."""
         if not isinstance(rows, slice):
             rows = np.asarray(rows, dtype=np.intp)
-        names = GivenNames(self.structures, self.structure_index[rows], self.ids[rows])
-        return DesignPoints(self._values.at(rows), names)
+        return DesignPoints(self._values.at(rows), PartNames(self._names, rows))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process gets the points with their names, not the plan."""
+        used, index = np.unique(self.structure_index, return_inverse=True)
+        keys = tuple(self.structures[i] for i in used)
+        return DesignPoints, (self._values, GivenNames(keys, index.astype(np.int32), self.ids))
 
     def bare(self, number: int) -> DesignPoint:
         """A point with neither id nor structure."""

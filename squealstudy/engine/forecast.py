@@ -109,9 +109,10 @@ def estimate(plan: Plan) -> Estimate:
             reason="no reduced model of this study is in the cache yet; --build makes the first "
             "one and times it",
         )
-    tasks = [t for t in plan.tasks if t.structure in set(ready)]
-    step = max(1, (len(tasks) - 1) // max(1, TIMED_POINTS - 1))
-    seconds = _timed(kind, plan, tasks[::step][:TIMED_POINTS])
+    usable = np.isin(plan.tasks.structures, ready)[plan.tasks.structure_index]
+    rows = np.flatnonzero(usable)
+    step = max(1, (len(rows) - 1) // max(1, TIMED_POINTS - 1))
+    seconds = _timed(kind, plan, [plan.tasks[int(i)] for i in rows[::step][:TIMED_POINTS]])
     prepared = load_any(ready[0])
     return Estimate(
         n_missing_structures=missing,
