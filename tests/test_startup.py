@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 STUDY = Path(__file__).parent.parent / "studies" / "hulten_flutter.toml"
-HEAVY = {"numba", "matplotlib", "skfem", "scipy.stats", "scipy.optimize", "scipy.spatial"}
+HEAVY = {"numba", "matplotlib", "skfem", "meshio", "scipy.stats", "scipy.optimize", "scipy.spatial"}
 COMMAND = """
 import sys
 from squealstudy.cli.app import app

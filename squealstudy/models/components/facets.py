@@ -81,8 +81,8 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
 
     Parameters
     ----------
-    corners : ndarray (p, 3) or (p, 4) of int
-        Nodes in any order.
+    corners : ndarray (p, 4) of int
+        Nodes in any order; -1 for the fourth of a triangle.
 
     Returns
     -------
@@ -92,10 +92,8 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
     faces, of_mesh = _all_faces(mesh)
     outer = _times(of_mesh) == 1
     faces, of_mesh = faces[outer], of_mesh[outer]
-    wanted = np.full((len(corners), 4), -1)
-    wanted[:, : corners.shape[1]] = corners
-    wanted = np.sort(wanted, axis=1)
-    _, number = np.unique(np.vstack([of_mesh, wanted]), axis=0, return_inverse=True)
+    rows = np.vstack([of_mesh, np.sort(corners, axis=1)])
+    _, number = np.unique(rows, axis=0, return_inverse=True)
     number = number.ravel()
     asked = np.isin(number[: len(faces)], number[len(faces) :])
     return faces[asked], np.isin(number[len(faces) :], number[: len(faces)])

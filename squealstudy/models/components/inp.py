@@ -13,6 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component, Text, passed
+from squealstudy.models.components.inp_faces import FACES, NODES
 from squealstudy.models.components.inp_keywords import ELEMENTS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
@@ -64,7 +65,8 @@ def read_inp(
         abaqus or calculix: whose C3D8 it is (`C3D8_BBAR` or `C3D8`). By default abaqus where the
         file has parts.
     treat_as : dict of str -> str
-        Elements of the file and the formulation to read them as, such as C3D8R as C3D8I.
+        Elements of the file and the formulation to read them as, such as C3D8R as C3D8I. Plane
+        elements and shells can be "faces": their element sets become surfaces of the solids.
     pass_over : collection of str
         Keywords to pass over that would be refused, such as TIE.
 
@@ -98,6 +100,9 @@ def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) 
     if dialect == "abaqus":
         found["C3D8"] = "C3D8_BBAR"
     for written, name in (treat_as or {}).items():
+        if name == FACES and written.upper() in NODES:
+            found[written.upper()] = FACES
+            continue
         if name not in FORMULATIONS:
             known = ", ".join(FORMULATIONS)
             raise ModelError(f"{path}: treat_as {written} = '{name}': expected one of {known}")

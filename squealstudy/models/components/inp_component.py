@@ -11,6 +11,7 @@ import numpy as np
 from squealstudy.models.components.facets import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.inp_keywords import ELEMENTS
 from squealstudy.models.components.inp_materials import MaterialText, read_orientation
 from squealstudy.models.components.inp_sets import NOTHING, Sets
@@ -79,6 +80,7 @@ class Component:
             Sets("element", self.element_sets, text.instance),
         )
         self.blocks: list[ElementBlock] = []
+        self.marked = MarkedFaces()
         self.labels = np.zeros(0, dtype=np.int64)  # of all elements, block after block
         self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
 
@@ -94,6 +96,7 @@ class Component:
             node_sets=self._resolved(self.node_sets, self.of_assembly[0], self._nodes),
         )
         mesh = self._with_surfaces(self._with_sections(mesh))
+        mesh = self._with_marked_faces(mesh)
         mesh = self._without_unused(mesh)
         for sets in (self.node_sets, self.element_sets):
             for card, missing in sets.absent:
@@ -149,8 +152,13 @@ class Component:
         for card in self._cards("ELEMENT"):
             card.check(ELEMENT)
             name = self._formulation(card)
-            labels, nodes = self._records(card, FORMULATIONS[name].shape.nodes, first)
-            parts.setdefault(name, []).append((labels, nodes))
+            if name == FACES:
+                count = NODES[card.value("TYPE").upper()]
+                labels, nodes = self._records(card, count, first)
+                self.marked.add(labels, nodes)
+            else:
+                labels, nodes = self._records(card, FORMULATIONS[name].shape.nodes, first)
+                parts.setdefault(name, []).append((labels, nodes))
             if in_set := card.parameters.get("ELSET"):
                 self.element_sets.add(in_set, labels)
         if not parts:
@@ -161,7 +169,7 @@ class Component:
             self.blocks.append(ElementBlock(name, nodes, labels))
         self.labels = np.concatenate([b.labels for b in self.blocks])
         self.by_label = np.argsort(self.labels)
-        self.element_sets.known = self.labels[self.by_label]
+        self.element_sets.known = np.sort(np.append(self.labels, self.marked.labels))
 
     def _formulation(self, card: Card) -> str:
         written = card.value("TYPE").upper()
@@ -169,8 +177,11 @@ class Component:
             return self.text.elements[written]
         if written in ELEMENTS:
             advice = f"{ELEMENTS[written]}; or say by treat_as what it is to be"
+        elif written in NODES:
+            advice = f"only solids are; where it marks faces alone, treat_as {written} = '{FACES}'"
         else:
-            advice = f"supported: {', '.join(self.text.elements)}"
+            solids = [name for name, ours in self.text.elements.items() if ours != FACES]
+            advice = f"supported: {', '.join(solids)}"
         raise card.error(f"element {written} is not supported: {advice}")
 
     def _records(self, card: Card, k: int, first: dict[int, Line]) -> tuple[np.ndarray, np.ndarray]:
@@ -236,6 +247,9 @@ class Component:
         return np.searchsorted(self.numbers, labels)
 
     def _elements(self, labels: np.ndarray) -> np.ndarray:
+        """Places of the solid elements among labels."""
+        if len(self.marked.labels):
+            labels = labels[~np.isin(labels, self.marked.labels)]
         at = np.searchsorted(self.labels, labels, sorter=self.by_label)
         return np.sort(self.by_label[at])
 
@@ -281,6 +295,22 @@ class Component:
                 if len(faces):
                     surfaces[_free_name(name, surfaces, card)] = faces
         return replace(mesh, surfaces=surfaces, node_sets=node_sets)
+
+    def _with_marked_faces(self, mesh: SolidMesh) -> SolidMesh:
+        """Element sets with plane elements that are treated as faces become surfaces."""
+        surfaces = dict(mesh.surfaces)
+        for sets in (self.element_sets, self.of_assembly[1]):
+            for key, name in sets.shown.items():
+                labels = sets.labels(key, self._first().line)
+                if not np.isin(labels, self.marked.labels).any():
+                    continue
+                faces, note = self.marked.surface(mesh, name, labels)
+                if note:
+                    self.text.passed_over.append(note)
+                if len(faces):
+                    surfaces[_free_name(name, surfaces, self._first())] = faces
+        sets_of_solids = {name: e for name, e in mesh.element_sets.items() if len(e)}
+        return replace(mesh, surfaces=surfaces, element_sets=sets_of_solids)
 
     def _members(self, card: Card, sets: Sets) -> np.ndarray:
         """Labels that the first words of the lines of a surface name."""

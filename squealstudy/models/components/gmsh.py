@@ -1,0 +1,189 @@
+"""Components from meshes of gmsh (``.msh`` 2.2 and 4.1) by meshio; their groups are sets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.facets import faces_with_corners
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+
+SOLIDS = {
+    "tetra": "C3D4",
+    "tetra10": "C3D10",
+    "wedge": "C3D6",
+    "wedge15": "C3D15",
+    "hexahedron": "C3D8",
+    "hexahedron20": "C3D20",
+}
+CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}  # of facets
+LESSER = ("vertex", "line", "line3")
+ADVICE = {
+    "hexahedron27": "set Mesh.SecondOrderIncomplete = 1 for hexahedra with 20 nodes",
+    "wedge18": "set Mesh.SecondOrderIncomplete = 1 for wedges with 15 nodes",
+    "pyramid": "mesh without pyramids",
+}
+
+
+def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
+    """A component from a mesh of gmsh, in its units, without materials.
+
+    Named physical groups of volumes are element sets, those of surfaces are surfaces and node sets,
+    those of curves and points are node sets. A group without a name has its number as name. Nodes
+    and elements are numbered from 1 in the order of the file, not by its tags.
+
+    Parameters
+    ----------
+    path : Path
+    treat_as : dict of str -> str
+        Formulations to use in place of others with as many nodes, such as C3D8I for C3D8.
+
+    Returns
+    -------
+    SolidMesh
+        `passed_over` lists facets of groups that lie inside the body, and nodes of no element.
+
+    Raises
+    ------
+    ModelError
+        A file that cannot be read; elements that are not supported; no solid elements.
+    """
+    names = _formulations(path, treat_as or {})
+    found = _read(path)
+    for block in found.cells:
+        if block.type not in (*SOLIDS, *CORNERS, *LESSER):
+            advice = ADVICE.get(block.type, f"supported are {', '.join(SOLIDS)}")
+            raise ModelError(f"{path}: elements '{block.type}' are not supported: {advice}")
+    groups = _groups(found)
+    blocks, sets = _solids(found, groups, names)
+    if not blocks:
+        raise ModelError(f"{path}: there is no solid element; is a group of volumes missing?")
+    nodes = np.asarray(found.points, dtype=float)
+    mesh = SolidMesh(path, nodes, np.arange(1, len(nodes) + 1), blocks, element_sets=sets)
+    mesh = _with_facets(mesh, found, groups)
+    used = np.zeros(len(nodes), dtype=bool)
+    for solid in blocks:
+        used[solid.nodes] = True
+    if used.all():
+        return mesh
+    them = "it" if (~used).sum() == 1 else "them"
+    why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid element has {them}"
+    note = PassedOver("$Nodes", path, 0, why)
+    mesh = mesh.part(np.arange(mesh.n_elements))
+    return replace(mesh, passed_over=(*mesh.passed_over, note))
+
+
+def _formulations(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
+    """Formulation of each type of element of meshio."""
+    known = list(SOLIDS.values())
+    for old, new in treat_as.items():
+        if old not in known or new not in FORMULATIONS:
+            raise ModelError(
+                f"{path}: treat_as {old} = '{new}': expected one of {', '.join(known)}"
+            )
+    return {kind: treat_as.get(name, name) for kind, name in SOLIDS.items()}
+
+
+def _read(path: Path) -> Any:
+    """What meshio makes of it; ModelError for whatever it runs into."""
+    import meshio
+
+    # meshio 5.3.5 reads wedges with 15 nodes but for the number of their dimensions
+    meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+    if not path.is_file():
+        raise ModelError(f"there is no file {path}")
+    try:
+        found = meshio.gmsh.read(path)
+    except Exception as error:  # a damaged file is whatever its reader runs into
+        reason = f"{type(error).__name__} {error}".strip()
+        raise ModelError(f"{path} cannot be read as a mesh of gmsh: {reason}") from error
+    for block in found.cells:
+        if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
+            raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")
+    return found
+
+
+def _groups(found: Any) -> list[dict[str, np.ndarray]]:
+    """For each block of cells the cells in each named physical group.
+
+    Format 4.1 has them as sets; in 2.2 a cell has the number of one group.
+    """
+    named = {(int(tag), int(dim)): name for name, (tag, dim) in found.field_data.items()}
+    numbers = found.cell_data.get("gmsh:physical")
+    groups: list[dict[str, np.ndarray]] = []
+    for k, block in enumerate(found.cells):
+        of: dict[str, np.ndarray] = {}
+        for name, members in found.cell_sets.items():
+            if not name.startswith("gmsh:") and members[k] is not None and len(members[k]):
+                of[name] = np.asarray(members[k], dtype=np.int64)
+        if numbers is not None:
+            for tag in np.unique(numbers[k]):
+                name = named.get((int(tag), block.dim), str(tag))
+                if tag and name not in of:
+                    of[name] = np.flatnonzero(numbers[k] == tag)
+        groups.append(of)
+    return groups
+
+
+def _solids(
+    found: Any, groups: list[dict[str, np.ndarray]], names: Mapping[str, str]
+) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
+    """Blocks by formulation, and element sets. In 2.2 a cell of two groups is there twice."""
+    cells: dict[str, list[np.ndarray]] = {}
+    in_groups: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for block, of in zip(found.cells, groups, strict=True):
+        if block.type in SOLIDS:
+            kind = names[block.type]
+            before = sum(map(len, cells.setdefault(kind, [])))
+            cells[kind].append(np.asarray(block.data, dtype=np.int64))
+            in_groups.setdefault(kind, []).extend((n, before + rows) for n, rows in of.items())
+    blocks: list[ElementBlock] = []
+    sets: dict[str, list[np.ndarray]] = {}
+    start = 0
+    for kind, parts in cells.items():
+        nodes = np.concatenate(parts)
+        _, first, number = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        place = np.argsort(order)[number.ravel()]  # of each cell among those that differ
+        labels = start + 1 + np.arange(len(first))
+        blocks.append(ElementBlock(kind, nodes[first[order]], labels))
+        for name, rows in in_groups[kind]:
+            sets.setdefault(name, []).append(start + place[rows])
+        start += len(first)
+    return tuple(blocks), {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
+
+
+def _with_facets(mesh: SolidMesh, found: Any, groups: list[dict[str, np.ndarray]]) -> SolidMesh:
+    """With surfaces and node sets from the groups of facets, curves and points."""
+    corners: dict[str, list[np.ndarray]] = {}
+    nodes: dict[str, list[np.ndarray]] = {}
+    for block, of in zip(found.cells, groups, strict=True):
+        if block.type in SOLIDS:
+            continue
+        for name, rows in of.items():
+            nodes.setdefault(name, []).append(block.data[rows].ravel())
+            if block.type in CORNERS:
+                four = np.full((len(rows), 4), -1)
+                four[:, : CORNERS[block.type]] = block.data[rows][:, : CORNERS[block.type]]
+                corners.setdefault(name, []).append(four)
+    surfaces, notes = {}, []
+    for name, parts in corners.items():
+        wanted = np.unique(np.concatenate(parts), axis=0)
+        faces, there = faces_with_corners(mesh, wanted)
+        if len(faces):
+            surfaces[name] = faces
+        if missing := int((~there).sum()):
+            why = f"{missing} of {len(wanted)} facets are not on the boundary of the solid"
+            notes.append(PassedOver(f"physical surface {name}", mesh.origin, 0, why))
+    return replace(
+        mesh,
+        surfaces=surfaces,
+        node_sets={name: np.unique(np.concatenate(parts)) for name, parts in nodes.items()},
+        passed_over=tuple(notes),
+    )
