@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 
 from squealstudy.models.components.contact_rows import Rotation, contact_rows
 from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.pairs import pair
 
 E, NU = 2.0, 0.3
 LAM, MU = E * NU / (1 + NU) / (1 - 2 * NU), E / 2 / (1 + NU)
@@ -162,3 +163,29 @@ def rigid(*facets):
     for axis in range(3):
         R[:, :, 3 + axis] = np.cross(np.eye(3)[axis], x)
     return R.reshape(-1, 6)
+
+
+def sector(x):
+    """A unit square to .5 rad of a ring of radii .9 and 1.4."""
+    r, t = 0.9 + 0.5 * x[0], 0.5 * (x[1] - 0.5)
+    return np.stack([r * np.cos(t), r * np.sin(t), x[2]])
+
+
+def patch(upper, lower, warp=None, **settings):
+    """Two blocks pressed by 1 Pa: largest error of the contact pressures, and the pair."""
+    (e1, n1), (e2, n2) = upper, lower
+    top = body(e1, (1, 1, 0.4), (*n1, 1), (0, 0, 0), warp)
+    base = body(e2, (1, 1, 0.4), (*n2, 1), (0, 0, -0.4), warp)
+    p = pair(top.facets(on(0.0)), base.facets(on(0.0)), search=1e-2, **settings)
+    assert (p.slave.area > 0).all()
+    one, other = ((1, 0.5), (0, 0.5)) if warp else ((0, 0), (1, 0))
+
+    def held(b: Body, z):
+        places = [np.array([[x], [y], [z]], dtype=float) for x, y in (one, other)]
+        a, c = (at(b, warp(x)[:, 0] if warp else x[:, 0]) for x in places)
+        return np.array([3 * a, 3 * a + 1, 3 * c + 1])
+
+    floor = 3 * np.flatnonzero(abs(base.nodes[:, 2] + 0.4) < 1e-9) + 2
+    loads = pressed(top.facets(on(0.4))), np.zeros(3 * len(base.nodes))
+    supports = held(top, 0.4), np.concatenate([held(base, -0.4), floor])
+    return abs(pressures(top, base, p, rows_of(p), loads, supports) - 1).max(), p

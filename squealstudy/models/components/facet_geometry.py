@@ -100,6 +100,20 @@ class Facets:
         sampled = [_sampled(self.coordinates[b], 3)[2].sum(axis=1) for b in self.blocks]
         return np.concatenate(sampled)
 
+    @cached_property
+    def directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean unit normal of each facet (m, 3), and how far its normals lean from it (m,).
+
+        The latter is twice the largest difference at Gauss points: those of the corners are not
+        seen.
+        """
+        surface, facet = self.gauss_points(3)
+        mean = np.column_stack([np.bincount(facet, n) for n in surface.normal.T])
+        mean /= np.linalg.norm(mean, axis=1, keepdims=True)
+        lean = np.zeros(len(mean))
+        np.maximum.at(lean, facet, np.linalg.norm(surface.normal - mean[facet], axis=1))
+        return mean, 2 * lean
+
     def gauss_points(self, points_per_side: int) -> tuple[Surface, np.ndarray]:
         """Gauss points of all facets (see `rule`), and the number of each point's facet."""
         parts = [_sampled(self.coordinates[b], points_per_side) for b in self.blocks if len(b)]

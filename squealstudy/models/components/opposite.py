@@ -13,6 +13,7 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.fem.sampling import Surface
 
 SAMPLES = 2000  # points at which a survey asks
+AT_ONCE = 1_000_000  # pairs of facets that are compared at the same time
 
 
 @dataclass(frozen=True)
@@ -56,22 +57,31 @@ class Neighbours:
 
 
 def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
-    """Facets whose surrounding spheres come closer than `search` [m] to each other.
+    """Master facets that the normals of each slave facet may meet within `search` [m].
 
     Masters are looked up by size, so that a few large ones do not make all others candidates.
     """
+    normal, spread = slave.directions
     sizes = np.floor(np.log2(master.radii))
     owner, found = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
     for size in np.unique(sizes):
         some = np.flatnonzero(sizes == size)
+        tree = cKDTree(master.centres[some])
         reach = BULGE * (slave.radii + master.radii[some].max()) + search
-        lists = cKDTree(master.centres[some]).query_ball_point(slave.centres, reach)
-        owner.append(np.repeat(np.arange(len(lists)), [len(x) for x in lists]))
-        found.append(some[np.concatenate([np.asarray(x, dtype=int) for x in lists])])
+        counts = tree.query_ball_point(slave.centres, reach, return_length=True)
+        held = np.cumsum(counts) // AT_ONCE
+        for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(held)) + 1):
+            lists = tree.query_ball_point(slave.centres[part], reach[part])
+            i = np.repeat(part, counts[part])
+            m = some[np.concatenate([np.asarray(x, dtype=int) for x in lists])]
+            away = master.centres[m] - slave.centres[i]
+            height = np.sum(away * normal[i], axis=1)
+            off = np.linalg.norm(away - height[:, None] * normal[i], axis=1)
+            extent = BULGE * (slave.radii[i] + master.radii[m])
+            kept = (abs(height) <= extent + search) & (off <= extent + spread[i] * abs(height))
+            owner.append(i[kept])
+            found.append(m[kept])
     i, m = np.concatenate(owner), np.concatenate(found)
-    apart = np.linalg.norm(slave.centres[i] - master.centres[m], axis=1)
-    kept = apart <= BULGE * (slave.radii[i] + master.radii[m]) + search
-    i, m = i[kept], m[kept]
     order = np.lexsort((m, i))
     start = np.searchsorted(i[order], np.arange(len(slave.kinds) + 1))
     return Neighbours(start, m[order])

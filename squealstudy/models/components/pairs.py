@@ -119,7 +119,7 @@ def pair(
             f"{names}: the normals of the two surfaces point the same way; facets are numbered so "
             "that normals point out of the body, or one surface is the far side of its body"
         )
-    in_reach = found.area.sum() / slave.areas.sum()
+    in_reach = min(1.0, found.area.sum() / slave.areas.sum())  # round-off may add a hair
     covered, gaps = (in_reach, found.gap) if in_reach >= WHOLE else survey(slave, master)
     if not len(found.area):
         raise ModelError(f"{names}: nothing lies within {search:.3g} m; {_where(covered, gaps)}")

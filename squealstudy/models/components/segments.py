@@ -1,11 +1,10 @@
 """Contact points as means over a slave's facets, integrated over the segments of two meshes.
 
-The functions of the means are the Lagrange functions L_a of the facet's Gauss points: they sum to
-one, so that no force is lost, and their integrals are the Gauss points' areas. Where the meshes
-match, the points and rows of parallelograms are those of Gauss points. On a facet that is covered
-in part, integrals of Lagrange functions may be negative; they are drawn towards constant
-functions, c_a = w_a / sum(w), just so far that every area is at least LEAST of what it would be
-with those.
+The functions of the means (THEORY.md eq. (104), (105)) are the Lagrange functions L_a of the
+facet's Gauss points: they sum to one, so that no force is lost, and their integrals are the Gauss
+points' areas. Where parallelograms match, points and rows are those of Gauss points. On a facet
+that is covered in part, integrals of Lagrange functions may be negative; they are drawn towards
+constant functions, just so far that every area is at least LEAST of what it would be with those.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
 
 AT_ONCE = 20_000  # pairs of facets whose integrals are held at the same time: 13 MB
-LEAST = 0.1
+LEAST = 0.1  # of the area that a point would have with constant functions
 NOTHING = 1e-12  # share of a facet below which it is not covered
 LAYERS = 1.02  # share of a facet above which several masters cover it
 
