@@ -109,7 +109,7 @@ class Facets:
         """
         surface, facet = self.gauss_points(3)
         mean = np.column_stack([np.bincount(facet, n) for n in surface.normal.T])
-        mean /= np.linalg.norm(mean, axis=1, keepdims=True)
+        mean = mean / np.linalg.norm(mean, axis=1, keepdims=True)
         lean = np.zeros(len(mean))
         np.maximum.at(lean, facet, np.linalg.norm(surface.normal - mean[facet], axis=1))
         return mean, 2 * lean
