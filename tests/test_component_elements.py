@@ -278,7 +278,7 @@ def mixed():
         )
         for k, b in enumerate((left.blocks[0], right.blocks[0]))
     )
-    return SolidMesh(
+    mesh = SolidMesh(
         Path("mixed.inp"),
         nodes,
         np.arange(len(nodes)) + 1,
@@ -286,18 +286,21 @@ def mixed():
         node_sets={"END": np.flatnonzero(nodes[:, 0] == 6.0), "ALL": np.arange(len(nodes))},
         element_sets={"LEFT": np.array([0]), "RIGHT": np.array([1, 2])},
         surfaces={"SIDE": np.array([[0, 1], [1, 1]])},
-    ).with_materials({"LEFT": STEEL, "RIGHT": LINING})
+    )
+    axes = ("axes", RECTANGULAR)
+    return mesh.with_material("iron", STEEL).with_material("pad", LINING, "right", axes)
 
 
 def test_two_formulations_and_materials_in_one_mesh():
     mesh = mixed()
     check_mesh(mesh)
     K = stiffness_matrix(mesh)
-    total = summed(mesh, "LEFT") + summed(mesh, "RIGHT")
+    total = summed(mesh, "iron") + summed(mesh, "pad")
     assert abs(K - total).max() < 1e-13 * abs(K).max()
+    assert mesh.orientation.tolist() == ["", "axes", "axes"]
     alone = stiffness_matrix(mesh.part(np.array([0])))
     assert alone.shape == (24, 24)
-    assert abs(summed(mesh, "LEFT")).sum() == pytest.approx(abs(alone).sum())
+    assert abs(summed(mesh, "iron")).sum() == pytest.approx(abs(alone).sum())
     assert np.abs(K @ rigid_shapes(mesh.nodes)).max() < 1e-12 * abs(K).max()
 
 

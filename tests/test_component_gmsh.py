@@ -18,8 +18,12 @@ from squealstudy.models.components.inp import read_inp
 
 MESHES = Path(__file__).parent / "meshes"
 LARGEST = 60_000  # bytes of a file
-MATERIALS = {"BACK": STEEL, "LINING": LINING}
 FACES = {"CPS6": "faces", "CPS8": "faces"}
+
+
+def of_pad(mesh):
+    """With the materials of a pad."""
+    return mesh.with_material("steel", STEEL, "BACK").with_material("lining", LINING, "LINING")
 
 
 def area_and_normal(mesh, name):
@@ -64,7 +68,7 @@ def test_facets_inside_the_body_are_listed():
 def test_tetrahedra_and_swept_meshes_have_the_same_mass():
     inertia = []
     for name in ("pad_tet10", "pad_hex20"):
-        mesh = read_gmsh(MESHES / f"{name}.msh").with_materials(MATERIALS)
+        mesh = of_pad(read_gmsh(MESHES / f"{name}.msh"))
         R = rigid_shapes(mesh.nodes)
         inertia.append(R.T @ mass_matrix(mesh) @ R)
         K = stiffness_matrix(mesh)
@@ -78,8 +82,8 @@ def test_tetrahedra_and_swept_meshes_have_the_same_mass():
 
 def test_inp_of_gmsh_is_the_same_mesh():
     """Hexahedra with 20 nodes and wedges with 15: gmsh itself has put them in Abaqus's order."""
-    ours = read_gmsh(MESHES / "pad_hex20.msh").with_materials(MATERIALS)
-    theirs = read_inp(MESHES / "pad_hex20.inp", treat_as=FACES).with_materials(MATERIALS)
+    ours = of_pad(read_gmsh(MESHES / "pad_hex20.msh"))
+    theirs = of_pad(read_inp(MESHES / "pad_hex20.inp", treat_as=FACES))
     assert {b.formulation for b in theirs.blocks} == {"C3D20", "C3D15"}
     assert set(ours.surfaces) <= set(theirs.surfaces)
     np.testing.assert_allclose(theirs.nodes, ours.nodes, atol=1e-11)

@@ -10,6 +10,7 @@ import pytest
 
 import squealstudy
 from squealstudy.cli.app import app
+from squealstudy.models.components.formulations import FORMULATIONS
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "studies"
@@ -118,6 +119,21 @@ def test_every_benchmark_is_on_its_page():
     page = (STUDIES / "benchmarks" / "README.md").read_text(encoding="utf-8")
     for file in (STUDIES / "benchmarks").glob("*.py"):
         assert file.name in page, file.name
+
+
+def test_snippet_of_the_own_brake_page(monkeypatch):
+    """It runs, and the page has every element, with what is confirmed of it."""
+    page = STUDIES / "own_brake.md"
+    monkeypatch.chdir(ROOT)
+    said = names_after(page)
+    assert said["K"].shape == said["M"].shape == (3 * len(said["mesh"].nodes),) * 2
+    rows = re.findall(r"^\| `(C3D\w+)` .*$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(rows) == sorted(FORMULATIONS)
+    for row in re.findall(r"^\| `C3D\w+` .*$", page.read_text(encoding="utf-8"), re.MULTILINE):
+        element, *_, K, M, _ = (cell.strip() for cell in row.strip("|").split("|"))
+        verified = FORMULATIONS[element.strip("`")].verified
+        assert ("published" in K) == (not verified.startswith("K and M")), row
+        assert re.fullmatch(r"\de-\d\d|as `C3D8`", M), row
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)

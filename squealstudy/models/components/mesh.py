@@ -173,12 +173,41 @@ class SolidMesh:
                 found.append(block.nodes[of[of[:, 1] == k + 1, 0] - start][:, list(face)].ravel())
         return found
 
-    def with_materials(self, of_sets: Mapping[str, Elastic]) -> SolidMesh:
-        """The same with materials given to element sets (``""``: all elements), by these names."""
-        material = self.material.astype(object)
-        for name in of_sets:
-            material[self.find("element_sets", name) if name else slice(None)] = name
-        return replace(self, materials={**self.materials, **of_sets}, material=material)
+    def with_material(
+        self,
+        name: str,
+        material: Elastic,
+        elements: str | None = None,
+        orientation: tuple[str, Orientation] | None = None,
+    ) -> SolidMesh:
+        """The same with a material given to an element set, by default to all elements.
+
+        Parameters
+        ----------
+        name : str
+            Of the material.
+        material : Isotropic or Orthotropic
+        elements : str or None
+            An element set.
+        orientation : tuple (str, Orientation) or None
+            Name and axes of the material; None leaves them as they are.
+        """
+        if not name:
+            raise self.error("a material needs a name")
+        rows = slice(None) if elements is None else self.find("element_sets", elements)
+        of, axes, orientations = self.material.astype(object), self.orientation, self.orientations
+        of[rows] = name
+        if orientation is not None:
+            axes = axes.astype(object)
+            axes[rows] = orientation[0]
+            orientations = {**orientations, orientation[0]: orientation[1]}
+        return replace(
+            self,
+            materials={**self.materials, name: material},
+            material=of,
+            orientations=orientations,
+            orientation=axes,
+        )
 
     def part(self, elements: np.ndarray) -> SolidMesh:
         """Only these elements (places), and the nodes, sets, faces that belong to them."""
