@@ -68,7 +68,7 @@ def goes_on_to_the_same_tables(folder: Path, directory: Path) -> None:
 
 # -- disks ----------------------------------------------------------------------------------------
 def test_a_full_disk(folder: Path, small_disk: Path) -> None:
-    is_one_sentence(shell("", *RUN, "disk/out"), "disk/out/", "the disk is full", GOES_ON)
+    is_one_sentence(shell("", *RUN, "disk/out"), "disk/out", "the disk is full", GOES_ON)
     subprocess.run(["mount", "-o", "remount,size=4m", str(small_disk)], check=True)
     assert list((small_disk / "out" / "chunks").iterdir())
     goes_on_to_the_same_tables(folder, small_disk / "out")

@@ -300,7 +300,7 @@ def test_a_failure_of_the_method_leaves_its_points_to_the_exact_rung(tmp_path, m
 
     monkeypatch.setattr("squealstudy.modes.rungs.perturbation.make_anchor", fail)
     plan = plan_of(HULTEN + 'method = "perturbation"\n')
-    (task, *_) = solve_tasks(plan, plan.tasks, 1)
+    (task, *_) = solve_tasks(plan, plan.tasks, Workers())
     build_structures(plan, Workers())
     rows = solve_points(task).rows
     assert len(rows) == len(task.points)

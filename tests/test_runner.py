@@ -17,9 +17,9 @@ from study_runs import comparable, plan_of, solved
 
 import squealstudy
 from squealstudy.engine import store
+from squealstudy.engine.pace import Pace
 from squealstudy.engine.plan import Plan, reference_choice
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.workers import split_chunks
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 
 HULTEN = """
@@ -190,12 +190,34 @@ def test_point_ids_are_content(tmp_path: Path) -> None:
     assert not ids & {t.point_id for t in other_band.tasks}
 
 
-def test_chunks_balance_workers_and_bound_the_loss() -> None:
-    tasks = list(range(174))
-    parts = split_chunks(tasks, jobs=2)
-    assert [x for part in parts for x in part] == tasks
-    assert max(map(len, parts)) <= 16
-    assert len(parts) >= 8
+def parts_of(points: int, seconds: float, jobs: int = 2) -> list[int]:
+    """Sizes of tasks whose points take so long."""
+    pace, found = Pace(), []
+    for part in pace.parts(hulten(0.6, points).tasks, jobs):
+        found.append(len(part))
+        pace.took(len(part), seconds * len(part))
+    return found
+
+
+def test_tasks_are_small_where_points_are_expensive_and_balance_workers() -> None:
+    sizes = parts_of(174, 1.0)
+    assert (sum(sizes), max(sizes[1:])) == (174, 2)
+    sizes = parts_of(8000, 1e-3)
+    assert (sum(sizes), sizes[0]) == (8000, 16)  # nothing is known of their time
+    assert sizes[1] == pytest.approx(8000 / 16, abs=2)
+    assert max(sizes) < 2000
+    assert sizes[-2] == 100  # a tenth of a second
+    assert parts_of(3, 1e-3) == [1, 2]
+
+
+def test_parts_have_one_structure_each_and_all_points() -> None:
+    text = HULTEN.format(stop=0.6, num=50)
+    text += '[[sweep]]\nparameter = "frequency_1"\nvalues = [90.0, 95.0, 100.0]\n'
+    points = plan_of(text).tasks
+    parts = list(Pace(1e-9).parts(points, 2))
+    assert [len(set(part.structure_index.tolist())) for part in parts] == [1] * len(parts)
+    names = [task.point_id for part in parts for task in part]
+    assert sorted(names) == sorted(points.ids.astype(str).tolist())
 
 
 def test_reference_points_begin_at_the_upper_corner_and_spread() -> None:

@@ -121,7 +121,7 @@ class PartNames:
     """Names of some rows of other points, made with theirs."""
 
     whole: Names
-    rows: np.ndarray | slice
+    rows: np.ndarray
 
     @property
     def structures(self) -> tuple[str, ...]:
@@ -140,10 +140,7 @@ class PartNames:
 
     def name(self, number: int) -> str:
         """Id of one of the points, without the others'."""
-        rows = self.rows
-        if isinstance(rows, slice):
-            return self.whole.name(range(*rows.indices(len(self.whole.structure_index)))[number])
-        return self.whole.name(int(rows[number]))
+        return self.whole.name(int(self.rows[number]))
 
 
 class PlannedNames:
@@ -308,9 +305,11 @@ class DesignPoints(Sequence[DesignPoint]):
 
     def at(self, rows: np.ndarray | slice) -> DesignPoints:
         """Some of the points, with their names."""
-        if not isinstance(rows, slice):
-            rows = np.asarray(rows, dtype=np.intp)
-        return DesignPoints(self._values.at(rows), PartNames(self._names, rows))
+        chosen = np.arange(len(self))[rows] if isinstance(rows, slice) else np.asarray(rows, int)
+        names = self._names
+        if isinstance(names, PartNames):
+            return DesignPoints(self._values.at(chosen), PartNames(names.whole, names.rows[chosen]))
+        return DesignPoints(self._values.at(chosen), PartNames(names, chosen))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process gets the points with their names, not the plan."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,10 +112,26 @@ class Journal:
             return UNFINISHED
         if not path.is_file():
             return MISSING
-        whole = path.stat().st_size == entry.size
+        state = path.stat()
+        whole = state.st_size == entry.size
         if whole and thoroughly:
-            whole = file_hash(path) == entry.sha256
+            whole = _hash_of(path, state) == entry.sha256
         return "" if whole else DAMAGED
+
+
+_hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # of files as they were when last read
+STILL = 10**9  # ns: what was changed later than this before now may change again unseen
+
+
+def _hash_of(path: Path, state: os.stat_result) -> str:
+    """SHA-256 of a file, read once a process while its size and its time stay as they are."""
+    seen = state.st_size, state.st_mtime_ns
+    known, sha256 = _hashes.get(path, ((0, 0), ""))
+    if known != seen or not sha256:
+        sha256 = file_hash(path)
+        if time.time_ns() - state.st_mtime_ns > STILL:
+            _hashes[path] = seen, sha256
+    return sha256
 
 
 def _text(line: Line) -> str:

@@ -80,10 +80,13 @@ def model_facts(plan: Plan) -> dict[str, Any]:
     }
 
 
-def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] | None:
+def check_owner(
+    directory: Path, mine: tuple[str, str, str], journal: Journal | None = None
+) -> dict[str, Any] | None:
     """The manifest that is there, if a study of this (name, kind, model) may write here.
 
-    None where there is none yet, or where it is damaged and the journal tells whose it is.
+    None where there is none yet, or where it is damaged and the journal tells whose it is. The
+    journal is read where it is not given.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def check_owner(directory: Path, mine: tuple[str, str, str]) -> dict[str, Any] |
     """
     if directory.exists() and not directory.is_dir():
         raise ResultsError(f"{directory}: expected a directory for results, found a file")
-    begun_by = Journal(directory).owner
+    begun_by = (journal or Journal(directory)).owner
     try:
         found = read_manifest(directory)
     except ResultsError as error:

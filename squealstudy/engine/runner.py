@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
@@ -95,7 +96,8 @@ def run_study(
     plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory):
-        found, store = check_owner(directory, plan.owner), Store(directory)
+        store = Store(directory)
+        found = check_owner(directory, plan.owner, store.journal)
         pictures = [Path(name).name for name in found.get(PICTURES, [])] if found else []
         if fresh and (found or store.journal.begun):
             store.clear(plan.owner, [*kind.tables, *pictures])
@@ -106,11 +108,12 @@ def run_study(
             plan = further
             failures |= kind.build(plan, workers)
         if found and whole and _is_complete(found, plan, store):
-            _expect_solved(plan, directory, store.read_table(kind.tables[0]).to_pandas())
+            told = store.read_table(kind.tables[0], ["status", "message"])
+            _expect_solved(plan, directory, told.to_pandas())
             return RunReport(directory, found, 0, len(plan.tasks))
         if text := outdated(directory, found):
             warn(f"{text}; all {kind.rows_word} are solved again")
-        if text := _left_over(plan, store):
+        if text := _left_over(plan, store, done := store.finished_points(kind.schema)):
             warn(text)
         for name in pictures:  # of tables that are made anew
             (directory / name).unlink(missing_ok=True)
@@ -119,13 +122,14 @@ def run_study(
         write_manifest(directory, manifest)
         for text in kind.warnings(plan):
             warn(text)
-        n_solved = _solve_points(plan, store, failures, workers, manifest)
+        n_solved = _solve_points(plan, store, done, failures, workers, manifest)
         while len((further := kind.grown(plan, store)).tasks) > len(plan.tasks):
             plan = further
             kind.check_limit(plan, yes)
             failures |= kind.build(plan, workers)
             manifest |= kind.manifest(plan) | identity_facts(plan)
-            n_solved += _solve_points(plan, store, failures, workers, manifest)
+            done = store.finished_points(kind.schema)
+            n_solved += _solve_points(plan, store, done, failures, workers, manifest)
         verified = time.perf_counter()
         manifest["reference"] = kind.verify(plan, store, failures, workers)
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
@@ -142,9 +146,8 @@ def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
     )
 
 
-def _left_over(plan: Planned, store: Store) -> str:
+def _left_over(plan: Planned, store: Store, known: np.ndarray) -> str:
     """What of the rows that are there a study takes over, where it does not take over all."""
-    known = store.finished_points(plan.kind.schema)
     others = int(np.isin(known, plan.tasks.ids, invert=True).sum())
     if not others:
         return ""
@@ -158,13 +161,13 @@ def _left_over(plan: Planned, store: Store) -> str:
 def _solve_points(
     plan: Planned,
     store: Store,
+    done_before: np.ndarray,
     failures: dict[str, str],
     workers: Workers,
     manifest: dict[str, Any],
 ) -> int:
-    """Solve the design points that no chunk file holds; their number."""
+    """Solve the design points that are not among those `done_before`; their number."""
     started, kind = time.perf_counter(), plan.kind
-    done_before = store.finished_points(kind.schema)
     pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
     why = kind.unsolvable(plan, plan.tasks.at(pending), failures)
     rows = [kind.failed_row(name, "structure", text) for name, text in why.items()]
@@ -177,14 +180,16 @@ def _solve_points(
     failed = len(rows)
     workers.report(kind.rows_word, done, total, failed)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
-    for chunk in workers.each(partial(solve_chunk, kind), tasks):
-        store.write_chunk(chunk)
-        done += len(chunk.table)
-        failed += sum(s not in SOLVED for s in chunk.table["status"].to_pylist())
-        known += chunk.known
-        busy += chunk.wall_s
-        peak = max(peak, chunk.peak_mb)
-        workers.report(kind.rows_word, done, total, failed)
+    with ChunkWriter(store) as writer:
+        for chunk in workers.each(partial(solve_chunk, kind), tasks):
+            writer.add(chunk)
+            workers.pace.took(len(chunk.table), chunk.wall_s)
+            done += len(chunk.table)
+            failed += sum(s not in SOLVED for s in chunk.table["status"].to_pylist())
+            known += chunk.known
+            busy += chunk.wall_s
+            peak = max(peak, chunk.peak_mb)
+            workers.report(kind.rows_word, done, total, failed)
     manifest["peak_memory_mb"] = {"largest_worker": peak}
     spent = {
         "points_s": time.perf_counter() - started,

@@ -31,7 +31,6 @@ from squealstudy.engine.files import (
 )
 from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
 from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
-from squealstudy.engine.workers import ChunkRows
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.wording import listed
 
@@ -118,9 +117,11 @@ class Store:
         """Rows as one chunk file, named by its points."""
         self._write(_named(pa.Table.from_pylist(list(rows), schema=schema)))
 
-    def write_chunk(self, chunk: ChunkRows) -> None:
-        """What a worker found: the files beside the tables first, then its rows."""
-        self._write({**chunk.files, **_named(chunk.table)})
+    def write_chunk(
+        self, rows: pa.Table, files: Mapping[str, pa.Table | Mapping[str, Any]] | None = None
+    ) -> None:
+        """What workers found: the files beside the tables first, then rows as one chunk file."""
+        self._write({**(files or {}), **_named(rows)})
 
     def _write(self, contents: Mapping[str, pa.Table | str | Mapping[str, Any]]) -> None:
         """Files that belong together: finished with the last of them."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import atexit
 import errno
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
+from squealstudy.engine.pace import Pace
 from squealstudy.errors import MachineError
 from squealstudy.extensions import extension_files, start_worker
 from squealstudy.machine import (
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from squealstudy.engine.kind import Kind
 
 
-MAX_CHUNK = 16  # points: what a kill can lose at most, per worker
-CHUNKS_A_WORKER = 8
 AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
@@ -70,11 +68,14 @@ class Workers:
     patience : callable
         Seconds for which tasks are done in this process: a worker takes longer to start than a
         small study to run.
+    pace : Pace
+        What design points have taken, by which tasks are cut.
     """
 
     jobs: int = 1
     report: Progress = silent
     patience: Callable[[], float] = at_once
+    pace: Pace = field(default_factory=Pace, kw_only=True)
 
     def each(
         self,
@@ -189,12 +190,6 @@ atexit.register(_executor.cache_clear)  # while modules are there, which it look
 def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
     with threadpool_limits(1):
         return function(task)
-
-
-def split_chunks(tasks: Sequence[Item], jobs: int) -> list[Sequence[Item]]:
-    """Consecutive points in chunks small enough to balance the workers and to lose little."""
-    size = max(1, min(MAX_CHUNK, math.ceil(len(tasks) / (CHUNKS_A_WORKER * jobs))))
-    return [tasks[i : i + size] for i in range(0, len(tasks), size)]
 
 
 @dataclass(frozen=True)

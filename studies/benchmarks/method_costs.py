@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +25,10 @@ import one_thread  # noqa: F401
 # isort: split
 
 
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import build_structure, build_task
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.problems import (
     make_basis,
@@ -37,7 +39,6 @@ from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks
 from squealstudy.modes.rungs import all_rungs
 from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG
 from squealstudy.study.definition import load_any
-from squealstudy.study.design import DesignPoint
 
 STUDY = """
 [study]
@@ -77,9 +78,9 @@ def seconds(work: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def solving_seconds(plan: Plan, points: Sequence[DesignPoint]) -> float:
+def solving_seconds(plan: Plan, points: DesignPoints) -> float:
     """Of a point; what is loaded once is not in it."""
-    tasks = [replace(t, keep_gaps=False) for t in solve_tasks(plan, points, 1)]
+    tasks = [replace(t, keep_gaps=False) for t in solve_tasks(plan, points, Workers())]
     return seconds(lambda: [ComplexModes().solve(task) for task in tasks]) / len(points)
 
 

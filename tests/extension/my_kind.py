@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.cache import prepared_model
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
 from squealstudy.engine.store import POINTS, Store
-from squealstudy.engine.workers import Solved, Workers, split_chunks
+from squealstudy.engine.workers import Solved, Workers
 from squealstudy.modes.point import state_working_point
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.kinds import register_kind
@@ -30,11 +31,11 @@ class SteadySliding(ModelKind):
     tables = (POINTS,)
     schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
 
-    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[Any]:
-        """Chunks of consecutive points."""
-        return split_chunks(points, workers.jobs)
+    def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[Any]:
+        """Consecutive points, as many at a time as are solved in some seconds."""
+        return workers.pace.parts(points, workers.jobs)
 
-    def solve(self, task: Sequence[DesignPoint]) -> Solved:
+    def solve(self, task: DesignPoints) -> Solved:
         """A row a design point."""
         return Solved([self._row(point) for point in task])
 

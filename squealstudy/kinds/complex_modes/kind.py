@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
@@ -122,10 +123,10 @@ class ComplexModes(ModelKind):
                 f'method = "{plan.method.exact}" solves point by point',
             ) from error
 
-    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[SolveTask]:
+    def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
         """Boxes of neighbouring points, or chunks of consecutive ones."""
         self.prepare(plan, workers.report)
-        return solve_tasks(plan, points, workers.jobs)
+        return solve_tasks(plan, points, workers)
 
     def solve(self, task: SolveTask) -> Solved:
         """Solve the points of a task in a worker."""

@@ -16,7 +16,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
-from squealstudy.kinds.complex_modes.solve_tasks import rung_of, solve_tasks, whole_box
+from squealstudy.kinds.complex_modes.solve_tasks import boxes, rung_of, whole_box
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named
@@ -172,8 +172,9 @@ def _boxes_of_points(plan: Plan) -> dict[str, Box]:
     rung = plan.method.rung
     if rung.exact or rung.over_a_basis:
         return {}
-    tasks = solve_tasks(plan, plan.tasks, 1)
-    return {point.point_id: task.box for task in tasks for point in task.points}
+    names = plan.tasks.ids
+    found = boxes(plan, plan.tasks)
+    return {name: box for _, rows, box in found for name in names[rows].astype(str).tolist()}
 
 
 FAILED = "failed"

@@ -8,15 +8,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from squealstudy.engine.cache import NewGaps, known_gap
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
-from squealstudy.engine.workers import Solved, split_chunks
+from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ConvergenceError, ExtensionError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
@@ -24,7 +24,6 @@ from squealstudy.modes.point import PointModes
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import answers, beyond_tolerance
 from squealstudy.modes.rungs import rung_named
-from squealstudy.study.design import DesignPoint
 
 LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
 BOXES = 16
@@ -39,7 +38,7 @@ class SolveTask:
     ----------
     structure : SweptStructure
     rung : str
-    points : tuple of DesignPoint
+    points : DesignPoints
     box : Box
         Part of the structure's box that holds them.
     keep_gaps : bool
@@ -48,35 +47,38 @@ class SolveTask:
 
     structure: SweptStructure
     rung: str
-    points: tuple[DesignPoint, ...]
+    points: DesignPoints
     box: Box
     keep_gaps: bool
 
 
-def solve_tasks(plan: Plan, points: Sequence[DesignPoint], jobs: int) -> list[SolveTask]:
+def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
     """Tasks of the points that are not solved yet, those in boxes first.
 
     Structures without a sweep basis that the study's rung needs are left to the exact one.
     """
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
-    exact = {key for key, (_, name) in served.items() if rung_named(name).exact}
-    boxed = [point for point in points if point.structure not in exact]
-    alone = [point for point in points if point.structure in exact]
+    exact = [key for key, (_, name) in served.items() if rung_named(name).exact]
+    alone = np.isin(points.structures, exact)[points.structure_index]
     keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
-    order = list(served)
-    alone.sort(key=lambda point: order.index(point.structure))
-    chunks = [
-        SolveTask(
-            structure=served[key][0],
-            rung=served[key][1],
-            points=tuple(own),
-            box=whole_box(served[key][0]),
+    if not alone.all():
+        for structure, rows, box in boxes(plan, points.at(np.flatnonzero(~alone))):
+            yield SolveTask(
+                structure=structure,
+                rung=plan.method.name,
+                points=plan.tasks.at(rows),
+                box=box,
+                keep_gaps=False,
+            )
+    for part in workers.pace.parts(points.at(np.flatnonzero(alone)), workers.jobs):
+        structure, name = served[part.structures[part.structure_index[0]]]
+        yield SolveTask(
+            structure=structure,
+            rung=name,
+            points=part,
+            box=whole_box(structure),
             keep_gaps=keep,
         )
-        for part in split_chunks(alone, jobs)
-        for key, own in groupby(part, lambda point: point.structure)
-    ]
-    return [*_boxes(plan, boxed), *chunks]
 
 
 def rung_of(plan: Plan, structure: SweptStructure) -> str:
@@ -91,36 +93,27 @@ def whole_box(structure: SweptStructure) -> Box:
     return Box(-ends, ends)
 
 
-def _boxes(plan: Plan, points: Sequence[DesignPoint]) -> list[SolveTask]:
-    """Boxes of the whole design, with those of their points that are asked for.
+def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.ndarray, Box]]:
+    """Boxes of the whole design, with the rows of those of their points that are asked for.
 
     Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
     come last. The boxes depend on the design alone, so that a resumed study solves what it would
     have.
     """
-    pending = {point.point_id for point in points}
-    keys = {point.structure for point in points}
+    asked = np.isin(plan.tasks.ids, points.ids)
+    own_rows = dict(plan.tasks.of_structures())
     found = []
-    for structure in swept_structures(plan) if pending else ():
-        if structure.key not in keys:
+    for structure in swept_structures(plan):
+        rows = own_rows[structure.key]
+        if not asked[rows].any():
             continue
-        own = [task for task in plan.tasks if task.structure == structure.key]
-        names = structure.chart.names
-        values = [[task.values[name] for name in names] for task in own]
-        theta = structure.chart.theta(np.array(values).reshape(len(own), len(names)))
-        for rows, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(own) // BOXES))):
-            chosen = tuple(own[int(i)] for i in rows if own[int(i)].point_id in pending)
-            if chosen:
-                found.append(
-                    SolveTask(
-                        structure=structure,
-                        rung=plan.method.name,
-                        points=chosen,
-                        box=box,
-                        keep_gaps=False,
-                    )
-                )
-    return sorted(found, key=lambda task: -float(np.abs(task.box.low + task.box.high).sum()))
+        values = [plan.tasks.column(name)[rows] for name in structure.chart.names]
+        theta = structure.chart.theta(np.array(values).reshape(-1, len(rows)).T)
+        for part, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(rows) // BOXES))):
+            chosen = rows[part][asked[rows[part]]]
+            if len(chosen):
+                found.append((structure, chosen, box))
+    return sorted(found, key=lambda item: -float(np.abs(item[2].low + item[2].high).sum()))
 
 
 def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, Box]]:

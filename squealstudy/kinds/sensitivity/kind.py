@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -12,12 +12,13 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, known_gap, load_prepared, prepared_model
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
 from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
-from squealstudy.engine.workers import Solved, Workers, split_chunks
+from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
@@ -86,11 +87,11 @@ class Sensitivities(ModelKind):
             raise error_at_name(plan.study, error) from None
 
     def tasks(
-        self, plan: Plan, points: Sequence[DesignPoint], workers: Workers
-    ) -> list[SensitivityTask]:
-        """Tasks of consecutive design points, one a chunk."""
+        self, plan: Plan, points: DesignPoints, workers: Workers
+    ) -> Iterator[SensitivityTask]:
+        """Tasks of consecutive design points."""
         asked = request(plan)
-        return [SensitivityTask(asked, tuple(part)) for part in split_chunks(points, workers.jobs)]
+        return (SensitivityTask(asked, part) for part in workers.pace.parts(points, workers.jobs))
 
     def solve(self, task: SensitivityTask) -> Solved:
         """Solve one chunk in a worker."""
@@ -160,7 +161,7 @@ class SensitivityTask:
     """Design points that one worker solves and writes together."""
 
     request: SensitivityRequest
-    points: tuple[DesignPoint, ...]
+    points: DesignPoints
 
 
 def _row(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:

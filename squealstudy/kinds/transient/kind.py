@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import GROWTH, MODES, POINTS, Store
@@ -137,19 +138,16 @@ class Transient(ModelKind):
         preparation.warm(plan.study.section)
         make_training_runs(plan, report)
 
-    def tasks(self, plan: Plan, points: Sequence[DesignPoint], workers: Workers) -> list[BatchTask]:
+    def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
         self.prepare(plan, workers.report)
         section = plan.study.section
         size = max(1, min(section.batch, math.ceil(len(points) / workers.jobs)))
-        grouped: dict[str, list[DesignPoint]] = {}
-        for point in points:
-            grouped.setdefault(point.structure, []).append(point)
-        return [
-            batch_task(plan, tuple(group[i : i + size]))
-            for group in grouped.values()
-            for i in range(0, len(group), size)
-        ]
+        return (
+            batch_task(plan, tuple(points.at(rows[i : i + size])))
+            for _, rows in points.of_structures()
+            for i in range(0, len(rows), size)
+        )
 
     def solve(self, task: BatchTask) -> Solved:
         """Integrate one batch in a worker."""
