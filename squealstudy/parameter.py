@@ -26,6 +26,8 @@ class Parameter:
         The value must be greater than zero.
     above, below : float
         Open bounds.
+    nonzero : bool
+        Of either sign, a direction: never zero, and a sweep stays on one side of it.
     usual : (low, high)
         Values beyond are allowed, but likely to be in other units.
     structural : bool
@@ -43,6 +45,7 @@ class Parameter:
     above: float = -math.inf
     below: float = math.inf
     usual: tuple[float, float] = (-math.inf, math.inf)
+    nonzero: bool = False
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""
@@ -56,6 +59,8 @@ class Parameter:
             raise ParameterError(
                 self.name, f"expected a value above 0{self._unit()}, got {value:g}"
             )
+        if self.nonzero and value == 0:
+            raise ParameterError(self.name, f"expected a value other than 0{self._unit()}")
         if value < self.minimum:
             raise ParameterError(
                 self.name, f"expected at least {self.minimum:g}{self._unit()}, got {value:g}"
@@ -73,6 +78,14 @@ class Parameter:
                     self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
                 )
         return float(value)
+
+    def check_range(self, low: float, high: float) -> None:
+        """ParameterError where a sweep from low to high would pass through zero and must not."""
+        if self.nonzero and low < 0 < high:
+            raise ParameterError(
+                self.name,
+                f"goes through 0 from {low:g} to {high:g}{self._unit()}: a study has one direction",
+            )
 
     def doubt(self, value: float) -> str:
         """What to say of a value far from usual ones; empty for those."""

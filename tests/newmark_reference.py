@@ -30,7 +30,8 @@ def forces(system, design, q, v):
     """Generalised contact forces beyond the reference, with the reference stiffness taken out."""
     x = system.N @ q
     p, _ = design.contact.evaluate(system.gap + x)
-    W = np.column_stack([design.speed + system.T1 @ v, system.T2 @ v])
+    speed = design.speed * system.speed_factor
+    W = np.column_stack([speed + system.T1 @ v, system.T2 @ v])
     t = friction_force(system, design, p, W) - system.force[:, 1:]
     normal = system.area * p - system.force[:, 0] + system.k_ref * x
     return system.N.T @ normal + system.T1.T @ t[:, 0] + system.T2.T @ t[:, 1]

@@ -23,6 +23,7 @@ from squealstudy.laws import (
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.minimal_parts import bilateral_points
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order import modes as full_order_module
 from squealstudy.modes.full_order.modes import (
@@ -43,7 +44,7 @@ from squealstudy.system.linearise import component_frequencies, linearise
 
 K_T = 1e12  # N s/m3: saturated long before any sliding speed here
 FALLING = replace(NOMINAL, friction=0.4, curve=friction_curve(static_ratio=1.5, decay_speed=0.3))
-NO_PRESSURE = np.zeros(1)  # this curve does not depend on it
+NO_PRESSURE, ONE = np.zeros(1), np.ones(1)  # this curve does not depend on it
 EVERYTHING = (0.0, np.inf)
 
 
@@ -52,14 +53,14 @@ def falling_curve(ratio, decay):
 
 
 CONSTANT = replace(
-    FALLING, friction=FALLING.friction_at(NO_PRESSURE).mu, curve=falling_curve(1.0, 0.5)
+    FALLING, friction=FALLING.friction_at(NO_PRESSURE, ONE).mu, curve=falling_curve(1.0, 0.5)
 )
 
 
 def traction(operating, p, w1, w2):
     """Kernel's traction at sliding velocity (w1, w2) under the law of an operating point."""
     law = FrictionLaw(operating.friction, K_T, operating.curve)
-    t1, t2, sticks = friction_at(law_row(operating.law, law, 0.0), 1.0, p, w1, w2)
+    t1, t2, sticks = friction_at(law_row(operating.law, law), 1.0, p, w1, w2)
     assert not sticks
     return np.array([t1, t2])
 
@@ -75,7 +76,7 @@ def test_slope_is_that_of_the_kernels_law(speed, ratio, decay):
     )
     across = (traction(operating, p, speed, h) - traction(operating, p, speed, -h)) / (2 * h)
     mu = -traction(operating, p, speed, 0.0)[0] / p
-    own = operating.friction_at(NO_PRESSURE)
+    own = operating.friction_at(NO_PRESSURE, ONE)
     assert own.mu == pytest.approx(mu, rel=1e-14)
     assert mu == pytest.approx(0.4 + 0.4 * (ratio - 1) * math.exp(-speed / decay), rel=1e-14)
     assert own.by_speed < 0
@@ -86,7 +87,7 @@ def test_slope_is_that_of_the_kernels_law(speed, ratio, decay):
 @pytest.mark.parametrize("decay", [1e-3, 0.5, 100.0])
 def test_constant_friction_has_no_slope(decay):
     operating = replace(NOMINAL, friction=0.37, curve=falling_curve(1.0, decay))
-    assert operating.friction_at(NO_PRESSURE) == (0.37, 0.0, 0.0)
+    assert operating.friction_at(NO_PRESSURE, ONE) == (0.37, 0.0, 0.0)
 
 
 def fading(s, p, friction, weight):
@@ -126,7 +127,9 @@ def test_the_automatic_slope_is_of_the_point_with_most_friction(monkeypatch):
     operating = OperatingPoint(0.4, 1e6, 0.5, contact_law("bilateral"), friction_curve("steep"))
     p = np.array([1e5, 1e6, 1e7])
     point = WorkingPoint(-p, p, np.ones(3), 1, 0.0, 0.0)
-    slope = automatic_slope(DesignState(operating), point, 1e-3)
+    slope = automatic_slope(
+        bilateral_points(np.eye(3), np.eye(3), np.ones(3)), DesignState(operating), point, 1e-3
+    )
     assert slope == pytest.approx(0.2 * 1e6 / 1e-3, rel=1e-12)
 
 

@@ -97,7 +97,7 @@ def test_agrees_with_the_readable_twin(gap, kind):
 def test_compiled_and_python_agree(kind):
     # the same source, interpreted: what NUMBA_DISABLE_JIT=1 runs
     law = LAWS[kind]
-    plain, row = law.definition.pressure, law_row(law, FrictionLaw(0.5, 1.0), 0.0)
+    plain, row = law.definition.pressure, law_row(law, FrictionLaw(0.5, 1.0))
     p, kappa = law.evaluate(GAPS)
     for i, gap in enumerate(GAPS):
         assert plain(gap, *law.parameters) == pytest.approx((p[i], kappa[i]), rel=1e-14)
@@ -229,7 +229,7 @@ def test_regularised_friction_and_its_slopes(name, s):
 
 
 def test_every_law_has_a_code_of_its_own():
-    rows = [law_row(law, FrictionLaw(0.5, 1.0), 0.0) for law in LAWS.values()]
+    rows = [law_row(law, FrictionLaw(0.5, 1.0)) for law in LAWS.values()]
     assert sorted(CONTACT_LAWS.names) == sorted(LAWS)
     assert len({row[LAW_CONTACT] for row in rows}) == len(rows)
 

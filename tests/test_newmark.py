@@ -32,7 +32,7 @@ P, K_T, V_MU = 1e6, 2e7, 0.3  # sticks below 0.02 m/s at mu 0.4
 def row(kind, mu_s=0.4, mu_d=0.4, v_mu=V_MU):
     """Laws of a design with friction from mu_s to mu_d."""
     curve = friction_curve(static_ratio=mu_s / mu_d, decay_speed=v_mu)
-    return law_row(contact_law(), FrictionLaw(mu_d, K_T, curve, kind), 0.0)
+    return law_row(contact_law(), FrictionLaw(mu_d, K_T, curve, kind))
 
 
 @pytest.mark.parametrize(("kind", "mu_s", "mu_d"), LAWS)
@@ -82,7 +82,7 @@ def test_falling_friction_and_open_points():
 
 def test_column_layout_is_what_the_names_say():
     columns = [v for k, v in vars(newmark_layout).items() if k.startswith(("POINT_", "LAW_"))]
-    assert columns == [*range(8), *range(7)]
+    assert columns == [*range(9), *range(6)]
     assert len(row("smooth")) == N_LAW
 
 

@@ -361,9 +361,11 @@ def test_law_derivatives_against_central_differences(law):
 def test_friction_law_derivatives_against_central_differences(name):
     curve = friction_curve(static_ratio=1.3, decay_speed=0.5)
     point, p = OperatingPoint(0.4, 1e6, 0.7, contact_law(), curve), np.zeros(1)
-    h = 1e-6
-    up, down = (point.with_value(name, point.value(name) + s * h).friction_at(p) for s in (1, -1))
-    found = friction_change(point, name, p)
+    h, one = 1e-6, np.ones(1)
+    up, down = (
+        point.with_value(name, point.value(name) + s * h).friction_at(p, one) for s in (1, -1)
+    )
+    found = friction_change(point, name, p, one)
     assert found.mu == pytest.approx((up.mu - down.mu) / (2 * h), rel=1e-8)
     slope = (up.by_speed - down.by_speed) / (2 * h)
     assert found.by_speed == pytest.approx(slope, rel=1e-8)

@@ -133,7 +133,7 @@ def test_bad_speeds(tmp_path, values, message):
 
 
 def test_without_any_sliding_there_is_no_study():
-    with pytest.raises(StudyFileError, match="expected a value above 0 m/s, got 0"):
+    with pytest.raises(StudyFileError, match="expected a value other than 0 m/s"):
         belt([0.0])
 
 
@@ -162,7 +162,8 @@ def test_creep_is_the_largest_sliding_speed_of_what_sticks(method, count):
         assert result.outcome == "ok"
         expected, sticks = creep_of(system, design, result.displacement, result.velocity)
         assert 0 < sticks.mean() < 1
-        same = np.isclose(result.history["creep"], expected, rtol=1e-3, atol=1e-12)
+        creep = result.history["creep"] * design.speed
+        same = np.isclose(creep, expected, rtol=1e-3, atol=1e-12)
         assert same.mean() > 0.99  # a point at the bound may be seen on either side of it
 
 

@@ -50,7 +50,7 @@ def start_of(point):
 
 def at(brake, reduced, reference, state, point=None):
     point = point or working_point(changed_space(brake, reduced, state), state.operating)
-    friction = friction_law(state, point, 0.0, 1e-3, "regularised")
+    friction = friction_law(reference.system, state, point, 0.0, 1e-3, "regularised")
     return point, motion_point(reference, point, state, friction, BAND, 1e-7)
 
 

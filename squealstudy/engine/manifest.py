@@ -18,6 +18,7 @@ from squealstudy.engine.store import LOCK, read_manifest, version_of
 from squealstudy.errors import ResultsError
 from squealstudy.machine import HeldError, cores, lock
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.operating import SLIDING_SPEED
 
 PACKAGES = (
     "numpy",
@@ -74,10 +75,21 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "sweeps": [s.parameter.name for s in study.sweeps],
         "units": {p: units.get(p, "") for p in parameters},  # empty for a pure number
         "nominal": {p: plan.nominal_values[p] for p in parameters},
+        **_rotation(plan),
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "study": study.source.text,
     }
+
+
+def _rotation(plan: Plan) -> dict[str, Any]:
+    """Of a model that turns, at the nominal values: radius [m] of the sliding speed, rad/s."""
+    values = plan.nominal_values
+    radius = plan.study.model.effective_radius(plan.study.options, values)
+    if radius is None:
+        return {}
+    speed = values[SLIDING_SPEED.name] / radius
+    return {"rotation": {"effective_radius": radius, "rotation_speed": speed}}
 
 
 def check_owner(

@@ -182,7 +182,7 @@ def _of_the_point(design: DesignPoint, row: Mapping[Hashable, object]) -> list[s
         texts.append(open_reason(design.law_kind, _number(row, "open_share")))
     elif CONTACT_LAWS[design.law_kind].pulls:
         texts.append(open_reason(design.law_kind, _number(row, "open_share_max")))
-    kick = _number(row, "perturbation") / design.operating_point().sliding_speed
+    kick = _number(row, "perturbation") / abs(design.operating_point().sliding_speed)
     texts += [f"{KICK_RULE}: {kick:.4g}"] if kick > FAR_KICK else []
     return texts
 

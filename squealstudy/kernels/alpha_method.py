@@ -107,12 +107,12 @@ def add_work(modal: ModalArrays, work: WorkArrays) -> None:
     for m in range(modal.shapes.shape[0]):
         y = dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.component_terms[0, 0, m] * y * y
-    speed = modal.laws[0, at.LAW_SPEED]
     belt = 0.0
     sliding = 0.0
     point, points = work.point[0], modal.points[0]
     for i in range(point.shape[1]):
-        belt += point[at.OUT_T1, i]
+        speed = points[at.POINT_SPEED, i]
+        belt += speed * point[at.OUT_T1, i]
         sliding += (
             point[at.OUT_W1, i] * point[at.OUT_T1, i] + point[at.OUT_W2, i] * point[at.OUT_T2, i]
         )
@@ -122,7 +122,7 @@ def add_work(modal: ModalArrays, work: WorkArrays) -> None:
         )
     real = work.real[0]
     real[at.W_LOAD] += h * w_load
-    real[at.W_BELT] -= h * speed * belt
+    real[at.W_BELT] -= h * belt
     real[at.D_FRICTION] -= h * sliding
     real[at.D_DAMPING] += h * damped
 

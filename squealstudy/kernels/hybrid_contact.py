@@ -129,7 +129,7 @@ def imbalance(contact: Contact, i: int, y: np.ndarray, r: np.ndarray, F: np.ndar
     contains + k_ref x: the tangent at the reference is inside K.
     """
     point, law, trial = contact.points[i], contact.law, contact.trial[i]
-    x, w1, w2 = contact.x_base[i] + contact.half * y[0], law[its.LAW_SPEED] + y[1], y[2]
+    x, w1, w2 = contact.x_base[i] + contact.half * y[0], point[its.POINT_SPEED] + y[1], y[2]
     area = point[its.POINT_AREA]
     p, _ = contact_at(law, point[its.POINT_GAP] + x)
     t1, t2, _ = friction_at(law, point[its.POINT_FRICTION], p, w1, w2)

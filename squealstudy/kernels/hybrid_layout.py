@@ -49,7 +49,7 @@ class HybridArrays(NamedTuple):
     K: Sparse  # (n, n)
     B: Sparse  # (3 nc + k, n)
     B_modes: np.ndarray  # (3 nc + k, m) B phi
-    points: np.ndarray  # (nc, 8) columns newmark_layout.POINT_*
+    points: np.ndarray  # (nc, N_POINT_ROWS) columns newmark_layout.POINT_*
     law: np.ndarray  # (N_LAW,) laws.law_row
     omega2: np.ndarray  # (m,)
     c: np.ndarray  # (m,) modal damping, rad/s
@@ -82,7 +82,7 @@ class HybridState(NamedTuple):
 class Contact(NamedTuple):
     """The contact points in the iteration of a step, which changes y, r and trial."""
 
-    points: np.ndarray  # (nc, 8) columns newmark_layout.POINT_*
+    points: np.ndarray  # (nc, N_POINT_ROWS) columns newmark_layout.POINT_*
     law: np.ndarray  # (N_LAW,)
     half: float  # s, by which velocities move the gaps
     x_base: np.ndarray  # (nc,) changes of gap without these velocities

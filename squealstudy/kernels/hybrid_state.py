@@ -74,7 +74,7 @@ def commit(model: HybridArrays, level: StepSize, state: HybridState) -> None:
         seen = rows[at.Y_END, own] + rows[at.Y, own]
         damped += model.d[a] * seen * seen
     state.work[at.D_DAMPING] += 0.25 * h * damped
-    load, belt, sliding = contact_work(model.points.T, model.law, point.T, 0.0)
+    load, belt, sliding = contact_work(model.points.T, point.T, 0.0)
     state.work[at.W_LOAD] += 0.5 * h * load
     state.work[at.W_BELT] += 0.5 * h * belt
     state.work[at.D_FRICTION] -= 0.25 * h * sliding

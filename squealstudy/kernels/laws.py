@@ -26,7 +26,6 @@ from squealstudy.kernels.newmark_layout import (
     LAW_MU,
     LAW_REGULARISATION,
     LAW_SLOPE,
-    LAW_SPEED,
 )
 from squealstudy.laws import REGULARISATIONS, ContactLaw, FrictionLaw
 
@@ -65,8 +64,8 @@ partials = _choice.partials  # (law, k_t, bound, s) -> traction, its derivatives
 frictions = _choice.frictions  # (law, area, factor, w1, w2, p, t1, t2, first, last): forces
 
 
-def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndarray:
-    """Laws and sliding velocity of a design point (N_LAW,).
+def law_row(contact: ContactLaw, friction: FrictionLaw) -> np.ndarray:
+    """Laws of a design point (N_LAW,).
 
     Raises
     ------
@@ -78,7 +77,7 @@ def law_row(contact: ContactLaw, friction: FrictionLaw, speed: float) -> np.ndar
     row[LAW_CONTACT] = code_of(contact.definition, CONTACT)
     row[LAW_CURVE] = CONSTANT if curve.constant else code_of(curve.definition, CURVES)
     row[LAW_REGULARISATION] = code_of(REGULARISATIONS[friction.regularisation], SLOPES)
-    row[LAW_SLOPE], row[LAW_SPEED] = friction.k_t, speed
+    row[LAW_SLOPE] = friction.k_t
     at_rest = curve.at_rest(friction.friction, np.zeros(1))
     row[LAW_MU] = max(friction.friction, float(np.max(at_rest)))
     if not np.isfinite(row[LAW_MU]):

@@ -8,9 +8,9 @@ The same pass with difference quotients of the contact potential (THEORY.md eq. 
 gaps g0 and g1 the pressure is -(U(g1) - U(g0)) / (g1 - g0), so that its work is what the potential
 U loses, whatever the step (Gonzalez 1996, discrete gradients); the limit for g1 -> g0 is p(g0).
 
-Arrays of one design point: `points` (8, nc), rows POINT_* of newmark_layout; `law` (N_LAW,), a
-`laws.law_row`; `point` (N_POINT, nc), the state of its contact points, of which one evaluation
-leaves the rows OUT_* and, for B^T r, the rows R_*.
+Arrays of one design point: `points` (N_POINT_ROWS, nc), rows POINT_* of newmark_layout; `law`
+(N_LAW,), a `laws.law_row`; `point` (N_POINT, nc), the state of its contact points, of which one
+evaluation leaves the rows OUT_* and, for B^T r, the rows R_*.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def gradient_forces(
 
     OUT_X holds the change of gap at the midpoint, X_START that at the beginning.
     """
-    begin_points(law, point, first, last)
+    begin_points(points, point, first, last)
     gap, x, x0 = points[at.POINT_GAP], point[at.OUT_X], point[X_START]
     mean_pressures(law, gap, x, x0, point[at.OUT_P], first, last)
     slide(points, law, point, first, last)
@@ -190,11 +190,11 @@ def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, la
 
 
 @fast_kernel
-def begin_points(law: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
+def begin_points(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
     """Absolute sliding velocities from those of the motion."""
-    speed, w1 = law[at.LAW_SPEED], point[at.OUT_W1]
+    speed, w1 = points[at.POINT_SPEED], point[at.OUT_W1]
     for i in range(first, last):
-        w1[i] += speed
+        w1[i] += speed[i]
 
 
 @fast_kernel
@@ -215,7 +215,7 @@ def point_forces(
 
     Parameters
     ----------
-    points : ndarray (8, nc), law : ndarray (N_LAW,)
+    points : ndarray (N_POINT_ROWS, nc), law : ndarray (N_LAW,)
     point : ndarray (N_POINT, nc)
         The rows OUT_X, OUT_W1 and OUT_W2 hold N q [m], T1 q' and T2 q' [m/s]; the velocities are
         overwritten with the absolute ones, the rows behind them and R_* are filled.
@@ -224,7 +224,7 @@ def point_forces(
     -----
     R_N contains + k_ref x: the tangent at the reference is inside the diagonal stiffness.
     """
-    begin_points(law, point, first, last)
+    begin_points(points, point, first, last)
     pressures(law, points[at.POINT_GAP], point[at.OUT_X], point[at.OUT_P], first, last)
     slide(points, law, point, first, last)
 

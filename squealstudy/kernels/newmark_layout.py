@@ -47,25 +47,27 @@ HISTORY = (
     "dissipated_damping",
     "stored",  # J, from the reference state, loads of the reference included
     "modal_energy",  # J, (v^2 + w^2 q^2) / 2 of all modes
-    "creep",  # m/s, largest sliding speed of a point that sticks; 0 where none does
+    "creep",  # largest speed of a point that sticks over its imposed one; 0 where none does
 )
 # their places in a row; WORK is the first of four
 TIME, TORQUE, NORMAL_FORCE, STICK, SLIP, OPEN = 0, 1, 2, 3, 4, 5
 WORK, STORED, MODAL_ENERGY, CREEP = 6, 10, 11, 12
 
-# points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m, contact stiffness
-# N/m inside the diagonal stiffness, base forces N
+# points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m (negative where the
+# sliding is), contact stiffness N/m inside the diagonal stiffness, base forces N, sliding velocity
+# m/s of the base state
 POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
-POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2 = 4, 5, 6, 7
+POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2, POINT_SPEED = 4, 5, 6, 7, 8
+N_POINT_ROWS = 9
 # point: change of gap m, sliding velocity m/s, pressure Pa, friction force N; generalised forces N
 OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
 R_N, R_1, R_2 = 6, 7, 8
 # places in a design's row of laws: codes of contact law, curve (CONSTANT for none) and
-# regularisation; slope of friction at zero sliding, N s/m3; sliding velocity, m/s; the constant
-# coefficient, of others a typical large one; then values of the contact law's parameters, then
-# friction and those of its curve
-LAW_CONTACT, LAW_CURVE, LAW_REGULARISATION, LAW_SLOPE, LAW_SPEED, LAW_MU = 0, 1, 2, 3, 4, 5
-LAW_FIRST = 6
+# regularisation; slope of friction at zero sliding, N s/m3; the constant coefficient, of others a
+# typical large one; then values of the contact law's parameters, then friction and those of its
+# curve
+LAW_CONTACT, LAW_CURVE, LAW_REGULARISATION, LAW_SLOPE, LAW_MU = 0, 1, 2, 3, 4
+LAW_FIRST = 5
 CONSTANT = -1
 
 # rows of Modal.modes
@@ -102,7 +104,7 @@ N_COEFFICIENT = 10
 class ModalArrays(NamedTuple):
     """The design points; see motion.system for units. W2 contains N^T k_ref N."""
 
-    points: np.ndarray  # (nb, 8, nc) rows POINT_*
+    points: np.ndarray  # (nb, N_POINT_ROWS, nc) rows POINT_*
     laws: np.ndarray  # (nb, N_LAW) laws.law_row
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level

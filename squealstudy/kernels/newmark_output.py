@@ -35,7 +35,7 @@ def add_work(
             continue
         y0, y1 = dot(modal.shapes[m], x[at.V]), dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.component_terms[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
-    load, belt, sliding = contact_work(modal.points[k], modal.laws[k], work.point[k], share)
+    load, belt, sliding = contact_work(modal.points[k], work.point[k], share)
     real = work.real[k]
     real[at.W_LOAD] += 0.5 * h * (w_load + load)
     real[at.W_BELT] += 0.5 * h * belt
@@ -44,15 +44,12 @@ def add_work(
 
 
 @fast_kernel
-def contact_work(
-    points: np.ndarray, law: np.ndarray, point: np.ndarray, share: float
-) -> tuple[float, float, float]:
+def contact_work(points: np.ndarray, point: np.ndarray, share: float) -> tuple[float, float, float]:
     """Powers at all points over a step, from the states before and after it; `share` as above.
 
     Twice the mean power of the loads that balance the base and of the belt, four times that of
     friction, W.
     """
-    speed = law[at.LAW_SPEED]
     load = 0.0
     belt = 0.0
     sliding = 0.0
@@ -67,6 +64,7 @@ def contact_work(
         across = (point[at.OUT_W2, i] - point[at.OLD_W2, i]) * (
             point[at.OUT_T2, i] - point[at.OLD_T2, i]
         )
+        speed = points[at.POINT_SPEED, i]
         belt -= speed * t1
         sliding += w1 * t1 + w2 * t2 + share * (along + across)
         load -= points[at.POINT_T1, i] * (w1 - 2.0 * speed) + points[at.POINT_T2, i] * w2
@@ -145,7 +143,8 @@ def contact_row(
             opened += points[at.POINT_AREA, i] / area
         elif law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
             stick += points[at.POINT_AREA, i] / area
-            creep = max(creep, s)
+            speed = abs(points[at.POINT_SPEED, i])
+            creep = max(creep, s / speed if speed > 0.0 else 0.0)
             if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
                 torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
     row[at.TORQUE] = torque

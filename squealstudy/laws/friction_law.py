@@ -152,16 +152,18 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
         """Whether mu may differ from point to point."""
         return self.definition.pressure_dependent and not self.constant
 
-    def at(self, friction: float, s: float, p: np.ndarray) -> Friction:
-        """Coefficient at a sliding speed s [m/s] and pressures p (n,) [Pa].
+    def at(self, friction: float, s: Number, p: np.ndarray) -> Friction:
+        """Coefficient at a sliding speed s [m/s], or one a point (n,), and pressures p (n,) [Pa].
 
-        Floats for all points together where the curve does not depend on pressure, else (n,).
+        Floats for all points together where the curve depends on neither, else (n,).
         """
         mu = self.definition.mu
         if self.constant:
             return Friction(float(friction), 0.0, 0.0)
         if not self.pressure_dependent:
-            return Friction(*mu(float(s), 0.0, float(friction), *self.parameters))
+            p = np.zeros(1)
+            if not np.ndim(s):
+                return Friction(*mu(float(s), 0.0, float(friction), *self.parameters))
         return Friction(*at_points(mu, 3, s, p, friction, *self.parameters))
 
     def expect_consistent(self, friction: float, speed: float, pressures: Sequence[float]) -> None:
@@ -173,7 +175,7 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
         """Static coefficient: without sliding, at pressures p (n,) [Pa]; as `at` of one or all."""
         return self.at(friction, 0.0, p).mu
 
-    def slopes(self, friction: float, s: float, p: np.ndarray) -> np.ndarray:
+    def slopes(self, friction: float, s: Number, p: np.ndarray) -> np.ndarray:
         """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `at` (k, 3, 1 or n).
 
         By s, by p, by friction and by each of the curve's parameters in turn; by central
@@ -188,13 +190,19 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
             return rows.reshape(count, 3, -1)
         found = []
         for number in range(count):
-            arguments = [float(s), at, *values]
-            size = float(np.abs(at).max(initial=0.0)) if number == 1 else 0.0
-            start = 0.0 if number == 1 else float(arguments[number])
+            arguments: list[Number] = [s, at, *values]
+            own, size, start = arguments[number], 0.0, 0.0
+            if np.ndim(own):  # all points move together
+                size = float(np.abs(own).max(initial=0.0))
+            else:
+                start, own = float(own), 0.0
 
-            def moved(x: float, n: int = number, own: list[Number] = arguments) -> np.ndarray:
-                changed = [(at + x if n == 1 else x) if i == n else a for i, a in enumerate(own)]
-                return at_points(law.mu, 3, *changed)
+            before, behind = arguments[:number], arguments[number + 1 :]
+
+            def moved(
+                x: float, base: Number = own, a: list[Number] = before, b: list[Number] = behind
+            ) -> np.ndarray:
+                return at_points(law.mu, 3, *a, base + x, *b)
 
             found.append(central_slope(moved, start, size))
         return np.array(found)

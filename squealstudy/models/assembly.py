@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -96,6 +97,25 @@ def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
         raise ModelError(f"{what} is not symmetric")
 
 
+class ContactPoints(Protocol):
+    """Contact points of a structure, whatever its coordinates are."""
+
+    @property
+    def area(self) -> np.ndarray:
+        """Areas of the contact points (nc,), m2."""
+        ...
+
+    @property
+    def frictional(self) -> np.ndarray:
+        """Factor (nc,) on the friction coefficient, 1 or 0."""
+        ...
+
+    @property
+    def speed_factor(self) -> np.ndarray:
+        """Sliding speed of each point (nc,) over the imposed one, positive."""
+        ...
+
+
 @dataclass(frozen=True)
 class ContactInterface:
     """Contact points with friction; degrees of freedom are those of the whole assembly.
@@ -117,7 +137,12 @@ class ContactInterface:
     law : ContactLaw
         Default law.
     frictional : ndarray (n_points,)
-        Factor on the friction coefficient: 1, or 0 for contact without friction.
+        Factor on the friction coefficient: 1, or 0 for contact without friction, whose rows of T
+        and T_perp are empty.
+    speed_factor : ndarray (n_points,)
+        Sliding speed of each point over the imposed one, positive: r over the radius that the
+        imposed speed is of, where a body turns. One by default; what stands at points without
+        friction is not used.
     """
 
     N: sp.csr_matrix
@@ -128,10 +153,13 @@ class ContactInterface:
     radius: np.ndarray
     law: ContactLaw
     frictional: np.ndarray
+    speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = self.n_points
-        for name in ("area", "gap0", "radius", "frictional"):
+        if not self.speed_factor.size:
+            object.__setattr__(self, "speed_factor", np.ones(n))
+        for name in ("area", "gap0", "radius", "frictional", "speed_factor"):
             value = getattr(self, name)
             if value.shape != (n,) or not np.isfinite(value).all():
                 raise ModelError(f"contact interface: '{name}' needs {n} finite values")
@@ -142,6 +170,13 @@ class ContactInterface:
                 raise ModelError(f"contact interface: '{name}' has values that are not finite")
         if not (self.area > 0).all():
             raise ModelError("contact interface: every area must be positive")
+        if not np.isin(self.frictional, (0.0, 1.0)).all():
+            raise ModelError("contact interface: 'frictional' is 1, or 0 without friction")
+        rubbing = self.frictional > 0
+        if not (self.speed_factor[rubbing] > 0).all():
+            raise ModelError("contact interface: every 'speed_factor' must be positive")
+        if not rubbing.all():
+            object.__setattr__(self, "speed_factor", np.where(rubbing, self.speed_factor, 1.0))
 
     @property
     def n_points(self) -> int:

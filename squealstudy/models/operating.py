@@ -30,7 +30,11 @@ FRICTION = Parameter(
 )
 PRESSURE = Parameter("pressure", 12e5, "Pa", "brake pressure", positive=True, usual=(1e3, 1e8))
 SLIDING_SPEED = Parameter(
-    "sliding_speed", 0.5, "m/s", "imposed sliding of the disc under the pads", positive=True
+    "sliding_speed",
+    0.5,
+    "m/s",
+    "imposed sliding of the disc under the pads; negative: in reverse",
+    nonzero=True,
 )
 DAMPING = Parameter(
     "damping_ratio", 0.0, "", "modal damping of the assembly's real modes", minimum=0.0, maximum=1.0
@@ -134,7 +138,8 @@ class OperatingPoint:
     brake_pressure : float
         Pa; factor on the assembly's `load`.
     sliding_speed : float
-        |w0|, m/s.
+        Imposed, m/s; a contact point slides at this times its `speed_factor`. Negative: the other
+        way.
     law : ContactLaw
     curve : FrictionCurve
         Friction over sliding speed and contact pressure.
@@ -146,24 +151,55 @@ class OperatingPoint:
     law: ContactLaw
     curve: FrictionCurve = field(default_factory=friction_curve)
 
-    def friction_at(self, p: np.ndarray) -> Friction:
-        """Friction at the imposed sliding speed and contact pressures p (nc,) [Pa].
+    @property
+    def direction(self) -> float:
+        """1 for sliding along T, -1 the other way."""
+        return float(np.copysign(1.0, self.sliding_speed))
 
-        Floats where friction does not depend on pressure, else (nc,).
+    def speed_at(self, speed_factor: np.ndarray) -> float | np.ndarray:
+        """Sliding speeds [m/s], positive, of points with these factors (nc,).
+
+        One number where all are the same.
         """
-        return self.curve.at(self.friction, self.sliding_speed, p)
+        speeds: np.ndarray = abs(self.sliding_speed) * speed_factor
+        return float(speeds[0]) if len(speeds) and (speeds == speeds[0]).all() else speeds
 
-    def traction(self, p: np.ndarray) -> np.ndarray:
-        """Friction traction mu p [Pa] of steady sliding at contact pressures p (nc,) [Pa]."""
-        drag: np.ndarray = self.friction_at(p).mu * p
+    def friction_at(self, p: np.ndarray, speed_factor: np.ndarray) -> Friction:
+        """Friction at contact pressures p (nc,) [Pa] of points with these factors (nc,).
+
+        Of sliding against T the coefficient and dmu/dp are negative: traction is against sliding.
+        dmu/ds is the slope by the velocity along T either way. Floats where friction is the same
+        at all points, else (nc,).
+        """
+        found = self.curve.at(self.friction, self.speed_at(speed_factor), p)
+        if self.direction > 0:
+            return found
+        return found._replace(mu=-found.mu, by_pressure=-found.by_pressure)
+
+    def friction_slopes(self, p: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+        """Derivatives of `friction_at` (k, 3, 1 or nc), in the order of `FrictionCurve.slopes`.
+
+        The first row is by the imposed sliding speed.
+        """
+        speeds = self.speed_at(speed_factor)
+        rows = self.curve.slopes(self.friction, speeds, p)
+        rows[0] = rows[0] * (speeds / abs(self.sliding_speed))
+        if self.direction < 0:
+            rows[1:, [0, 2]] *= -1.0
+            rows[0, 1] *= -1.0
+        return rows
+
+    def traction(self, p: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+        """Friction traction mu p [Pa] of steady sliding, against T; arguments of `friction_at`."""
+        drag: np.ndarray = self.friction_at(p, speed_factor).mu * p
         return drag
 
     @property
     def sliding_friction(self) -> tuple[float | str, ...]:
         """What steady sliding knows of friction: equal for equal working points."""
-        if self.curve.pressure_dependent:
-            return (self.curve.kind, *self.curve.parameters, self.friction, self.sliding_speed)
-        return (float(self.friction_at(np.zeros(1)).mu),)
+        if self.curve.constant:
+            return (self.direction * self.friction,)
+        return (self.curve.kind, *self.curve.parameters, self.friction, self.sliding_speed)
 
     @property
     def names(self) -> tuple[str, ...]:

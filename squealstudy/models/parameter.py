@@ -108,6 +108,9 @@ class ModelDefinition:
     torque_unit : str
         Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
         straight belt (its interfaces have an arm of 1).
+    effective_radius : callable
+        Options and values of all parameters -> the radius [m] that ``sliding_speed`` is of where
+        the model turns; None where all contact points slide at one speed.
     changes : tuple of ModelChange
         Versions since which it gives other numbers, the latest first.
     """
@@ -123,6 +126,9 @@ class ModelDefinition:
         default=lambda values: None, kw_only=True
     )
     torque_unit: str = field(default="N", kw_only=True)
+    effective_radius: Callable[[Mapping[str, str | int], Mapping[str, float]], float | None] = (
+        field(default=lambda options, values: None, kw_only=True)
+    )
     changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
 
     @property

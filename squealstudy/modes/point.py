@@ -108,7 +108,7 @@ def state_working_point(
             found = working_point(space, state.operating, prepared.nominal_gap)
         except ConvergenceError:
             found = working_point(space, state.operating)
-    expect_consistent_laws(state.operating, found)
+    expect_consistent_laws(space, state.operating, found)
     return found
 
 

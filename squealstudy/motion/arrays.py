@@ -68,15 +68,16 @@ def modal_arrays(
         _stack([x.s for x in designs], m, "s"),
     ]
     nc = len(system.area)
-    points = np.zeros((len(designs), 8, -(-nc // POINTS) * POINTS))
+    points = np.zeros((len(designs), layout.N_POINT_ROWS, -(-nc // POINTS) * POINTS))
     points[:, :, :nc] = [x.points(system) for x in designs]
+    points[:, layout.POINT_SPEED, nc:] = [[x.speed] for x in designs]  # no curve at rest there
     fixed = _fixed(system, designs, integrator)
     steps = step_tables(modes, integrator, h)
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
     tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
     modal = layout.ModalArrays(
         points=points,
-        laws=np.array([law_row(x.contact, x.friction, x.speed) for x in designs]),
+        laws=np.array([law_row(x.contact, x.friction) for x in designs]),
         modes=modes,
         steps=steps,
         shapes=_padded_rows(system.shapes, n),

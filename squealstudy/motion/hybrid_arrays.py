@@ -44,9 +44,11 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArray
     for name, value, size in (("c", design.c, m), ("d", d, k)):
         if np.shape(value) != (size,):
             raise ModelError(f"hybrid design: '{name}' needs {size} values")
-    values = np.concatenate([design.c, d, [design.beta, design.speed]])
+    values = np.concatenate([design.c, d, [design.beta]])
     if not (np.isfinite(values).all() and (values >= 0).all()):
-        raise ModelError("hybrid design: damping and speed must be finite, not negative")
+        raise ModelError("hybrid design: damping must be finite, not negative")
+    if not np.isfinite(points).all():
+        raise ModelError("hybrid design: 'speed' must be finite")
     damped = np.flatnonzero(d)
     B = sp.vstack([model.N, model.T, model.T_perp], format="csr")
     B = B[np.arange(3 * nc).reshape(3, nc).T.ravel()]
@@ -56,7 +58,7 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArray
         B=_sparse(B),
         B_modes=np.ascontiguousarray(B @ model.phi),
         points=points,
-        law=law_row(design.contact, design.friction, design.speed),
+        law=law_row(design.contact, design.friction),
         omega2=model.omega**2,
         c=np.asarray(design.c, dtype=float),
         beta=float(design.beta),

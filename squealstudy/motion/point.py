@@ -9,6 +9,7 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.laws import FrictionLaw
+from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import growing_modes
 from squealstudy.motion.shared_modes import SharedModes
@@ -18,15 +19,22 @@ from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.linearise import ContactStructure, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
+LEAST_PRESSURE = 1e-300  # Pa: a slope is positive
 
 
 def friction_law(
-    state: DesignState, point: WorkingPoint, slope: float, saturation: float, kind: str
+    contact: ContactPoints,
+    state: DesignState,
+    point: WorkingPoint,
+    slope: float,
+    saturation: float,
+    kind: str,
 ) -> FrictionLaw:
     """Friction of a design point, regularised at zero sliding.
 
     Parameters
     ----------
+    contact : ContactPoints
     state : DesignState
     point : WorkingPoint
         Of `state`.
@@ -43,13 +51,16 @@ def friction_law(
         Friction so soft that steady sliding is not steady.
     """
     operating, automatic = state.operating, slope <= 0
-    k_t = automatic_slope(state, point, saturation) if automatic else slope
+    k_t = automatic_slope(contact, state, point, saturation) if automatic else slope
     friction = FrictionLaw(
         friction=operating.friction, k_t=k_t, curve=operating.curve, regularisation=kind
     )
-    speed = operating.sliding_speed
-    bound = float(operating.traction(point.contact_pressure).max())
-    least = friction.saturation * bound / speed  # slope that has reached it at the sliding speed
+    bound = contact.frictional * operating.traction(point.contact_pressure, contact.speed_factor)
+    speeds = operating.sliding_speed * contact.speed_factor
+    # slopes that have reached the bound at each point's sliding speed
+    slopes = friction.saturation * bound / speeds
+    critical = int(np.argmax(slopes))
+    least, speed = float(slopes[critical]), abs(float(speeds[critical]))
     if k_t >= least:
         return friction
     if automatic:
@@ -65,15 +76,17 @@ def friction_law(
     )
 
 
-def automatic_slope(state: DesignState, point: WorkingPoint, speed: float) -> float:
+def automatic_slope(
+    contact: ContactPoints, state: DesignState, point: WorkingPoint, speed: float
+) -> float:
     """Slope k_t of friction at zero sliding [N s/m3] that saturates at a sliding speed [m/s].
 
     It does so at the static friction coefficient, where the working point has most friction: not
     always where it presses hardest, for friction may fall with the pressure.
     """
-    operating, p = state.operating, np.maximum(point.contact_pressure, 1e-300)
+    operating, p = state.operating, np.maximum(point.contact_pressure, LEAST_PRESSURE)
     mu = np.maximum(operating.curve.at_rest(operating.friction, p), LEAST_FRICTION)
-    return float((mu * p).max() / speed)
+    return float((mu * p)[contact.frictional > 0].max(initial=LEAST_PRESSURE) / speed)
 
 
 def motion_point(
@@ -108,7 +121,7 @@ def motion_point(
     """
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
-    force = point.forces(system.area, system.frictional, operating)
+    force = point.forces(system, operating)
     made = MotionPoint(
         contact=operating.law,
         friction=friction,
@@ -118,7 +131,7 @@ def motion_point(
         s=s,
         gap=point.gap,
         force=force,
-        static_torque=float(-(system.radius @ force[:, 1])),
+        static_torque=float(-operating.direction * (system.radius @ force[:, 1])),
     )
     C, K = tangent(system, made, point, state)
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
@@ -172,6 +185,7 @@ def tangent(
         T_perp=system.T2,
         area=system.area,
         frictional=system.frictional,
+        speed_factor=system.speed_factor,
         frequencies={},
         places={},
         shapes=system.shapes,

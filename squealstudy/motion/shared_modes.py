@@ -96,8 +96,9 @@ def shared_modes(
         radius=model.radius,
         gap=point.gap,
         k_ref=model.area * point.tangent,
-        force=point.forces(model.area, model.frictional, state.operating),
+        force=point.forces(model, state.operating),
         shapes=phi[rows],
+        speed_factor=model.speed_factor,
     )
     return SharedModes(
         system=system,

@@ -4,13 +4,13 @@ In coordinates that diagonalise the system at a reference working point, M = I
 (THEORY.md eq. (62))::
 
     q'' + C q' + K q = load + N^T (A p(g) - rn_ref) + T1^T (t1 - t1_ref) + T2^T (t2 - t2_ref)
-    g = gap + N q,    w = (speed + T1 q', T2 q')
+    g = gap + N q,    w = (speed f + T1 q', T2 q')
     K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + U^T diag(d) U
 
 with q the deviation from a base state (gap, rn_ref, t_ref): the system's, or a design point's own,
-which makes q = 0 its steady sliding. Load, law, friction, speed, damping and base belong to a
-design point; they may all change against one reference. `k_ref` stays the system's: it is the
-tangent taken into `omega2`, wherever the base is.
+which makes q = 0 its steady sliding, and f the factors of the points' sliding speeds. Load, law,
+friction, speed, damping and base belong to a design point; they may all change against one
+reference. `k_ref` stays the system's: it is the tangent taken into `omega2`, wherever the base is.
 """
 
 from __future__ import annotations
@@ -55,6 +55,8 @@ class ModalSystem:
         Rows U that design points damp (d) or stiffen (s).
     sensed : ndarray (ns,) of int
         Modes (from 1) whose displacements and velocities are kept in the histories.
+    speed_factor : ndarray (nc,)
+        Sliding speed of each point over the imposed one; one by default.
 
     Raises
     ------
@@ -74,13 +76,17 @@ class ModalSystem:
     force: np.ndarray
     shapes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     sensed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         nc, n = np.shape(self.N)
+        if not self.speed_factor.size:
+            object.__setattr__(self, "speed_factor", np.ones(nc))
         if not self.shapes.size:
             object.__setattr__(self, "shapes", np.zeros((0, n)))
         wanted = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
-        wanted |= dict.fromkeys(("area", "frictional", "radius", "gap", "k_ref"), (nc,))
+        points = ("area", "frictional", "radius", "gap", "k_ref", "speed_factor")
+        wanted |= dict.fromkeys(points, (nc,))
         wanted |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
         for name, shape in {"N": (nc, n), **wanted}.items():
             value = getattr(self, name)
@@ -117,7 +123,7 @@ class MotionPoint:
     contact : ContactLaw
     friction : FrictionLaw
     speed : float
-        Imposed sliding velocity along T1, m/s.
+        Imposed sliding velocity along T1, m/s; a contact point has its own share of it.
     c : ndarray (n,)
         Modal damping 2 zeta omega, 1/s; on a hybrid system of its real modes (m,).
     load : ndarray (n,) or None
@@ -188,10 +194,12 @@ class MotionPoint:
         return gap, force
 
     def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
-        """Contact points (8, nc) for the kernels, at the base state."""
+        """Contact points (N_POINT_ROWS, nc) for the kernels, at the base state."""
         gap, force = self.base(system)
-        columns = (gap, system.area, system.frictional, system.radius, system.k_ref)
-        return np.ascontiguousarray(np.vstack([*columns, force.T]), dtype=np.float64)
+        arm = system.radius * np.copysign(1.0, self.speed)  # torque brakes either way
+        columns = (gap, system.area, system.frictional, arm, system.k_ref)
+        speed = self.speed * system.speed_factor
+        return np.ascontiguousarray(np.vstack([*columns, force.T, speed]), dtype=np.float64)
 
 
 def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:

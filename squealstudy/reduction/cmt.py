@@ -75,7 +75,7 @@ class ReducedModel:
         Linear interfaces, symmetric.
     N, T, T_perp : ndarray (nc, n)
         Contact observation (models.assembly.ContactInterface).
-    area, frictional, radius : ndarray (nc,)
+    area, frictional, radius, speed_factor : ndarray (nc,)
     damped_to : float
         Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond
         that of a mode here.
@@ -92,6 +92,7 @@ class ReducedModel:
     area: np.ndarray
     frictional: np.ndarray
     radius: np.ndarray
+    speed_factor: np.ndarray
     damped_to: float = np.inf
 
     @property
@@ -233,7 +234,7 @@ def _load_responses(
         return np.zeros((assembly.n_dof, 0))
     c = assembly.contact
     k_n = c.area * nominal.tangent
-    drag = c.area * c.frictional * nominal.contact_pressure
+    drag = c.area * c.frictional * nominal.contact_pressure / c.speed_factor
     normal = c.N @ phi
     loads = [
         c.T_perp.T @ (drag[:, None] * (c.T_perp @ phi)),
@@ -280,4 +281,5 @@ def project(
         area=c.area,
         frictional=c.frictional,
         radius=c.radius,
+        speed_factor=c.speed_factor,
     )

@@ -30,7 +30,7 @@ class ContactSpace:
     ----------
     k_c : float
         Contact stiffness per area in K0, Pa/m.
-    area, gap0, frictional : ndarray (nc,)
+    area, gap0, frictional, speed_factor : ndarray (nc,)
         Of the contact points.
     H_NN : ndarray (nc, nc)
         N K0^-1 N^T, m/N.
@@ -50,6 +50,7 @@ class ContactSpace:
     area: np.ndarray
     gap0: np.ndarray
     frictional: np.ndarray
+    speed_factor: np.ndarray
     H_NN: np.ndarray
     H_NT: np.ndarray
     H_Nf: np.ndarray
@@ -124,6 +125,7 @@ def contact_space(
         area=c.area,
         gap0=c.gap0,
         frictional=c.frictional,
+        speed_factor=c.speed_factor,
         H_NN=(H_NN + H_NN.T) / 2,
         H_NT=R.T @ (c.T @ X_Q).T,
         H_Nf=R.T @ (X_Q.T @ loads),

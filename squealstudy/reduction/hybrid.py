@@ -62,7 +62,7 @@ class HybridModel:
         Symmetric; K holds the contact tangent of the reference, N^T diag(k_ref) N.
     N, T, T_perp : csr_matrix (nc, n)
         Contact observation (models.assembly.ContactInterface).
-    area, frictional, radius, gap, k_ref : ndarray (nc,)
+    area, frictional, radius, speed_factor, gap, k_ref : ndarray (nc,)
         gap [m] and contact tangent [N/m] are those of the reference.
     force : ndarray (nc, 3)
         Normal and friction forces of the reference state, N.
@@ -86,6 +86,7 @@ class HybridModel:
     area: np.ndarray
     frictional: np.ndarray
     radius: np.ndarray
+    speed_factor: np.ndarray
     gap: np.ndarray
     k_ref: np.ndarray
     force: np.ndarray
@@ -162,9 +163,10 @@ def hybrid_model(
         area=c.area,
         frictional=c.frictional,
         radius=c.radius,
+        speed_factor=c.speed_factor,
         gap=point.gap,
         k_ref=c.area * point.tangent,
-        force=point.forces(c.area, c.frictional, operating),
+        force=point.forces(c, operating),
         omega=omega,
         phi=phi,
         damping_cutoff=settings.damping_cutoff,
@@ -336,6 +338,7 @@ def static_state(assembly: Assembly, point: WorkingPoint, operating: OperatingPo
     K = assembly.K_el + assembly.K_springs(static=True) + c.N.T @ sp.diags(k_n) @ c.N
     force = operating.brake_pressure * assembly.load + assembly.constant_load
     force = force + c.N.T @ (normal + k_n * (point.gap - c.gap0))
-    force = force - c.T.T @ (c.area * c.frictional * operating.traction(point.contact_pressure))
+    drag = operating.traction(point.contact_pressure, c.speed_factor)
+    force = force - c.T.T @ (c.area * c.frictional * drag)
     q: np.ndarray = factorise(K.tocsr()).solve(force)
     return q

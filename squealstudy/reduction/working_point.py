@@ -15,6 +15,7 @@ import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.laws import ContactLaw
+from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 
@@ -61,12 +62,11 @@ class WorkingPoint:
     open_share: float
     tangent_error: float = 0.0
 
-    def forces(
-        self, area: np.ndarray, frictional: np.ndarray, operating: OperatingPoint
-    ) -> np.ndarray:
-        """Normal and friction forces (nc, 3) [N] of points of these areas, along and across."""
-        drag = -area * frictional * operating.traction(self.contact_pressure)
-        return np.column_stack([area * self.contact_pressure, drag, np.zeros_like(drag)])
+    def forces(self, contact: ContactPoints, operating: OperatingPoint) -> np.ndarray:
+        """Normal and friction forces (nc, 3) [N] of the contact points, along and across."""
+        p, area = self.contact_pressure, contact.area
+        drag = -area * contact.frictional * operating.traction(p, contact.speed_factor)
+        return np.column_stack([area * p, drag, np.zeros_like(drag)])
 
 
 def working_point(
@@ -78,7 +78,7 @@ def working_point(
 
         g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p,
 
-    mu(p) being the friction at the imposed sliding speed.
+    mu(p) being the friction of each point at its sliding speed.
 
     Parameters
     ----------
@@ -138,7 +138,9 @@ def known_working_point(
     return working_point_result(space.area, g, p, kappa, 0, residual, F)
 
 
-def expect_consistent_laws(operating: OperatingPoint, point: WorkingPoint) -> None:
+def expect_consistent_laws(
+    contact: ContactPoints, operating: OperatingPoint, point: WorkingPoint
+) -> None:
     """Try laws from outside the package at a few contact points of a working point.
 
     Slopes may fit at the pressures and speeds where a law was tried before, and not at these.
@@ -157,8 +159,9 @@ def expect_consistent_laws(operating: OperatingPoint, point: WorkingPoint) -> No
         if not law.definition.in_package:
             law.expect_consistent(point.gap[places].tolist())
         if not curve.definition.in_package:
-            pressures = point.contact_pressure[places].tolist()
-            curve.expect_consistent(operating.friction, operating.sliding_speed, pressures)
+            speeds = abs(operating.sliding_speed) * contact.speed_factor[places]
+            for s, p in zip(speeds, point.contact_pressure[places], strict=True):
+                curve.expect_consistent(operating.friction, float(s), [float(p)])
     except ModelError as error:
         raise ConvergenceError(CONTRADICTORY_LAW, str(error)) from error
 
@@ -167,7 +170,7 @@ def gap_jacobian(
     space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
 ) -> np.ndarray:
     """dF/dg (nc, nc) of the gap equations at pressures p [Pa] and tangents kappa [Pa/m] (nc,)."""
-    grip = space.frictional * point.friction_at(p).following(p)
+    grip = space.frictional * point.friction_at(p, space.speed_factor).following(p)
     J = space.H_NN * (space.area * (kappa - space.k_c))
     J -= space.H_NT * (space.area * grip * kappa)
     J[np.diag_indices_from(J)] += 1.0
@@ -221,7 +224,8 @@ class GapEquations:
         space = self.space
         pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
-        drag = np.array([o.traction(row) for o, row in zip(self._operating, p, strict=True)])
+        pairs_p = zip(self._operating, p, strict=True)
+        drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])
         s = space.area * (p + space.k_c * (g - space.gap0))
         F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa

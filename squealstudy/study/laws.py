@@ -88,6 +88,6 @@ def _try_contact(operating: OperatingPoint) -> None:
 
 
 def _try_friction(operating: OperatingPoint) -> None:
-    for s, p in product((*SPEEDS, operating.sliding_speed), PRESSURES):
+    for s, p in product((*SPEEDS, abs(operating.sliding_speed)), PRESSURES):
         with suppress(NotComputedError):
             operating.curve.expect_consistent(operating.friction, s, [p])

@@ -57,6 +57,10 @@ class PlainParameter:
         """`value` as a float; ParameterError where the parameter cannot take it."""
         return self.parameter.check(value)
 
+    def check_range(self, low: float, high: float) -> None:
+        """ParameterError where the parameter cannot be swept from low to high."""
+        self.parameter.check_range(low, high)
+
 
 @dataclass(frozen=True)
 class ModeParameter:
@@ -105,6 +109,9 @@ class ModeParameter:
         else:
             limits = Parameter(self.name, self.default, "", "", minimum=0.0, maximum=1.0)
         return limits.check(value)
+
+    def check_range(self, low: float, high: float) -> None:
+        """Any range of values that it takes."""
 
 
 StudyParameter = PlainParameter | ModeParameter

@@ -118,6 +118,7 @@ class _SweepReader:
         if self.design.type in ("grid", BOUNDARY) and len(set(values)) < len(values):
             key = "values" if listed else "stop"
             raise self._error(key, "a value appears twice: a grid would repeat its points")
+        self._check_range(parameter, low, high, "values" if listed else "stop")
         return Sweep(parameter, values, low, high, self.section.scale)
 
     def _random(self, parameter: StudyParameter) -> Sweep:
@@ -142,7 +143,14 @@ class _SweepReader:
                 raise self._error(
                     "distribution", f"{parameter.name}: {beyond(found, e.message)}"
                 ) from None
+        self._check_range(parameter, low, high, "distribution" if start == -math.inf else "stop")
         return Sweep(parameter, (), low, high, scale, found)
+
+    def _check_range(self, parameter: StudyParameter, low: float, high: float, key: str) -> None:
+        try:
+            parameter.check_range(low, high)
+        except ParameterError as e:
+            raise self._error(key, f"{parameter.name} {e.message}") from None
 
     def _check_keys(self) -> None:
         """The keys given are those of a list, of a divided range, or of a distribution."""

@@ -6,17 +6,19 @@ the friction coefficient mu(s, p), the forces A p and mu A p change with gap and
     stiffness  N^T (A kappa) N  +  T^T (-(mu + p dmu/dp) A kappa) N
     damping    T_perp^T (mu A p / s) T_perp  +  T^T (dmu/ds A p) T
 
-These four weights, a figure a contact point each, are formed here alone, whatever the coordinates;
-mu is multiplied by the factor `frictional` of the point. In time the same signs are those of the
-traction and its slope in `kernels/laws.py` and, for loops over points, `kernels/law_text.py`.
+with the velocity s of the point itself, and mu of the sign of s. These four weights, a figure a
+contact point each, are formed here alone, whatever the coordinates; mu is multiplied by the factor
+`frictional` of the point. In time the same signs are those of the traction and its slope in
+`kernels/laws.py` and, for loops over points, `kernels/law_text.py`.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -43,31 +45,17 @@ class ContactWeights(NamedTuple):
     along: Any
 
 
-class ContactPoints(Protocol):
-    """Contact points of a structure, whatever its coordinates are."""
-
-    @property
-    def area(self) -> np.ndarray:
-        """Areas of the contact points (nc,), m2."""
-        ...
-
-    @property
-    def frictional(self) -> np.ndarray:
-        """Factor (nc,) on the friction coefficient, 1 or 0."""
-        ...
-
-
 def contact_weights(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint
 ) -> ContactWeights:
     """Weights of contact and friction at a working point."""
-    friction = operating.friction_at(point.contact_pressure)
+    friction = operating.friction_at(point.contact_pressure, contact.speed_factor)
     k_n = contact.area * point.tangent
     rubbing = contact.area * point.contact_pressure * contact.frictional
     return ContactWeights(
         normal=k_n,
         coupling=-friction.following(point.contact_pressure) * contact.frictional * k_n,
-        across=friction.mu * rubbing / operating.sliding_speed,
+        across=friction.mu * rubbing / (operating.sliding_speed * contact.speed_factor),
         along=friction.by_speed * rubbing if np.any(friction.by_speed) else 0.0,
     )
 
@@ -83,8 +71,8 @@ class ContactChange(NamedTuple):
         Of p [Pa] and kappa [Pa/m].
     area : ndarray or float
         m2.
-    speed : float
-        Of the sliding speed, m/s.
+    speed : float or ndarray
+        Of the sliding velocities along T, m/s.
     mu, by_speed, by_pressure : float or ndarray
         Of mu, dmu/ds [s/m] and dmu/dp [1/Pa].
     """
@@ -92,7 +80,7 @@ class ContactChange(NamedTuple):
     pressure: Any = 0.0
     tangent: Any = 0.0
     area: Any = 0.0
-    speed: float = 0.0
+    speed: Any = 0.0
     mu: Any = 0.0
     by_speed: Any = 0.0
     by_pressure: Any = 0.0
@@ -102,13 +90,14 @@ def contact_weights_change(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint, by: ContactChange
 ) -> ContactWeights:
     """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
-    friction, p = operating.friction_at(point.contact_pressure), point.contact_pressure
+    p = point.contact_pressure
+    friction = operating.friction_at(p, contact.speed_factor)
     k_n, force = contact.area * point.tangent, contact.area * p
     d_k_n = contact.area * by.tangent + by.area * point.tangent
     d_force = contact.area * by.pressure + by.area * p
     following = friction.following(p)
     d_following = by.mu + p * by.by_pressure + by.pressure * friction.by_pressure
-    speed = operating.sliding_speed
+    speed = operating.sliding_speed * contact.speed_factor
     d_drag = (by.mu - friction.mu * by.speed / speed) * force + friction.mu * d_force
     return ContactWeights(
         normal=d_k_n,

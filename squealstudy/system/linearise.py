@@ -132,7 +132,7 @@ class ContactStructure:
         None where there are none, or where `elastic` holds them.
     N, T, T_perp : matrix (nc, n)
         Contact observation (models.assembly.ContactInterface).
-    area, frictional : ndarray (nc,)
+    area, frictional, speed_factor : ndarray (nc,)
     frequencies : mapping of (component, mode) -> float
         Component modes that a design point may change or damp, rad/s.
     places : mapping of (component, mode) -> int
@@ -150,6 +150,7 @@ class ContactStructure:
     T_perp: Matrix
     area: np.ndarray
     frictional: np.ndarray
+    speed_factor: np.ndarray
     frequencies: Mapping[ModeKey, float]
     places: Mapping[ModeKey, int]
     shapes: Matrix | None = None
@@ -216,6 +217,7 @@ def reduced_structure(model: ReducedModel) -> ContactStructure:
         T_perp=model.T_perp,
         area=model.area,
         frictional=model.frictional,
+        speed_factor=model.speed_factor,
         frequencies=frequencies,
         places={key: model.mode_coordinate(*key) for key in frequencies},
     )
@@ -237,6 +239,7 @@ def unreduced_structure(
         T_perp=contact.T_perp,
         area=contact.area,
         frictional=contact.frictional,
+        speed_factor=contact.speed_factor,
         frequencies={(name, j): float(modes[name].omega[j - 1]) for name, j in used},
         places={key: row for row, key in enumerate(used)},
         shapes=momenta(assembly, modes, used),

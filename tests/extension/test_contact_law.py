@@ -93,7 +93,7 @@ from squealstudy.extensions import load_extension
 from squealstudy.laws import FrictionLaw, contact_law
 load_extension({str(HERE / FILE)!r})
 print(contact_law("cubic").evaluate([-1e-6]))
-kernels.law_row(contact_law("cubic"), FrictionLaw(0.5, 1.0), 1.0)
+kernels.law_row(contact_law("cubic"), FrictionLaw(0.5, 1.0))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode

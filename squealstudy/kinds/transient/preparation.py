@@ -77,7 +77,7 @@ def warnings(plan: Plan) -> list[str]:
             speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
             stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
-            closing.append(closing_number(design.contact, design.speed, task.section.step))
+            closing.append(closing_number(design.contact, abs(design.speed), task.section.step))
     found = (_above(plan, above), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
     return [text for part in found for text in part]
 
@@ -195,7 +195,7 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     system = task.reference.system
     found = [(p, set_up(task, p, NewGaps())) for p in points]
     designs = [
-        perturbed(system, made, START * p.values["sliding_speed"])
+        perturbed(system, made, START * abs(p.values["sliding_speed"]))
         for p, made in found
         if isinstance(made, MotionPoint)
     ]

@@ -142,7 +142,8 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
         if known is None:
             gaps.add(point.structure, point, steady.gap)
         slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
-        friction = friction_law(state, steady, slope, saturation, section.friction)
+        contact = reference.system
+        friction = friction_law(contact, state, steady, slope, saturation, section.friction)
         made = motion_point(reference, steady, state, friction, task.band_hz, task.tolerance)
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"

@@ -132,8 +132,8 @@ def jacobians(
     linear = np.diag(1.0 + hc * design.c + hk * system.omega2)
     fixed = linear + hk * N.T @ (((contact_factor - 1.0) * k_ref)[:, None] * N)
     p, kappa = design.contact.evaluate((system.gap if design.gap is None else design.gap) + N @ q)
-    law = law_row(design.contact, design.friction, design.speed)
-    w1, w2 = design.speed + T1 @ v, T2 @ v
+    law = law_row(design.contact, design.friction)
+    w1, w2 = design.speed * system.speed_factor + T1 @ v, T2 @ v
     slopes = [
         friction_tangent(law, r, *point)
         for r, *point in zip(system.frictional, p, w1, w2, strict=True)

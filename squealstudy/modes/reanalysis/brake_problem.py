@@ -18,6 +18,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import pairs_inside
+from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
@@ -219,7 +220,9 @@ class BrakeProblem(DenseProblem):
             changes = [self._changes(state) for state in states]
             found = field.solve(theta, [s.operating for s in states], changes)
         return [
-            _alone(self.prepared, state) if point is None else _tried(point, state)
+            _alone(self.prepared, state)
+            if point is None
+            else _tried(self.prepared.space, point, state)
             for state, point in zip(states, found, strict=True)
         ]
 
@@ -279,9 +282,11 @@ def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | Conver
         return error
 
 
-def _tried(point: WorkingPoint, state: DesignState) -> WorkingPoint | ConvergenceError:
+def _tried(
+    contact: ContactPoints, point: WorkingPoint, state: DesignState
+) -> WorkingPoint | ConvergenceError:
     try:
-        expect_consistent_laws(state.operating, point)
+        expect_consistent_laws(contact, state.operating, point)
     except ConvergenceError as error:
         return error
     return point

@@ -52,15 +52,17 @@ class WeightChange(NamedTuple):
     ratios: np.ndarray | None = None
 
 
-def friction_change(operating: OperatingPoint, name: str, p: np.ndarray) -> ContactChange:
+def friction_change(
+    operating: OperatingPoint, name: str, p: np.ndarray, speed_factor: np.ndarray
+) -> ContactChange:
     """Friction by the sliding speed, its coefficient or a parameter of its curve.
 
-    At fixed pressures p (nc,) [Pa].
+    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed.
     """
-    rows = operating.curve.slopes(operating.friction, operating.sliding_speed, p)
+    rows = operating.friction_slopes(p, speed_factor)
     if name == SLIDING_SPEED.name:
         mu, by_speed, by_pressure = rows[0]
-        return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure, speed=1.0)
+        return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure, speed=speed_factor)
     mu, by_speed, by_pressure = rows[2 + [FRICTION.name, *operating.curve.names].index(name)]
     return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure)
 
@@ -98,7 +100,9 @@ class StateDerivatives:
             dp, dkappa = law.slopes(self._point.gap)[1 + law.names.index(name)]
             by, gap = ContactChange(pressure=dp, tangent=dkappa), self.motion.by_law(dp)
         if name not in law.names or name in operating.curve.names:
-            friction = friction_change(operating, name, self._point.contact_pressure)
+            friction = friction_change(
+                operating, name, self._point.contact_pressure, self.structure.speed_factor
+            )
             by = friction._replace(pressure=by.pressure, tangent=by.tangent)
             gap = gap + self.motion.by_friction(by.mu)
         return self._moved(gap, by)
@@ -109,9 +113,7 @@ class StateDerivatives:
         dp, dkappa = operating.law.slopes(point.gap)[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
         if operating.curve.pressure_dependent:
-            rows = operating.curve.slopes(
-                operating.friction, operating.sliding_speed, point.contact_pressure
-            )
+            rows = operating.friction_slopes(point.contact_pressure, self.structure.speed_factor)
             mu, by_speed, by_pressure = rows[1] * total.pressure
             total = total._replace(
                 mu=by.mu + mu,
@@ -175,14 +177,14 @@ class WorkingPointDerivatives:
         self._space, self._operating = space, operating
         self._changes = {j: dk for j, dk in stiffness_changes.items() if dk}
         self._now = space.changed(self._changes)
-        following = operating.friction_at(point.contact_pressure).following(point.contact_pressure)
-        self._grip = following * space.frictional
+        p, factor = point.contact_pressure, space.speed_factor
+        self._grip = operating.friction_at(p, factor).following(p) * space.frictional
         self.point = point
         A = space.area
         J = gap_jacobian(self._now, operating, point.contact_pressure, point.tangent)
         self._lu = la.lu_factor(J, overwrite_a=True, check_finite=False)
         self._normal = A * (point.contact_pressure + space.k_c * (point.gap - space.gap0))
-        self._sliding = A * space.frictional * operating.traction(point.contact_pressure)
+        self._sliding = A * space.frictional * operating.traction(p, factor)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""

@@ -167,7 +167,8 @@ class StaticResponse:
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
-        self._mu = operating.friction_at(w.contact_pressure).mu * c.frictional
+        mu = operating.friction_at(w.contact_pressure, c.speed_factor).mu
+        self._mu = mu * c.frictional
         load = operating.brake_pressure * full.assembly.load + full.assembly.constant_load
         normal = c.area * (w.contact_pressure + k_c * (w.gap - c.gap0))
         sliding = c.area * self._mu * w.contact_pressure
@@ -292,6 +293,7 @@ def check_same_mesh(name: str, first: Assembly, second: Assembly) -> None:
     same = same and all(
         _equal(getattr(one, rows), getattr(other, rows)) for rows in ("N", "T", "T_perp")
     )
+    same = same and np.array_equal(one.speed_factor, other.speed_factor)
     if not same:
         raise ParameterError(
             name,

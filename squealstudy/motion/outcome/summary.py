@@ -230,16 +230,15 @@ def _contact(run: Motion, window: slice) -> dict[str, Any]:
     """Shares of the contact area that stick or are open, and how fast what sticks creeps.
 
     `stick_creep` is the largest sliding speed of a point that sticks, at any kept row of the last
-    window, over the imposed sliding speed: the slope of friction lets it move. A point sticks
+    window, over the speed imposed there: the slope of friction lets it move. A point sticks
     while its friction is below the bound, which is where it slides slower than bound / k_t: the
     regularisation speed, or more where its pressure exceeds the highest of steady sliding. NaN
     where nothing sticks.
     """
     stick, opened, creep = (run.history[name][window] for name in ("stick", "open", "creep"))
     sticks = stick > 0
-    speed = abs(run.point.speed)
     return {
-        "stick_creep": float(creep[sticks].max() / speed) if sticks.any() and speed else np.nan,
+        "stick_creep": float(creep[sticks].max()) if sticks.any() and run.point.speed else np.nan,
         "stick_share": float(stick.mean()),
         "stick_share_max": float(stick.max()),
         "open_share": float(opened.mean()),

@@ -11,6 +11,7 @@ from squealstudy.models.catalogue.disc_brake.parameters import (
     OPTIONS,
     PARAMETERS,
     UNDAMPED,
+    effective_radius,
     vanishing,
 )
 from squealstudy.models.parameter import ModelChange, ModelDefinition
@@ -36,6 +37,7 @@ DISC_BRAKE = ModelDefinition(
     assumptions=BRAKE_ASSUMPTIONS,
     vanishing=vanishing,
     torque_unit="N m",
+    effective_radius=effective_radius,
     changes=(
         ModelChange(
             "0.2.0",

@@ -16,7 +16,7 @@ from squealstudy.models.assembly import (
     component_slices,
     expand_rows,
 )
-from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS
+from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, effective_radius
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
 from squealstudy.models.fem.sampling import (
     FacetFilter,
@@ -64,23 +64,29 @@ class BrakeInterfaces:
         return surface, facing_surface(self._solids[other], surface)
 
     # -- contact ---------------------------------------------------------------------------------
-    def contact(self, law: ContactLaw, points_per_side: int) -> ContactInterface:
-        """Both pad faces against the disc; the disc turns about +z."""
+    def contact(
+        self, law: ContactLaw, points_per_side: int, mean_radius: float | None
+    ) -> ContactInterface:
+        """Both pad faces against the disc; the disc turns about +z.
+
+        `mean_radius` is the one that the imposed speed is of; None: all points have that speed.
+        """
         sides = [self._contact_side(pad, points_per_side) for pad in ("inner_pad", "outer_pad")]
         points = np.vstack([side.points for side, _ in sides])
         N, T, T_perp = (
             sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
         )
-        n = len(points)
+        n, radius = len(points), np.hypot(points[:, 0], points[:, 1])
         return ContactInterface(
             N,
             T,
             T_perp,
             area=np.concatenate([side.area for side, _ in sides]),
             gap0=np.zeros(n),
-            radius=np.hypot(points[:, 0], points[:, 1]),
+            radius=radius,
             law=law,
             frictional=np.ones(n),
+            speed_factor=np.ones(n) if mean_radius is None else radius / mean_radius,
         )
 
     def _contact_side(
@@ -231,10 +237,10 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     )
     interfaces = BrakeInterfaces(mesher, solids, components)
     law = ContactLaw.from_values(str(options["contact_law"]), values)
-    load = interfaces.brake_load()
+    load, turning = interfaces.brake_load(), effective_radius(options, values)
     return Assembly(
         components,
-        interfaces.contact(law, int(options["contact_points"])),
+        interfaces.contact(law, int(options["contact_points"]), turning),
         interfaces.springs(),
         load,
         np.zeros_like(load),

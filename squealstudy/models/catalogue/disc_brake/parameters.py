@@ -25,6 +25,7 @@ from squealstudy.models.parameter import Assumption, Declared, ModelOption, stru
 from squealstudy.parameter import Parameter
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
+KINEMATICS, UNIFORM, ROTATION = "kinematics", "uniform", "rotation"
 OPTIONS = (
     ModelOption(
         "mesh",
@@ -32,9 +33,27 @@ OPTIONS = (
         "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
     ModelOption("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
+    ModelOption(
+        KINEMATICS,
+        (UNIFORM, ROTATION),
+        "rotation: the disc turns, a contact point at radius r slides at sliding_speed r over the "
+        "mean radius of the pads' faces",
+    ),
     CONTACT_OPTION,
     FRICTION_OPTION,
 )
+
+
+def effective_radius(options: Mapping[str, str | int], values: Mapping[str, float]) -> float | None:
+    """Radius that `sliding_speed` is of where the disc turns: the mean over the pads' faces, m.
+
+    They are parts of a ring, whatever the mesh. None where all points slide at one speed.
+    """
+    if options[KINEMATICS] == UNIFORM:
+        return None
+    inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
+    return 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2)
+
 
 MEET = 1e-6  # m or rad: breaks of a mesh nearer than this leave no room for a cell
 # Each must be smaller than the next, or a part of the brake vanishes.
