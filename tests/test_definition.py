@@ -78,7 +78,8 @@ def test_good_file_is_resolved(tmp_path):
     assert (study.source.path, study.source.text, study.name) == (path, GOOD, "friction_pressure")
     assert study.model.name == "disc_brake"
     laws = {"contact_law": "exponential", "friction_law": "exponential_fall"}
-    assert study.options == {"mesh": "coarse", "contact_points": 3} | laws
+    mine = {"mesh": "coarse", "contact_points": 3, "kinematics": "uniform"}
+    assert study.options == mine | laws
     assert study.values["disc.young_modulus"] == 1.1e11
     assert study.values["friction"] == 0.4
     assert study.values["caliper.modes[13].damping_ratio"] == 0.1

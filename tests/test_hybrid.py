@@ -351,8 +351,10 @@ def test_input_is_checked(case):
         run_hybrid(model, replace(design, gap=np.zeros(2)), run, rest, rest)
     with pytest.raises(ModelError, match="not finite"):
         run_hybrid(model, replace(design, gap=np.full(NX, np.nan)), run, rest, rest)
-    with pytest.raises(ModelError, match="damping and speed"):
+    with pytest.raises(ModelError, match="not negative"):
         run_hybrid(model, replace(design, beta=-1.0), run, rest, rest)
+    with pytest.raises(ModelError, match="'speed'"):
+        run_hybrid(model, replace(design, speed=np.inf), run, rest, rest)
     with pytest.raises(ModelError, match="cutoffs"):
         HybridSettings(0.0, 1e3)
     free = component_modes(case.assembly, 1e9)["upper"]

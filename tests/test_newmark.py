@@ -357,6 +357,7 @@ def test_batches_agree_with_single_runs(rough):
 def test_odd_number_of_points_in_a_batch(rough):
     system, design, _ = rough
     names = ("N", "T1", "T2", "area", "frictional", "radius", "gap", "k_ref", "force")
+    names = (*names, "speed_factor")
     odd = replace(system, **{k: getattr(system, k)[:19] for k in names})
     single = run(odd, design, replace(SHORT, duration=2e-4), np.zeros(12), KICK)
     both = simulate(odd, started([design] * 2, np.zeros(12), KICK), replace(SHORT, duration=2e-4))
