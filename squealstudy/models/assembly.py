@@ -138,7 +138,7 @@ class ContactInterface:
         Default law.
     frictional : ndarray (n_points,)
         Factor on the friction coefficient: 1, or 0 for contact without friction, whose rows of T
-        and T_perp are empty.
+        and T_perp may be empty.
     speed_factor : ndarray (n_points,)
         Sliding speed of each point over the imposed one, positive: r over the radius that the
         imposed speed is of, where a body turns. One by default; what stands at points without
