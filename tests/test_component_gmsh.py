@@ -12,9 +12,11 @@ from component_meshes import LINING, STEEL, rigid_shapes
 from squealstudy.errors import ModelError
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.facets import facets
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp import read_inp
+from squealstudy.models.components.pairs import pair
 
 MESHES = Path(__file__).parent / "meshes"
 LARGEST = 60_000  # bytes of a file
@@ -98,6 +100,23 @@ def test_inp_of_gmsh_is_the_same_mesh():
         assert corners[0] == corners[1]
 
 
+def test_faces_of_two_meshes_make_a_contact_pair():
+    """The same face meshed twice: tetrahedra on hexahedra and wedges."""
+    lower, upper = (read_gmsh(MESHES / f"pad_{name}.msh") for name in ("tet10", "hex20"))
+    upper = replace(upper, nodes=upper.nodes + np.array([0, 0, 13.0]))
+    slave, master = (
+        Facets(mesh.nodes, tuple(group.nodes for group in facets(mesh, name)), name)
+        for mesh, name in ((lower, "FRICTION"), (upper, "PISTON"))
+    )
+    assert slave.areas.sum() == pytest.approx(0.5 * 1.5 * (40**2 - 20**2), rel=1e-2)
+    found = pair(slave, master, search=0.1)
+    assert found.in_reach > 0.99
+    np.testing.assert_allclose(
+        found.slave.normal, np.tile([0, 0, 1.0], (len(found.gap0), 1)), atol=1e-9
+    )
+    assert np.abs(found.geometric_gap).max() < 1e-9
+
+
 def test_plane_elements_of_gmsh_are_refused_with_advice():
     with pytest.raises(ModelError, match=r"line \d+: element CPS8 .*treat_as CPS8 = 'faces'"):
         read_inp(MESHES / "pad_hex20.inp")
@@ -167,6 +186,8 @@ def test_elements_of_two_groups_and_groups_without_name(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("$EndElements", "", r"cannot be read as a mesh of gmsh: .*\$Elements not closed"),
+        ("5 5 2 1 2 2 9", "5 5 3 1 2 2 9", "cannot be read as a mesh of gmsh"),
         (BLOCKS, "", "cannot be read as a mesh of gmsh"),
         ("2.2 0 8", "3.7 0 8", "cannot be read as a mesh of gmsh"),
         ("2 1 0 0\n", "2 1 x 0\n", "cannot be read as a mesh of gmsh"),

@@ -11,14 +11,17 @@ import pytest
 from component_meshes import LINING, STEEL, box
 
 from squealstudy.errors import ModelError
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.facets import boundary, facets
 from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.generated import mesh_of_grid
 from squealstudy.models.components.inp import read_inp
-from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.inp_writer import number, write_inp
 from squealstudy.models.components.materials import Orientation, Orthotropic
-from squealstudy.models.fem.solid import Isotropic
+from squealstudy.models.fem.solid import FULL, Isotropic
 
 # a flat file in the manner of CalculiX: two cubes, odd blanks and capitals, Fortran's exponents
 FLAT = """** a comment
@@ -308,8 +311,8 @@ def test_a_written_mesh_is_read(tmp_path, name):
     )
     path = tmp_path / "a.inp"
     write_inp(mesh, path)
-    numbers = re.findall(r"[-+0-9.]+e[-+0-9]+", path.read_text())
-    assert max(map(len, numbers)) <= 20
+    words = re.findall(r"[^\s,]+", path.read_text())
+    assert max(len(word) for word in words if re.search(r"\d\.|\.\d", word)) <= 20
     assert all(len(line.split(", ")) <= 16 for line in path.read_text().split("\n"))
     back = read_inp(path)
     check_mesh(back)
@@ -320,6 +323,27 @@ def test_a_written_mesh_is_read(tmp_path, name):
     for matrix in (stiffness_matrix, mass_matrix):
         ours, theirs = matrix(mesh), matrix(back)
         assert abs(ours - theirs).max() < 1e-12 * abs(ours).max()
+
+
+@pytest.mark.parametrize("component", ["disc", "outer_pad", "caliper"])
+def test_generated_components_are_written_and_read(tmp_path, component):
+    """Metres, thin cells, two materials: the same matrices as those of the generated brake."""
+    mesher = BrakeMesher(MODELS["disc_brake"].defaults(), COARSE, FULL)
+    solid = mesher.component(component)
+    write_inp(mesh_of_grid(component, solid.grid, mesher.materials(component)), tmp_path / "a.inp")
+    mesh = read_inp(tmp_path / "a.inp")
+    for ours, theirs in ((stiffness_matrix(mesh), solid.K), (mass_matrix(mesh), solid.M)):
+        assert abs(ours - theirs).max() < 1e-12 * abs(theirs).max()
+
+
+@pytest.mark.parametrize("power", [-30, -4, -2, 0, 3, 9, 12])
+def test_numbers_keep_what_twenty_characters_can_hold(power):
+    values = np.random.default_rng(power + 30).uniform(-10, 10, 500) * 10.0**power
+    words = [number(x) for x in values]
+    assert max(map(len, words)) <= 20
+    assert np.abs(np.array(words, dtype=float) / values - 1).max() < (
+        1e-15 if -2 <= power <= 3 else 1e-13
+    )
 
 
 def test_names_that_a_file_cannot_hold_are_refused(tmp_path):
@@ -337,6 +361,8 @@ def changed(old, new, message, where=None):
 
 
 WRONG = [
+    changed("NAME=OUTSIDE", "NAME=DOWN", r"there is a 'DOWN' already"),
+    changed("NAME=NODES, TYPE", "NAME=SOME, TYPE", r"there is a 'SOME' already"),
     changed("8, 0., 1., 1.", "8, 0., 1., 1., 0.", r"expected a node and three coord.*found 5"),
     changed("8, 0., 1., 1.", "8, 0., nan, 1.", r"expected a coordinate, found 'nan'"),
     changed("8, 0., 1., 1.", "8, 0., 1_0, 1.", r"expected a coordinate, found '1_0'"),

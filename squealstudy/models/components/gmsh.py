@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
+from contextlib import redirect_stderr
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -98,11 +100,15 @@ def _read(path: Path) -> Any:
     meshio._mesh.topological_dimension.setdefault("wedge15", 3)
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
+    said = io.StringIO()
     try:
-        found = meshio.gmsh.read(path)
+        with redirect_stderr(said):  # it prints what it overlooks: sections without end
+            found = meshio.gmsh.read(path)
     except Exception as error:  # a damaged file is whatever its reader runs into
         reason = f"{type(error).__name__} {error}".strip()
         raise ModelError(f"{path} cannot be read as a mesh of gmsh: {reason}") from error
+    if words := " ".join(said.getvalue().split()):
+        raise ModelError(f"{path} cannot be read as a mesh of gmsh: {words}")
     for block in found.cells:
         if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
             raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")

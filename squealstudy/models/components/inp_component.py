@@ -269,10 +269,10 @@ class Component:
     def _with_surfaces(self, mesh: SolidMesh) -> SolidMesh:
         surfaces: dict[str, np.ndarray] = {}
         node_sets = dict(mesh.node_sets)
-        outer = None
-        for cards, sets in (
-            (self.text.part, (self.node_sets, self.element_sets)),
-            (self.text.assembly, self.of_assembly),
+        outer = boundary(mesh)
+        for cards, sets, of_assembly in (
+            (self.text.part, (self.node_sets, self.element_sets), False),
+            (self.text.assembly, self.of_assembly, True),
         ):
             for card in cards:
                 if card.keyword != "SURFACE":
@@ -280,20 +280,18 @@ class Component:
                 card.check(SURFACE)
                 name = card.value("NAME")
                 kind = card.parameters.get("TYPE", "ELEMENT").upper()
-                if kind == "NODE":
+                if kind == "ELEMENT":
+                    members = self._faces(mesh, card, sets[1], outer)
+                elif kind == "NODE":
                     members = self._nodes(self._members(card, sets[0]))
-                    if len(members):
-                        node_sets[_free_name(name, node_sets, card)] = members
-                    continue
-                if kind != "ELEMENT":
+                else:
                     raise card.error(
                         f"*SURFACE, TYPE={kind} is not supported: only ELEMENT and NODE"
                     )
-                if outer is None:
-                    outer = boundary(mesh)
-                faces = self._faces(mesh, card, sets[1], outer)
-                if len(faces):
-                    surfaces[_free_name(name, surfaces, card)] = faces
+                taken = surfaces if kind == "ELEMENT" else node_sets
+                same = taken.get(name)
+                if len(members) and (same is None or not np.array_equal(same, members)):
+                    taken[_free_name(name, taken, card, of_assembly)] = members
         return replace(mesh, surfaces=surfaces, node_sets=node_sets)
 
     def _with_marked_faces(self, mesh: SolidMesh) -> SolidMesh:
@@ -308,7 +306,8 @@ class Component:
                 if note:
                     self.text.passed_over.append(note)
                 if len(faces):
-                    surfaces[_free_name(name, surfaces, self._first())] = faces
+                    of_assembly = sets is not self.element_sets
+                    surfaces[_free_name(name, surfaces, self._first(), of_assembly)] = faces
         sets_of_solids = {name: e for name, e in mesh.element_sets.items() if len(e)}
         return replace(mesh, surfaces=surfaces, element_sets=sets_of_solids)
 
@@ -402,11 +401,11 @@ class Component:
         return self.text.part[0]
 
 
-def _free_name(name: str, taken: Mapping[str, object], card: Card) -> str:
-    """The name, or ASSEMBLY.name where the part has it too."""
+def _free_name(name: str, taken: Mapping[str, object], card: Card, of_assembly: bool) -> str:
+    """The name; of the assembly ASSEMBLY.name where the part has it too. ModelError for a third."""
     known = {n.upper() for n in taken}
     if name.upper() not in known:
         return name
-    if f"ASSEMBLY.{name}".upper() in known:
+    if not of_assembly or f"ASSEMBLY.{name}".upper() in known:
         raise card.error(f"there is a '{name}' already")
     return f"ASSEMBLY.{name}"

@@ -14,7 +14,7 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
 PER_LINE = 16  # the most entries of a line that these codes read
-NUMBER = "{:.13e}"  # 20 characters at most
+LONGEST = 20  # characters of a number that CalculiX reads
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_. +-]{0,79}", re.ASCII)
 WRITTEN = {"C3D8_BBAR": "C3D8"}  # names that are ours only
 
@@ -22,7 +22,7 @@ WRITTEN = {"C3D8_BBAR": "C3D8"}  # names that are ours only
 def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     """Write a component: nodes, elements, sets, surfaces, materials, orientations.
 
-    `read_inp` gives the same mesh, numbers to 14 digits, elements by blocks. What Abaqus calls
+    `read_inp` gives the same mesh, most numbers exactly, elements by blocks. What Abaqus calls
     C3D8 is C3D8_BBAR here; it is written as C3D8.
 
     Parameters
@@ -52,10 +52,23 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
             handle.write(line + "\n")
 
 
+def number(x: float) -> str:
+    """A number in 20 characters, as exactly as these can hold it."""
+    shortest = repr(float(x))
+    if len(shortest) <= LONGEST:
+        return shortest
+    size = abs(x)
+    if not 1e-3 <= size < 1e9:
+        return f"{x:.{14 if x > 0 else 13}e}"
+    before = len(str(int(size))) if size >= 1 else 0
+    text = f"{x:.{LONGEST - 1 - before - (x < 0)}f}"
+    return text if before else text.replace("0.", ".", 1)
+
+
 def _lines(mesh: SolidMesh) -> Iterator[str]:
     yield "*NODE"
-    for number, x in zip(mesh.numbers, mesh.nodes, strict=True):
-        yield f"{number}, " + ", ".join(NUMBER.format(c) for c in x)
+    for label, x in zip(mesh.numbers, mesh.nodes, strict=True):
+        yield f"{label}, " + ", ".join(number(c) for c in x)
     for block in mesh.blocks:
         yield f"*ELEMENT, TYPE={WRITTEN.get(block.formulation, block.formulation)}"
         for label, nodes in zip(block.labels, mesh.numbers[block.nodes], strict=True):
@@ -108,13 +121,13 @@ def _wrapped(numbers: Sequence[int] | np.ndarray) -> Iterator[str]:
 def _material(name: str, material: Elastic) -> Iterator[str]:
     yield f"*MATERIAL, NAME={name}"
     yield "*DENSITY"
-    yield NUMBER.format(material.density)
+    yield number(material.density)
     if isinstance(material, Isotropic):
         yield "*ELASTIC, TYPE=ISO"
-        yield f"{NUMBER.format(material.young_modulus)}, {NUMBER.format(material.poisson_ratio)}"
+        yield f"{number(material.young_modulus)}, {number(material.poisson_ratio)}"
     else:
         yield "*ELASTIC, TYPE=ORTHO"
-        words = [NUMBER.format(entry) for entry in material.entries]
+        words = [number(entry) for entry in material.entries]
         yield ", ".join(words[:8]) + ","
         yield words[8]
 
@@ -124,6 +137,6 @@ def _orientation(name: str, axes: Orientation) -> Iterator[str]:
     points = (*axes.a, *axes.b)
     if axes.system == "rectangular" and any(axes.origin):
         points = tuple(np.subtract((axes.a, axes.b), axes.origin).ravel())  # directions are all
-    yield ", ".join(NUMBER.format(float(c)) for c in points)
+    yield ", ".join(number(float(c)) for c in points)
     if axes.turn[1]:
-        yield f"{axes.turn[0]}, {NUMBER.format(axes.turn[1])}"
+        yield f"{axes.turn[0]}, {number(axes.turn[1])}"
