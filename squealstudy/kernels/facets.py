@@ -14,8 +14,9 @@ from squealstudy.kernels.jit import exact_kernel, kernel
 
 MOST = 9  # nodes of a facet
 STEPS = 30
-SETTLED = 1e-8  # last step in local coordinates, of Newton's method: what is left is its square
-NEARLY = 1e-11  # the same of Gauss-Newton, and above round-off on small facets far from the origin
+SETTLED = 1e-10  # last step in local coordinates, above round-off far from the origin
+FAR = 1e3  # local coordinates that nothing asks for
+PATH = 16  # steps from the centre of a distorted facet
 EDGE = 1e-9  # of local coordinates: round-off on an edge is not outside
 BULGE = 1.2  # a curved facet lies within this times the radius of its nodes
 
@@ -135,16 +136,35 @@ def across(n: np.ndarray, t: np.ndarray) -> None:
 
 
 @exact_kernel
-def along_line(
-    kind: int, X: np.ndarray, p: np.ndarray, t: np.ndarray, N: np.ndarray, x: np.ndarray
-) -> tuple[float, float, bool]:
-    """Where the line through p (3,) square to t (2, 3) meets the facet X: (a, b, found).
+def outside(kind: int, a: float, b: float) -> float:
+    """How far (a, b) lies outside the facet, in local coordinates; negative inside."""
+    if kind == 3 or kind == 6:
+        return max(-a, -b, a + b - 1)
+    return max(abs(a), abs(b)) - 1
 
-    The facet goes on beyond its edges. N and x are what `place` leaves there.
+
+@exact_kernel
+def _settle(
+    kind: int,
+    X: np.ndarray,
+    p: np.ndarray,
+    t: np.ndarray,
+    follow: bool,
+    start: tuple[float, float],
+    N: np.ndarray,
+    x: np.ndarray,
+) -> tuple[float, float, bool]:
+    """(a, b, found) where the offset of p (3,) from the facet has no part along t (2, 3).
+
+    With `follow`, t are the facet's tangents at the place, which is Gauss-Newton: the distance over
+    the radius of curvature is what is left of the error after each step.
     """
-    a = b = 1 / 3 if kind == 3 or kind == 6 else 0.0
+    a, b = start
     for _ in range(STEPS):
         place(kind, X, a, b, N, x)
+        if follow:
+            t[0] = x[1]
+            t[1] = x[2]
         r0 = r1 = j00 = j01 = j10 = j11 = 0.0
         for j in range(3):
             d = p[j] - x[0, j]
@@ -159,7 +179,7 @@ def along_line(
         db = (j00 * r1 - j10 * r0) / det
         a += da
         b += db
-        if not abs(a) + abs(b) < 1e3:
+        if not abs(a) + abs(b) < FAR:
             return a, b, False
         if abs(da) + abs(db) < SETTLED:
             place(kind, X, a, b, N, x)
@@ -168,42 +188,54 @@ def along_line(
 
 
 @exact_kernel
-def foot(
-    kind: int, X: np.ndarray, p: np.ndarray, N: np.ndarray, x: np.ndarray
+def _approach(
+    kind: int,
+    X: np.ndarray,
+    p: np.ndarray,
+    t: np.ndarray,
+    follow: bool,
+    N: np.ndarray,
+    x: np.ndarray,
 ) -> tuple[float, float, bool]:
-    """Foot on the facet X of the normal through p (3,): (a, b, found), by Gauss-Newton.
+    """`_settle` from the centre; of distorted facets by steps of p from there, while they settle.
 
-    It converges by the ratio of the distance to the radius of curvature a step.
+    What is found then may be short of p, outside the facet: local coordinates turn back there.
     """
-    a = b = 1 / 3 if kind == 3 or kind == 6 else 0.0
-    for _ in range(STEPS):
-        place(kind, X, a, b, N, x)
-        r0 = r1 = j00 = j01 = j11 = 0.0
+    centre = 1 / 3 if kind == 3 or kind == 6 else 0.0
+    a, b, found = _settle(kind, X, p, t, follow, (centre, centre), N, x)
+    if found:
+        return a, b, True
+    place(kind, X, centre, centre, N, x)
+    c, q = x[0].copy(), np.zeros(3)
+    a = b = centre
+    for k in range(1, PATH + 1):
         for j in range(3):
-            d = p[j] - x[0, j]
-            r0 += x[1, j] * d
-            r1 += x[2, j] * d
-            j00 += x[1, j] * x[1, j]
-            j01 += x[1, j] * x[2, j]
-            j11 += x[2, j] * x[2, j]
-        det = j00 * j11 - j01 * j01
-        da = (j11 * r0 - j01 * r1) / det
-        db = (j00 * r1 - j01 * r0) / det
-        a += da
-        b += db
-        if not abs(a) + abs(b) < 1e3:
-            return a, b, False
-        if abs(da) + abs(db) < NEARLY:
-            return a, b, True
-    return a, b, False
+            q[j] = c[j] + k / PATH * (p[j] - c[j])
+        a_next, b_next, found = _settle(kind, X, q, t, follow, (a, b), N, x)
+        if not found:
+            break
+        a, b = a_next, b_next
+    place(kind, X, a, b, N, x)
+    return a, b, found or outside(kind, a, b) > 0
 
 
 @exact_kernel
-def outside(kind: int, a: float, b: float) -> float:
-    """How far (a, b) lies outside the facet, in local coordinates; negative inside."""
-    if kind == 3 or kind == 6:
-        return max(-a, -b, a + b - 1)
-    return max(abs(a), abs(b)) - 1
+def along_line(
+    kind: int, X: np.ndarray, p: np.ndarray, t: np.ndarray, N: np.ndarray, x: np.ndarray
+) -> tuple[float, float, bool]:
+    """Where the line through p (3,) square to t (2, 3) meets the facet X: (a, b, found).
+
+    The facet goes on beyond its edges. N and x are what `place` leaves there.
+    """
+    return _approach(kind, X, p, t, False, N, x)
+
+
+@exact_kernel
+def foot(
+    kind: int, X: np.ndarray, p: np.ndarray, N: np.ndarray, x: np.ndarray
+) -> tuple[float, float, bool]:
+    """Foot on the facet X of the normal through p (3,): (a, b, found); N and x as above."""
+    return _approach(kind, X, p, np.zeros((2, 3)), True, N, x)
 
 
 @kernel

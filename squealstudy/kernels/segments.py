@@ -83,6 +83,23 @@ def outline(
 
 
 @exact_kernel
+def has_straight_sides(kind: int, X: np.ndarray, n: np.ndarray) -> bool:
+    """Whether a facet lies in the plane of normal n (3,) with middles of sides halfway."""
+    sides = 3 if kind == 3 or kind == 6 else 4
+    for i in range(sides):
+        k = (i + 1) % sides
+        height = bulge = length = 0.0
+        for j in range(3):
+            height += n[j] * (X[k, j] - X[i, j])
+            length += (X[k, j] - X[i, j]) ** 2
+            if kind > 4:
+                bulge += (X[sides + i, j] - 0.5 * (X[i, j] + X[k, j])) ** 2
+        if max(height * height, bulge) > STRAIGHT**2 * length:
+            return False
+    return True
+
+
+@exact_kernel
 def near(
     kind: int,
     X: np.ndarray,
@@ -94,7 +111,8 @@ def near(
 ) -> int:
     """Cut the polygon (n, 3) to the neighbourhood of the facet X, in place; returns n.
 
-    Further off, the facet's local coordinates may turn back.
+    Further off, the facet's local coordinates may turn back. A plane facet with straight sides is
+    its own neighbourhood.
     """
     x, out = np.zeros((3, 3)), np.zeros(3)
     three = kind == 3 or kind == 6
@@ -102,6 +120,7 @@ def near(
     centre = 1 / 3 if three else 0.0
     place(kind, X, centre, centre, N, x)
     normal(x, out)
+    straight = has_straight_sides(kind, X, out)
     for i in range(sides):
         e = X[(i + 1) % sides] - X[i]
         inward = np.array(
@@ -115,7 +134,8 @@ def near(
         for c in range(kind):
             h = np.sum(inward * (X[c] - X[i]))
             low, high = min(low, h), max(high, h)
-        low -= AROUND * (high - low)
+        if not straight:
+            low -= AROUND * (high - low)
         inside = True
         for c in range(n):
             height[c] = np.sum(inward * (corners[c] - X[i])) - low
