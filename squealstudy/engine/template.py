@@ -85,7 +85,11 @@ def study_text(name: str, kind: str, model: str) -> str:
     definition = asked.definition.model_validate(given)
     purpose = f"A {kind} study of the model {model}: {MODELS[model].description}."
     lines = [f"# {line}" for line in _wrapped(purpose, 2)]
-    lines += ["# What stands behind a # is a default: take the # away to change it. SI units.", ""]
+    lines += [
+        "# What stands behind a # is a default: take the # away to change it. Numbers are",
+        '# in SI units (angles in deg); values of parameters may have others: "12 bar".',
+        "",
+    ]
     lines += [*_study(definition), *_model(MODELS[model]), *_parameters(MODELS[model])]
     lines += [*_sweep(MODELS[model]), *_section("design", definition.design, commented=True)]
     for section, found in asked.definition.model_fields.items():

@@ -26,6 +26,7 @@ from squealstudy.study.source import (
 )
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.toml_text import KeyPath
+from squealstudy.study.units import with_numbers
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
     from squealstudy.engine.model_kind import ModelKind
@@ -146,6 +147,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
+    tables = with_numbers(tables, _model_with_units(tables), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
     options = _options(definition.model, model, source)  # a law first, then its parameters
@@ -196,6 +198,15 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
     if "fidelity" in tables and not found.has_fidelity:
         raise source.error(("fidelity",), f"a {kind.name} study has no [fidelity] section")
     return found
+
+
+def _model_with_units(tables: Mapping[str, Any]) -> ModelDefinition | None:
+    """The model that a file names, whose parameters have units; None for matrices and no model."""
+    from squealstudy.models.catalogue import MODELS
+
+    section = tables.get("model")
+    name = section.get("name") if isinstance(section, Mapping) else None
+    return MODELS.get(name) if isinstance(name, str) else None
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

@@ -22,6 +22,7 @@ MOST_LEVELS = 1_000_000
 MOST_POINTS = 100_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
+QUANTITY = ("number", "string")  # in the JSON Schema: a value of a parameter
 BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 DURATION = re.compile(r"\s*([0-9.]+)\s*(s|min|h)\s*")
@@ -146,11 +147,19 @@ class SweepSection(Section):
     )
     values: FloatList | None = Field(
         default=None,
-        description="the values, SI units; grid and zip only",
-        json_schema_extra={"minItems": 1},
+        description='the values, SI units or texts like "12 bar"; grid and zip only',
+        json_schema_extra={"minItems": 1, "items": {"type": list(QUANTITY)}},
     )
-    start: float | None = Field(default=None, description="first value of a range, SI units")
-    stop: float | None = Field(default=None, description="last value of a range, SI units")
+    start: float | None = Field(
+        default=None,
+        description='first value of a range, SI units or a text like "12 bar"',
+        json_schema_extra={"type": list(QUANTITY)},
+    )
+    stop: float | None = Field(
+        default=None,
+        description="last value of a range, as start",
+        json_schema_extra={"type": list(QUANTITY)},
+    )
     num: int | None = Field(
         default=None,
         ge=1,
@@ -163,12 +172,22 @@ class SweepSection(Section):
         description="of random designs: uniform from start to stop (or in the logarithm), normal "
         "(mean, std), truncated_normal (mean, std, start, stop), lognormal (median, sigma)",
     )
-    mean: float | None = Field(default=None, description="of a normal distribution, SI units")
+    mean: float | None = Field(
+        default=None,
+        description="of a normal distribution, as start",
+        json_schema_extra={"type": list(QUANTITY)},
+    )
     std: float | None = Field(
-        default=None, gt=0, description="standard deviation of a normal distribution, SI units"
+        default=None,
+        gt=0,
+        description="standard deviation of a normal distribution, as start",
+        json_schema_extra={"type": list(QUANTITY)},
     )
     median: float | None = Field(
-        default=None, gt=0, description="of a lognormal distribution, SI units"
+        default=None,
+        gt=0,
+        description="of a lognormal distribution, as start",
+        json_schema_extra={"type": list(QUANTITY)},
     )
     sigma: float | None = Field(
         default=None,
@@ -338,8 +357,8 @@ class StudyDefinition(Section):
     model: ModelSection = Field(description="name of the model, and its options")
     parameters: NumberTable = Field(
         default_factory=dict,
-        description="values that differ from the model's defaults, SI units",
-        json_schema_extra={"additionalProperties": {"type": ["number", "object"]}},
+        description="values that differ from the model's defaults: SI units, or texts with a unit",
+        json_schema_extra={"additionalProperties": {"type": ["number", "string", "object"]}},
     )
     sweep: Annotated[tuple[SweepSection, ...], Strict(False)] = Field(
         default=(), description="what varies; the first sweep varies fastest in a grid"

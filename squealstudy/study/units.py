@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from squealstudy.errors import ParameterError
 from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, shown
-from squealstudy.study.toml_text import KeyPath
+from squealstudy.study.toml_text import DEEPEST, KeyPath
 
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
@@ -70,11 +69,11 @@ ZERO_CELSIUS = Fraction("273.15")
 SHORT = {"kph": "km/h", "kmh": "km/h", "mps": "m/s"}
 
 QUANTITY = re.compile(
-    r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)\s*(?P<unit>.*?)\s*"
+    r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?![eE][+-]?[0-9])"
+    r"\s*(?P<unit>[^\s\d.].{0,40}?|1/.{1,40}?)\s*"
 )
 FACTOR = re.compile(r"(?P<name>[^\W\d_]+|°C|°|%|1)(?:\^?(?P<power>-?[1-9]))?")
 SIGNS = {"²": "2", "³": "3", "·": " ", "⋅": " ", "−": "-"}
-LONGEST = 60  # characters of a text that may be a quantity
 OF_PARAMETER = ("start", "stop", "mean", "median", "std")  # keys of a sweep in its unit
 DIFFERENCE = "std"
 
@@ -145,17 +144,19 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         What is wrong with it, to go behind the parameter's name.
     """
     wanted = f"is in {unit}" if unit else "is a pure number"
-    found = QUANTITY.fullmatch(text) if len(text) <= LONGEST else None
-    if found is None or not found["unit"]:
-        example = f", or one with its unit like '1.5 {unit}'" if unit else ""
-        raise ValueError(f"{wanted}: expected a number{example}, got {shown(text)}")
+    found = QUANTITY.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{wanted}: expected a number and its unit, got {shown(text)}")
+    try:
+        own = Unit.named(unit)
+    except KeyError:  # such as Pa/m^n, of an exponent that is a parameter itself
+        raise ValueError(f"{wanted}: expected a number, got {shown(text)}") from None
     try:
         given = Unit.named(found["unit"])
     except KeyError as error:
         word = str(error.args[0])
         hint = did_you_mean(word, UNITS) if word.isalpha() else ""
         raise ValueError(f"{wanted}: got {shown(text)}, whose unit is not known{hint}") from None
-    own = Unit.named(unit)
     if given.powers != own.powers:
         raise ValueError(f"{wanted}: got {shown(text)}")
     value = Fraction(found["number"]) * given.size
@@ -175,8 +176,8 @@ def with_numbers(
     Parameters
     ----------
     tables : mapping
-        What the file says. What is no value of a parameter, or not understood, stays as it is:
-        that is found when the file is checked.
+        What the file says. What is no value of a parameter, or no number with a unit, stays as it
+        is: that is found when the file is checked.
     model : ModelDefinition or None
         Whose parameters they are; None where these have no units, or the model is not known.
     source : SourceText
@@ -185,23 +186,31 @@ def with_numbers(
     Raises
     ------
     StudyFileError
-        A text that is no quantity, of the wrong unit, or of a parameter that is not known.
+        A unit that is not known or not that of the parameter; a parameter that is not known.
     """
     texts = list(_texts(tables)) if model is not None else []
     if model is None or not texts:
         return tables
-    changed = deepcopy(dict(tables))
+    units: dict[str, str] = {}
+    copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            unit = parse_parameter(name, model).unit
+            unit = units.get(name) or units.setdefault(name, parse_parameter(name, model).unit)
         except ParameterError as error:
             raise source.error(_named(keys), error.message) from None
         try:
             value = in_unit_of(text, unit, difference=keys[-1] == DIFFERENCE)
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None
-        _put(changed, keys, value)
-    return changed
+        for depth in range(1, len(keys)):
+            here = keys[:depth]
+            if here not in copied:
+                around, inner = copied[here[:-1]], copied[here[:-1]][here[-1]]
+                copied[here] = list(inner) if isinstance(inner, list) else dict(inner)
+                around[here[-1]] = copied[here]
+        copied[keys[:-1]][keys[-1]] = value
+    found: Mapping[str, Any] = copied[()]
+    return found
 
 
 def _named(keys: KeyPath) -> KeyPath:
@@ -209,8 +218,12 @@ def _named(keys: KeyPath) -> KeyPath:
     return (*keys[:2], "parameter") if keys[0] == "sweep" else keys
 
 
+def _is_quantity(value: object) -> bool:
+    return isinstance(value, str) and QUANTITY.fullmatch(value) is not None
+
+
 def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, str]]:
-    """Texts that stand for values of parameters: where, the parameter's name, the text."""
+    """Numbers with units of parameters: where, the parameter's name, the text."""
     parameters = tables.get("parameters")
     if isinstance(parameters, Mapping):
         yield from _nested(parameters, ("parameters",))
@@ -220,26 +233,19 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, str]]:
         if not isinstance(name, str):
             continue
         for key in OF_PARAMETER:
-            if isinstance(sweep.get(key), str):
+            if _is_quantity(sweep.get(key)):
                 yield ("sweep", number, key), name, sweep[key]
         values = sweep.get("values")
         for place, value in enumerate(values if isinstance(values, list) else ()):
-            if isinstance(value, str):
+            if _is_quantity(value):
                 yield ("sweep", number, "values", place), name, value
 
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, str]]:
     """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
-    for key, value in table.items():
+    for key, value in table.items() if len(keys) <= DEEPEST else ():
         here = (*keys, key)
         if isinstance(value, Mapping):
             yield from _nested(value, here)
-        elif isinstance(value, str):
+        elif _is_quantity(value):
             yield here, ".".join(map(str, here[1:])), value
-
-
-def _put(tables: dict[str, Any], keys: KeyPath, value: float) -> None:
-    inner: Any = tables
-    for key in keys[:-1]:
-        inner = inner[key]
-    inner[keys[-1]] = value
