@@ -304,6 +304,26 @@ def test_two_formulations_and_materials_in_one_mesh():
     assert np.abs(K @ rigid_shapes(mesh.nodes)).max() < 1e-12 * abs(K).max()
 
 
+def test_one_material_of_plain_and_condensed_elements():
+    mesh = box("C3D8", (2, 1, 1), uneven=0.2)
+    block = mesh.blocks[0]
+    mesh = replace(
+        mesh,
+        blocks=tuple(
+            replace(
+                block,
+                formulation=name,
+                nodes=block.nodes[k : k + 1],
+                labels=block.labels[k : k + 1],
+            )
+            for k, name in enumerate(("C3D8", "C3D8I"))
+        ),
+    )
+    assert list(coefficients(mesh, "S")) == ["S.lambda", "S.mu", "S.scale"]
+    K = stiffness_matrix(mesh)
+    assert abs(summed(mesh, "S") - K).max() < 1e-13 * abs(K).max()
+
+
 def test_facets_of_surfaces_and_node_sets():
     mesh = mixed()
     triangles, squares = facets(mesh, "side")

@@ -325,6 +325,22 @@ def test_a_written_mesh_is_read(tmp_path, name):
         assert abs(ours - theirs).max() < 1e-12 * abs(ours).max()
 
 
+def test_mean_dilatation_is_written_as_the_c3d8_of_abaqus(tmp_path):
+    mesh = box("C3D8_BBAR", (2, 1, 1))
+    write_inp(mesh, tmp_path / "a.inp")
+    back = read_inp(tmp_path / "a.inp", dialect="abaqus")
+    assert [b.formulation for b in back.blocks] == ["C3D8_BBAR"]
+    block = mesh.blocks[0]
+    two = tuple(
+        replace(
+            block, formulation=name, nodes=block.nodes[k : k + 1], labels=block.labels[k : k + 1]
+        )
+        for k, name in enumerate(("C3D8", "C3D8_BBAR"))
+    )
+    with pytest.raises(ModelError, match="cannot be in one file"):
+        write_inp(replace(mesh, blocks=two), tmp_path / "b.inp")
+
+
 @pytest.mark.parametrize("component", ["disc", "outer_pad", "caliper"])
 def test_generated_components_are_written_and_read(tmp_path, component):
     """Metres, thin cells, two materials: the same matrices as those of the generated brake."""

@@ -6,6 +6,8 @@ this was written. Where it is not installed these tests are skipped, and say so.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -16,6 +18,7 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.facets import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.generated import mesh_of_grid
 
@@ -81,8 +84,11 @@ def pad():
 
 
 def test_matrices_of_a_generated_pad(tmp_path, pad):
-    """Two materials, one orthotropic, metres and kilograms."""
+    """Two materials, one orthotropic, metres and kilograms; sets and surfaces are taken too."""
+    few = np.arange(0, len(pad.nodes), 7)
+    pad = replace(pad, node_sets={"FEW": few}, surfaces={"SKIN": boundary(pad)})
     K, M = judged(tmp_path, pad)
+    assert "WARNING" not in run(tmp_path, pad)
     assert apart(stiffness_matrix(pad), K) < 1e-10
     assert apart(mass_matrix(pad), M) < 1e-10
 

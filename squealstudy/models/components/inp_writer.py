@@ -35,8 +35,11 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     Raises
     ------
     ModelError
-        A name that such a file cannot hold.
+        A name that such a file cannot hold; C3D8 and C3D8_BBAR in one mesh.
     """
+    kinds = {block.formulation for block in mesh.blocks}
+    if {"C3D8", "C3D8_BBAR"} <= kinds:
+        raise mesh.error("C3D8 and C3D8_BBAR cannot be in one file: each is a C3D8 of its code")
     for names in (
         mesh.node_sets,
         mesh.element_sets,
@@ -66,6 +69,8 @@ def number(x: float) -> str:
 
 
 def _lines(mesh: SolidMesh) -> Iterator[str]:
+    if any(block.formulation == "C3D8_BBAR" for block in mesh.blocks):
+        yield "** C3D8 with mean change of volume, as in Abaqus: read it with dialect abaqus"
     yield "*NODE"
     for label, x in zip(mesh.numbers, mesh.nodes, strict=True):
         yield f"{label}, " + ", ".join(number(c) for c in x)
