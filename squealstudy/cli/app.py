@@ -203,6 +203,47 @@ def plot(
 
 
 @app.command()
+def shape(
+    results: ResultsPath,
+    point: Annotated[
+        str | None,
+        typer.Option(
+            help="Design point: its row of the points table, from 0, or its point_id. Default: "
+            "where the mode grows fastest."
+        ),
+    ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(
+            help="Modes by their numbers at the point, as in the modes table (12 or 12,14), "
+            "'unstable' or 'all'. Default: the one that grows fastest."
+        ),
+    ] = None,
+    track: Annotated[
+        int | None, typer.Option(min=0, help="Instead: the mode by its number in 'rank'.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder; default RESULTS/shapes.")
+    ] = None,
+    picture: Annotated[bool, typer.Option(help="Write a picture (PNG) of each mode.")] = True,
+    page: Annotated[bool, typer.Option(help="Write a page (HTML) in which the modes move.")] = True,
+    vtu: Annotated[bool, typer.Option("--vtu", help="Write VTU and PVD for ParaView.")] = False,
+    uff: Annotated[
+        bool, typer.Option("--uff", help="Write universal files (15, 2412, 55).")
+    ] = False,
+) -> None:
+    """What modes look like: a picture, a page in which they move, files for other programs."""
+    from squealstudy import face, screen
+    from squealstudy.cli.shape import shapes
+    from squealstudy.paths import usable_cache
+
+    with usable_cache(screen.warning):
+        kinds = (picture, page, vtu, uff)
+        found = shapes(face.open_results(results), point, mode, track, output, kinds)
+    screen.show(screen.facts(found))
+
+
+@app.command()
 def compare(
     frequency: Annotated[Path, typer.Argument(metavar="FREQ_RESULTS", help="Complex modes.")],
     time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],

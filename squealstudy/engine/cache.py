@@ -48,6 +48,7 @@ CLASSES = {
         "modes.reanalysis.polynomials.ExpandedWeights",
         "modes.reanalysis.sweep_basis.SweepBasis",
         "motion.shared_modes.Training",
+        "reduction.cmt.Expansion",
         "reduction.cmt.ReducedModel",
         "reduction.contact_space.ContactSpace",
         "reduction.hybrid.HybridModel",

@@ -23,7 +23,8 @@ from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
 from squealstudy.modes.point import angular_band
-from squealstudy.reduction.cmt import ReductionSettings
+from squealstudy.reduction.cmt import ComponentBasis, ReductionSettings
+from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import (
     PreparedFamily,
     PreparedModel,
@@ -340,11 +341,22 @@ def _prepared_family(task: FamilyTask) -> PreparedFamily:
 
 def _reduced(task: BuildTask) -> PreparedModel:
     """Assemble and reduce."""
+    return reduced_with_basis(task)[0]
+
+
+def reduced_with_basis(
+    task: BuildTask, known: ContactSpace | None = None
+) -> tuple[PreparedModel, ComponentBasis]:
+    """Assemble and reduce.
+
+    `known` is the contact space of the same structure; that of a coarser model of it is looked for.
+    """
     with threadpool_limits(1), solve_threads(task.threads):
         started = time.perf_counter()
         assembly = task.point.assembly()
         assembly_s = time.perf_counter() - started
-        known = load_prepared(task.coarse_key).space if is_prepared(task.coarse_key) else None
+        if known is None and is_prepared(task.coarse_key):
+            known = load_prepared(task.coarse_key).space
         prepared, modes, basis = prepare_with_basis(
             assembly, task.nominal, task.settings, task.training, known
         )
@@ -354,9 +366,9 @@ def _reduced(task: BuildTask) -> PreparedModel:
             points = (task.nominal, *task.training)
             cutoff = task.settings.damped_to
             made = ReductionRecord(assembly, modes, points, task.top_hz, cutoff, task.scales)
-            prepared, _ = with_finer_model(prepared, basis, made, task.enriching)
+            prepared, basis = with_finer_model(prepared, basis, made, task.enriching)
         timings["finer_model_s"] = time.perf_counter() - started
-    return replace(prepared, timings=timings)
+    return replace(prepared, timings=timings), basis
 
 
 def mode_counts(plan: Plan) -> dict[str, int]:

@@ -25,6 +25,7 @@ from squealstudy.wording import OF_THE_ONSET, plural, units_of
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import KindScreen
+    from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 OWN_UNITS = {"cells": {"cost": ""}}  # iterations or evaluations, elsewhere seconds
@@ -241,6 +242,34 @@ class Results:
         row = self.points.iloc[self.row_of(point)]
         found = self.store.history(str(row["point_id"]), str(row["status"]))
         return self._give_units(found, {})
+
+    def shape(
+        self, point: str | int | None = None, mode: int | None = None, track: int | None = None
+    ) -> Shape:
+        """A complex mode on all nodes of a meshed model (shapes.shape.Shape).
+
+        The point is solved again; the first shape of a structure takes about as long as its
+        reduction. By default it is the mode that grows fastest.
+
+        Parameters
+        ----------
+        point : str, int or None
+            ``point_id`` of a design point, or its row of `points`, counted from 0; by default that
+            at which the track, or any mode, grows fastest.
+        mode : int or None
+            Number at that point, as in `modes`.
+        track : int or None
+            Instead of `mode` its number in rankings.
+
+        Raises
+        ------
+        ResultsError
+            Results of another kind, a model without a mesh, no such point or mode, a point that
+            failed, or results that this version of squealstudy does not find again.
+        """
+        from squealstudy.engine.shapes import shape
+
+        return shape(self, point, mode, track)
 
     @property
     def plot(self) -> Plots:

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
+from squealstudy.models.cells import ComponentCells
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Component:
         Rows that observe the same places of the component whatever the values of the model's
         parameters, weighted by the square root of the mass that each stands for: mode shapes of
         two structures are compared there. None: the degrees of freedom themselves.
+    cells : ComponentCells or None
+        Of a meshed component, for pictures of its shapes.
 
     Raises
     ------
@@ -46,6 +49,7 @@ class Component:
     K: sp.csr_matrix
     coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     correspondence: sp.csr_matrix | None = None
+    cells: ComponentCells | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -143,6 +147,10 @@ class ContactInterface:
         Sliding speed of each point over the imposed one, positive: r over the radius that the
         imposed speed is of, where a body turns. One by default; what stands at points without
         friction is not used.
+    points : ndarray (n_points, 3)
+        Where they are, m; empty for models without coordinates.
+    pairs : tuple of str
+        For each point the name of the pair of surfaces that it is of; empty without names.
     """
 
     N: sp.csr_matrix
@@ -154,11 +162,16 @@ class ContactInterface:
     law: ContactLaw
     frictional: np.ndarray
     speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    pairs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = self.n_points
         if not self.speed_factor.size:
             object.__setattr__(self, "speed_factor", np.ones(n))
+        for name in ("points", "pairs"):
+            if len(getattr(self, name)) not in (0, n):
+                raise ModelError(f"contact interface: '{name}' needs {n} entries, or none")
         for name in ("area", "gap0", "radius", "frictional", "speed_factor"):
             value = getattr(self, name)
             if value.shape != (n,) or not np.isfinite(value).all():

@@ -120,6 +120,20 @@ def linearised_point(
     return point, linearise(prepared.model, point, state)
 
 
+def band_modes(
+    system: LinearisedModel, point: WorkingPoint, band_hz: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Roots (m,) in a band in the order of tables, right vectors (n, m), errors (m,) [rad/s]."""
+    band = angular_band(band_hz)
+    lam, psi = dense_roots(system.C, system.K, band)
+    errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
+    told = np.flatnonzero(errors.resolved(lam, band[1]))
+    order = told[oscillating_first(lam[told])]
+    lam, psi, error = lam[order], psi[:, order], errors.error[order]
+    error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
+    return lam, psi, error
+
+
 def solve_point(
     prepared: PreparedModel,
     state: DesignState,
@@ -144,13 +158,7 @@ def solve_point(
         Where there is no working point.
     """
     point, system = linearised_point(prepared, state, gap)
-    band = angular_band(band_hz)
-    lam, psi = dense_roots(system.C, system.K, band)
-    errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
-    told = np.flatnonzero(errors.resolved(lam, band[1]))
-    order = told[oscillating_first(lam[told])]
-    lam, psi, error = lam[order], psi[:, order], errors.error[order]
-    error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
+    lam, psi, error = band_modes(system, point, band_hz)
     return PointModes(
         lam=lam,
         residual=backward_error(system.C, system.K, lam, psi),

@@ -140,15 +140,42 @@ class ComponentBasis:
 
     def expand(self, x: np.ndarray) -> np.ndarray:
         """Assembly displacements (n_dof, ...) from coordinates x (n, ...)."""
-        ends = np.cumsum([0, *(b.shape[1] for b in self.blocks)])
-        parts = [b @ x[i:j] for b, i, j in zip(self.blocks, ends, ends[1:], strict=False)]
-        return np.concatenate(parts)
+        return expanded(self.blocks, x)
 
     def restrict(self, loads: np.ndarray) -> np.ndarray:
         """Loads (n, ...) on the coordinates from loads (n_dof, ...) on the assembly."""
         ends = np.cumsum([0, *(len(b) for b in self.blocks)])
         parts = [b.T @ loads[i:j] for b, i, j in zip(self.blocks, ends, ends[1:], strict=False)]
         return np.concatenate(parts)
+
+
+def expanded(blocks: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Displacements (n_dof, ...) from coordinates x (n, ...), by blocks (n_component, k)."""
+    ends = np.cumsum([0, *(b.shape[1] for b in blocks)])
+    parts = [b @ x[i:j] for b, i, j in zip(blocks, ends, ends[1:], strict=False)]
+    return np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A reduced model with its way back to all degrees of freedom.
+
+    The two belong together: what is made again from the same structure is the same model, but its
+    coordinates may turn, as modes of one frequency do.
+
+    Attributes
+    ----------
+    model : ReducedModel
+    blocks : tuple of ndarray (n_component, k)
+        Of the basis, as in ComponentBasis.
+    """
+
+    model: ReducedModel
+    blocks: tuple[np.ndarray, ...]
+
+    def expand(self, x: np.ndarray) -> np.ndarray:
+        """Displacements (n_dof, ...) of the assembly from coordinates x (n, ...)."""
+        return expanded(self.blocks, x)
 
 
 def component_modes(assembly: Assembly, cutoff_hz: float) -> dict[str, ComponentModes]:

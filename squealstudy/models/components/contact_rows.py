@@ -174,7 +174,8 @@ def contact_interface(parts: Sequence[ContactRows], law: ContactLaw) -> ContactI
         np.concatenate([getattr(p, name) for p in parts])
         for name in ("area", "gap0", "radius", "frictional")
     )
-    return ContactInterface(N, T, T_perp, area, gap0, radius, law, frictional)
+    points = np.concatenate([p.points for p in parts])
+    return ContactInterface(N, T, T_perp, area, gap0, radius, law, frictional, points=points)
 
 
 def _sliding(

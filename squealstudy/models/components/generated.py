@@ -10,9 +10,8 @@ from skfem import CellBasis, ElementHexS2
 
 from squealstudy.models.components.materials import Elastic, Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, SolidMesh
-from squealstudy.models.components.shapes import SHAPES
 from squealstudy.models.fem.grid import CylindricalMesh
-from squealstudy.models.fem.solid import Isotropic, Material
+from squealstudy.models.fem.solid import Isotropic, Material, brick_nodes
 
 
 def mesh_of_grid(
@@ -36,8 +35,7 @@ def mesh_of_grid(
         C3D20 or C3D20R.
     """
     basis = CellBasis(grid.mesh, ElementHexS2(), intorder=1)
-    apart = np.abs(SHAPES["hex20"].places[:, None] - ElementHexS2.doflocs[None]).max(axis=2)
-    nodes = basis.element_dofs[apart.argmin(axis=1)].T
+    nodes = brick_nodes(basis)
     numbers = np.arange(1, len(nodes) + 1)
     return SolidMesh(
         origin=Path(name),

@@ -16,6 +16,8 @@ import scipy.sparse as sp
 from skfem import CellBasis, ElementHexS2
 
 from squealstudy.errors import ModelError
+from squealstudy.models.cells import CellBlock, ComponentCells
+from squealstudy.models.components.shapes import SHAPES
 from squealstudy.models.fem.grid import CylindricalMesh
 
 
@@ -127,17 +129,69 @@ class Solid:
         Scalar serendipity basis; its degrees of freedom are the nodes.
     M, K : csr_matrix (3 * n_nodes, 3 * n_nodes)
         Mass [kg] and stiffness [N/m], symmetric.
+    energies : CellEnergies
+        By the quadrature of the stiffness.
     """
 
     grid: CylindricalMesh
     basis: CellBasis
     M: sp.csr_matrix
     K: sp.csr_matrix
+    energies: CellEnergies
 
     @property
     def coordinates(self) -> np.ndarray:
         """Node coordinates (n_nodes, 3), m."""
         return np.ascontiguousarray(self.basis.doflocs.T)
+
+    @property
+    def cells(self) -> ComponentCells:
+        """Its bricks, for pictures and files."""
+        volumes = self.basis.dx.sum(axis=1)
+        return ComponentCells(
+            (CellBlock("hex20", brick_nodes(self.basis)),), volumes, self.energies
+        )
+
+
+def brick_nodes(basis: CellBasis) -> np.ndarray:
+    """Nodes (n_cells, 20) of 20-node bricks in the order of `SHAPES`."""
+    apart = np.abs(SHAPES["hex20"].places[:, None] - ElementHexS2.doflocs[None]).max(axis=2)
+    nodes: np.ndarray = basis.element_dofs[apart.argmin(axis=1)].T
+    return nodes
+
+
+@dataclass(frozen=True)
+class CellEnergies:
+    """Elastic energy of each cell: what `ComponentCells.energies` asks for.
+
+    Attributes
+    ----------
+    grid : CylindricalMesh
+    materials : mapping of name -> Material
+    order : int
+        Of the quadrature of the stiffness.
+    """
+
+    grid: CylindricalMesh
+    materials: Mapping[str, Material]
+    order: int
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        """Twice the energies u^H K u (n_cells,) [J] of displacements u (3 n_nodes,) [m]."""
+        basis = CellBasis(self.grid.mesh, ElementHexS2(), intorder=self.order)
+        own = u.reshape(-1, 3)[basis.element_dofs]  # (20, n_cells, 3)
+        slope = sum(np.einsum("ei,keq->eqik", own[a], f[0].grad) for a, f in enumerate(basis.basis))
+        strain = np.empty((*slope.shape[:2], 6), dtype=u.dtype)
+        for i, k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)):
+            shear = slope[..., i, k] + slope[..., k, i]
+            strain[..., VOIGT[i, k]] = slope[..., i, i] if i == k else shear
+        energy = np.empty(len(strain))
+        for name, material in self.materials.items():
+            cells = self.grid.material == name
+            e, C = strain[cells], material.stiffness()
+            density = np.einsum("eqi,ij,eqj->eq", e.conj(), C, e, optimize=True).real
+            energy[cells] = (density * basis.dx[cells]).sum(axis=1)
+        return energy
 
 
 def assemble_solid(
@@ -161,7 +215,8 @@ def assemble_solid(
     M_e = _element_masses(basis, np.array([materials[m].density for m in grid.material]))
     K_e = _element_stiffnesses(grid, materials, stiffness_order)
     n = 3 * basis.N
-    return Solid(grid, basis, _scatter(M_e, dofs, n), _scatter(K_e, dofs, n))
+    energies = CellEnergies(grid, dict(materials), stiffness_order)
+    return Solid(grid, basis, _scatter(M_e, dofs, n), _scatter(K_e, dofs, n), energies)
 
 
 def _element_masses(basis: CellBasis, rho: np.ndarray) -> np.ndarray:

@@ -71,7 +71,8 @@ class BrakeInterfaces:
 
         `mean_radius` is the one that the imposed speed is of; None: all points have that speed.
         """
-        sides = [self._contact_side(pad, points_per_side) for pad in ("inner_pad", "outer_pad")]
+        pads = ("inner_pad", "outer_pad")
+        sides = [self._contact_side(pad, points_per_side) for pad in pads]
         points = np.vstack([side.points for side, _ in sides])
         N, T, T_perp = (
             sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
@@ -87,6 +88,10 @@ class BrakeInterfaces:
             law=law,
             frictional=np.ones(n),
             speed_factor=np.ones(n) if mean_radius is None else radius / mean_radius,
+            points=points,
+            pairs=tuple(
+                pad for pad, (side, _) in zip(pads, sides, strict=True) for _ in side.points
+            ),
         )
 
     def _contact_side(
@@ -232,6 +237,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
             K=solids[name].K,
             coordinates=solids[name].coordinates,
             correspondence=corresponding_rows(solids[name]),
+            cells=solids[name].cells,
         )
         for name in COMPONENTS
     )

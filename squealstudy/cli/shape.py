@@ -1,0 +1,118 @@
+"""What `squealstudy shape` writes and prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from squealstudy.engine.files import write_text
+from squealstudy.engine.pictures import save_figure
+from squealstudy.engine.results import Results
+from squealstudy.engine.shapes import chosen_modes, point_shapes
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows
+from squealstudy.shapes.files import write_uff, write_vtu
+from squealstudy.shapes.page import page
+from squealstudy.shapes.picture import draw, sources, title
+from squealstudy.shapes.shape import Shape
+
+ALL, UNSTABLE = "all", "unstable"
+FOLDER = "shapes"
+
+
+def shapes(
+    results: Results,
+    point: str | None,
+    modes: str | None,
+    track: int | None,
+    output: Path | None,
+    kinds: tuple[bool, bool, bool, bool],
+) -> Rows:
+    """Write shapes of a design point; what they are, and the files.
+
+    Parameters
+    ----------
+    point : str or None
+        Row of the points table, or a point_id.
+    modes : str or None
+        Numbers with commas, ``unstable`` or ``all``; None is the one that grows fastest.
+    track : int or None
+    output : Path or None
+        Folder; by default ``shapes`` in the results directory.
+    kinds : (picture, page, vtu, uff)
+        What is written.
+
+    Raises
+    ------
+    ResultsError
+        As `Results.shape`.
+    """
+    found = _shapes(results, point, modes, track)
+    folder = output or results.directory / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    picture, moving, vtu, uff = kinds
+    rows: Rows = []
+    written: list[Path] = []
+    for shape in found:
+        rows += _told(shape)
+        path = folder / f"{shape.label.point_id}_mode_{shape.label.mode}"
+        if picture:
+            save_figure(draw(shape), path.with_suffix(".png"))
+            written.append(path.with_suffix(".png"))
+        written += write_vtu(shape, path.with_suffix(".vtu")) if vtu else []
+        written += write_uff(shape, path.with_suffix(".uff")) if uff else []
+    if moving:
+        label = found[0].label
+        which = f"mode_{label.mode}" if len(found) == 1 else modes or ""
+        name = "modes" if "," in which or which in (ALL, UNSTABLE) else which
+        written.append(folder / f"{label.point_id}_{name}.html")
+        write_text(written[-1], page(found))
+    return [*rows, *(("written", f"{path}, {_size(path)}") for path in written)]
+
+
+def _shapes(
+    results: Results, point: str | None, modes: str | None, track: int | None
+) -> list[Shape]:
+    """The shapes asked for, of one design point."""
+    place: str | int | None = point
+    if point is not None and point.lstrip("-").isdigit():
+        ids = set(results.points["point_id"])
+        place = point if point in ids else int(point)
+    if modes is not None and track is not None:
+        raise ResultsError("expected --mode or --track, got both")
+    if modes is None or modes in (ALL, UNSTABLE):
+        row, numbers = chosen_modes(results, place, None, track)
+        own = results.modes[results.modes["point_id"] == results.points["point_id"].iloc[row]]
+        if modes == UNSTABLE:
+            numbers = [n for n in numbers if n in set(own.loc[own["unstable"], "mode"])]
+            if not numbers:
+                raise ResultsError(f"design point {row} has no unstable mode that oscillates")
+        numbers = numbers[:1] if modes is None else sorted(numbers)
+    else:
+        asked = modes.split(",")
+        if not all(text.strip().isdigit() for text in asked):
+            raise ResultsError(
+                f"expected --mode as numbers like 12 or 12,14, '{UNSTABLE}' or '{ALL}', "
+                f"got '{modes}'"
+            )
+        numbers = list(dict.fromkeys(map(int, asked)))
+        for number in numbers:
+            row, _ = chosen_modes(results, place, number)
+    source = point_shapes(results, row)
+    return [source.shape(number) for number in numbers]
+
+
+def _told(shape: Shape) -> Rows:
+    """A mode in words."""
+    first, *values = title(shape)
+    energy, growth = (text.split(": ", 1) for text in sources(shape))
+    return [
+        ("mode", first),
+        *(("at", text) for text in values),
+        (energy[0], energy[1]),
+        (growth[0], growth[1]),
+    ]
+
+
+def _size(path: Path) -> str:
+    size = path.stat().st_size
+    return f"{size / 1e6:.2f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"

@@ -1,0 +1,268 @@
+"""Shapes of the modes in a results directory, expanded to all nodes of the model.
+
+The design point is solved again by the exact method, which gives the vector and the working point;
+its root must be that of the table. The basis that leads back to all nodes is made again the first
+time, for it is in no reduced model, and kept in the cache beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.cache import (
+    is_prepared,
+    is_whole,
+    known_gap,
+    load_prepared,
+    load_value,
+    prepared_path,
+    save_prepared,
+    save_value,
+)
+from squealstudy.engine.model_kind import BuildTask, build_task, reduced_with_basis
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.store import MANIFEST
+from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.machine import cores
+from squealstudy.models.assembly import Assembly
+from squealstudy.modes.full_order.modes import FULL
+from squealstudy.modes.point import band_modes, state_working_point
+from squealstudy.progress import Progress, progress
+from squealstudy.reduction.cmt import Expansion
+from squealstudy.shapes.shape import Label, Shape, shape_of
+from squealstudy.study.definition import read_tables
+from squealstudy.study.source import SourceText
+from squealstudy.system.linearise import linearise
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+SAME = 1e-6  # relative distance of two solutions of one root, whatever the version of LAPACK
+ERRORS = 3.0  # and in estimated errors of the table's root
+UNREDUCED = 2e-3  # relative distance of a root of full order and its reduced one, at most
+EXPANSION = "expansion"  # folder beside a prepared model
+
+
+def shape(results: Results, point: str | int | None, mode: int | None, track: int | None) -> Shape:
+    """As `Results.shape`."""
+    row, numbers = chosen_modes(results, point, mode, track)
+    return point_shapes(results, row).shape(numbers[0])
+
+
+def chosen_modes(
+    results: Results,
+    point: str | int | None = None,
+    mode: int | None = None,
+    track: int | None = None,
+) -> tuple[int, list[int]]:
+    """Row of a design point and numbers of its modes that oscillate, the fastest growing first.
+
+    Parameters
+    ----------
+    point : str, int or None
+        As of `Results.row_of`; None is that at which the mode asked for, or any, grows fastest.
+    mode : int or None
+        Number at the point, which must be given.
+    track : int or None
+        Number of the mode in rankings.
+
+    Raises
+    ------
+    ResultsError
+        No such point or mode, or a point that failed.
+    """
+    _check(results)
+    points, modes = results.points, results.modes
+    told = modes[~modes["overdamped"]]
+    if mode is not None and point is None:
+        raise ResultsError("modes are numbered at a design point: name it beside the mode")
+    if track is not None:
+        told = told[told["track"] == track]
+        if told.empty:
+            known = modes.loc[modes["track"] >= 0, "track"]
+            which = f"tracks are 0 to {known.max()}" if len(known) else "modes were not tracked"
+            raise ResultsError(f"{results.directory}: no mode of track {track}; {which}")
+    if point is None and told.empty:
+        raise ResultsError(f"{results.directory}: no mode oscillates at any design point")
+    if point is None:
+        point = str(told["point_id"].iloc[int(told["growth_rate"].to_numpy().argmax())])
+    row = results.row_of(point)
+    found = points.iloc[row]
+    if found["status"] == "failed" or not (modes["point_id"] == found["point_id"]).any():
+        reason = f"{found['status']}: {found['message']}"
+        raise ResultsError(f"design point {row} ({found['point_id']}) has no modes: {reason}")
+    own = told[told["point_id"] == found["point_id"]]
+    if mode is not None:
+        own = own[own["mode"] == mode]
+    if own.empty:
+        raise _no_mode(modes[modes["point_id"] == found["point_id"]], row, mode, track)
+    return row, own.sort_values("growth_rate", ascending=False)["mode"].tolist()
+
+
+def _check(results: Results) -> None:
+    """Raise ResultsError for results that have no modes with a shape."""
+    if "modes" not in results.tables or "growth_rate" not in results.modes:
+        raise ResultsError(
+            f"{results.directory}: shapes are those of complex modes, these are results of kind "
+            f"{results.kind}"
+        )
+
+
+def _no_mode(own: pd.DataFrame, row: int, mode: int | None, track: int | None) -> ResultsError:
+    """Why a point, whose modes are `own`, has not the one asked for."""
+    if mode in set(own["mode"]):
+        return ResultsError(f"mode {mode} of design point {row} is overdamped: it has no shape")
+    if mode is None:
+        return ResultsError(f"track {track} has no mode at design point {row}")
+    return ResultsError(f"design point {row} has no mode {mode}: it has 1 to {len(own)}")
+
+
+_last: dict[tuple[str, str, int], PointShapes] = {}
+
+
+def point_shapes(results: Results, row: int) -> PointShapes:
+    """The shapes of a design point by its row; those of the last call are kept."""
+    key = str(results.directory.resolve()), str(results.manifest["study_hash"]), row
+    if key not in _last:
+        _last.clear()  # an assembly is large
+        _last[key] = PointShapes(results, row)
+    return _last[key]
+
+
+class PointShapes:
+    """What the shapes of one design point share.
+
+    Raises
+    ------
+    ResultsError
+        A model without a mesh, or results that this version cannot make again.
+    """
+
+    def __init__(self, results: Results, row: int) -> None:
+        self._results, self._row = results, row
+        self._plan = plan_of(results)
+        if not has_mesh(self._plan.study):
+            name = self._plan.study.model.name
+            raise ResultsError(
+                f"{results.directory}: the model {name} has no mesh, and so no shape to show"
+            )
+        self._design = self._plan.tasks[row]
+        with progress() as tell:
+            self._expansion = expansion(self._plan, row, tell)
+        state = self._design.state()
+        prepared = load_prepared(self._design.structure)
+        gap = known_gap(self._design.structure, self._design)
+        self._point = state_working_point(prepared, state, gap)
+        self._system = linearise(self._expansion.model, self._point, state)
+        self._lam, self._psi, _ = band_modes(self._system, self._point, self._plan.band_hz)
+        point_id = results.points["point_id"].iloc[row]
+        self._modes = results.modes[results.modes["point_id"] == point_id]
+
+    @cached_property
+    def _assembly(self) -> Assembly:
+        return self._design.assembly()
+
+    def shape(self, mode: int) -> Shape:
+        """The shape of a mode by its number at the point; ResultsError where there is none."""
+        found = self._modes[self._modes["mode"] == mode]
+        if found.empty:
+            raise _no_mode(self._modes, self._row, mode, None)
+        i = self._partner(mode)
+        track = int(found["track"].iloc[0])
+        return shape_of(
+            self._assembly,
+            self._expansion,
+            self._point,
+            self._system,
+            complex(self._lam[i]),
+            self._psi[:, i],
+            self._label(mode, track if track >= 0 else None),
+        )
+
+    def _label(self, mode: int, track: int | None) -> Label:
+        results, found = self._results, self._results.points.iloc[self._row]
+        names = results.parameters
+        return Label(
+            study=str(results.manifest["name"]),
+            point_id=str(found["point_id"]),
+            row=self._row,
+            values={name: float(found[name]) for name in names},
+            units={name: results.units.get(name, "") for name in names},
+            mode=mode,
+            track=track,
+        )
+
+    def _partner(self, mode: int) -> int:
+        """Which of the roots found now is that of the table."""
+        table = self._modes
+        size, growth = 2 * np.pi * table["frequency_hz"].to_numpy(), table["growth_rate"].to_numpy()
+        roots = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
+        i = int(np.flatnonzero(table["mode"] == mode)[0])
+        row = table.iloc[i]
+        if row["overdamped"]:
+            raise _no_mode(table, self._row, mode, None)
+        share = UNREDUCED if row["method"] == FULL else SAME
+        allowed = share * size[i] + ERRORS * np.nan_to_num(row["error_rung"])
+        distance = np.abs(self._lam - roots[i])
+        found = int(distance.argmin()) if len(distance) else -1
+        if found < 0 or distance[found] > allowed or self._other(roots, found) != i:
+            now = f"{abs(self._lam[found]) / (2 * np.pi):.6g} Hz" if found >= 0 else "none"
+            raise ResultsError(
+                f"{self._results.directory}: mode {mode} of design point {self._row} is at "
+                f"{row['frequency_hz']:.6g} Hz in the table, the nearest of this version of "
+                f"squealstudy is {now}: run the study again"
+            )
+        return found
+
+    def _other(self, roots: np.ndarray, found: int) -> int:
+        """Which root of the table is nearest to one found now."""
+        return int(np.abs(roots - self._lam[found]).argmin())
+
+
+def plan_of(results: Results) -> Plan:
+    """The design points of results, as their run had them."""
+    source = SourceText(results.directory / MANIFEST, str(results.manifest["study"]))
+    study = read_tables(source, source.tables)
+    names = [sweep.name for sweep in study.sweeps]
+    swept = results.points[names].to_numpy(dtype=float)
+    return Plan(study, swept, bool(results.manifest.get("basis_enriched", False)))
+
+
+def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
+    """The way from the reduced model of a design point to all nodes, from the cache or made now.
+
+    Raises
+    ------
+    ResultsError
+        Where the structure cannot be made.
+    """
+    design = plan.tasks[row]
+    key = design.structure
+    folder = prepared_path(key) / EXPANSION
+    if is_prepared(key) and is_whole(folder):
+        kept: Expansion = load_value(folder)
+        return kept
+    task = build_task(plan, design, cores())
+    assert isinstance(task, BuildTask)
+    if known := is_prepared(key):
+        stage, space = "basis of shapes, once for each structure", load_prepared(key).space
+        if not task.enriching:  # no finer model has a part in the basis
+            task = replace(task, top_hz=None)
+    else:
+        stage, space = "reduction, which the cache does not hold", None
+    tell(stage, 0, 1)
+    try:
+        prepared, basis = reduced_with_basis(task, space)
+    except SquealstudyError as error:
+        raise ResultsError(f"{plan.study.source.path}: {error}") from error
+    if not known:
+        save_prepared(key, prepared)
+    made = Expansion(prepared.model, basis.blocks)
+    save_value(folder, made)
+    tell(stage, 1, 1)
+    return made

@@ -1,0 +1,94 @@
+"""Cells of a meshed component: its surface, and where in it elastic energy is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.shapes import SHAPES
+
+NONE = -1  # in place of a node that a facet does not have
+
+
+class CellBlock(NamedTuple):
+    """Cells of one type.
+
+    Attributes
+    ----------
+    kind : str
+        A name of `SHAPES`: tet4, tet10, wedge6, wedge15, hex8 or hex20.
+    nodes : ndarray (n, k) of int
+        Node numbers of the component, in the order of the shape. Jacobians are positive.
+    """
+
+    kind: str
+    nodes: np.ndarray
+
+
+@dataclass(frozen=True)
+class ComponentCells:
+    """What is drawn and written of a component's mesh; its degrees of freedom need none of it.
+
+    Attributes
+    ----------
+    blocks : tuple of CellBlock
+    volumes : ndarray (n_cells,)
+        m3, the cells of the blocks one after the other.
+    energies : callable
+        Displacements (3 n_nodes,), real or complex [m] -> twice the elastic energy u^H K u of each
+        cell (n_cells,) [J]; it can be pickled.
+
+    Raises
+    ------
+    ModelError
+        An unknown type, a number of nodes that it does not have, volumes that are not positive.
+    """
+
+    blocks: tuple[CellBlock, ...]
+    volumes: np.ndarray
+    energies: Callable[[np.ndarray], np.ndarray]
+
+    def __post_init__(self) -> None:
+        for kind, nodes in self.blocks:
+            if kind not in SHAPES:
+                raise ModelError(f"cells of a type '{kind}', expected one of {', '.join(SHAPES)}")
+            expected = SHAPES[kind].nodes
+            if nodes.ndim != 2 or nodes.shape[1] != expected:
+                raise ModelError(f"cells '{kind}' have {expected} nodes each, got {nodes.shape}")
+        count = sum(len(nodes) for _, nodes in self.blocks)
+        if self.volumes.shape != (count,) or not (self.volumes > 0).all():
+            raise ModelError(f"{count} cells need as many volumes, all positive")
+
+    @cached_property
+    def facets(self) -> np.ndarray:
+        """The surface (n, 8): nodes of the facets that one cell alone has.
+
+        Four corners, counter-clockwise seen from outside, and the node in the middle of the edge
+        after each; NONE for the last corner of a triangle, and for middles that there are not.
+        """
+        faces = []
+        for kind, nodes in self.blocks:
+            padded = np.column_stack([nodes, np.full(len(nodes), NONE)])
+            faces.append(padded[:, _face_places(kind)].reshape(-1, 8))
+        found = np.concatenate(faces)
+        _, first, count = np.unique(
+            np.sort(found[:, :4], axis=1), axis=0, return_index=True, return_counts=True
+        )
+        return found[np.sort(first[count == 1])]
+
+
+def _face_places(kind: str) -> np.ndarray:
+    """Places (faces, 8) in a cell of the nodes of its faces; the place after the last is NONE."""
+    shape = SHAPES[kind]
+    rows = []
+    for face in shape.faces:
+        corners = [i for i in face if shape.is_corner(i)]
+        middles = [i for i in face if not shape.is_corner(i)] or [NONE] * len(corners)
+        gap = [NONE] * (4 - len(corners))
+        rows.append([*corners, *gap, *middles, *gap])
+    return np.array(rows)

@@ -1,0 +1,189 @@
+"""Shapes as files for other programs: VTU and PVD for ParaView, UFF for test software."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.faults import named
+from squealstudy.models.cells import NONE
+from squealstudy.shapes.shape import Shape
+
+MESHIO = {  # names of cells there, whose nodes have the same order
+    "tet4": "tetra",
+    "tet10": "tetra10",
+    "wedge6": "wedge",
+    "wedge15": "wedge15",
+    "hex8": "hexahedron",
+    "hex20": "hexahedron20",
+}
+PHASES = 24  # of a cycle, in a PVD file
+QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
+# fields of dataset 55: structural, complex modes, three translations, displacement, complex
+STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
+
+
+def write_vtu(shape: Shape, path: Path) -> list[Path]:
+    """The mesh with the shape, the contact points beside it, and a cycle in phases.
+
+    Complex values stand as their real and imaginary parts; `displacement` of the phases is without
+    a unit, its largest is 1.
+
+    Parameters
+    ----------
+    shape : Shape
+    path : Path
+        Of the first file, ``NAME.vtu``; beside it ``NAME_contact.vtu``, ``NAME.pvd`` and the folder
+        ``NAME_phases``.
+
+    Returns
+    -------
+    list of Path
+        The files to be opened.
+
+    Raises
+    ------
+    ModelError
+        A shape without cells.
+    """
+    still = {
+        "real": shape.displacement.real,
+        "imag": shape.displacement.imag,
+        "amplitude": shape.amplitude,
+        "strain_energy_density": shape.density,
+    }
+    with named(path):
+        _mesh(shape, still).write(path)
+        written = [path]
+        if len(shape.contact.points):
+            written.append(path.with_name(f"{path.stem}_contact.vtu"))
+            _contact(shape).write(written[-1])
+        folder = path.with_name(f"{path.stem}_phases")
+        folder.mkdir(exist_ok=True)
+        steps = []
+        for number in range(PHASES):
+            moved = {"displacement": shape.at(2 * np.pi * number / PHASES)}
+            file = folder / f"{number:02d}.vtu"
+            _mesh(shape, moved).write(file)
+            steps.append(
+                f'<DataSet timestep="{number / PHASES:.6f}" file="{folder.name}/{file.name}"/>'
+            )
+        written.append(path.with_suffix(".pvd"))
+        written[-1].write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+            + "\n".join(steps)
+            + "\n</Collection>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+    return written
+
+
+def _mesh(shape: Shape, values: Mapping[str, np.ndarray]) -> meshio.Mesh:
+    cells, component, share = [], [], []
+    for number, part in enumerate(shape.parts):
+        first = 0
+        for kind, nodes in part.blocks:
+            cells.append((MESHIO[kind], nodes))
+            component.append(np.full(len(nodes), number, dtype=np.int32))
+            share.append(part.cell_energy[first : first + len(nodes)])
+            first += len(nodes)
+    if not cells:
+        raise ModelError("no component of this model has cells: there is no mesh to write")
+    return meshio.Mesh(
+        shape.coordinates,
+        cells,
+        point_data=dict(values),
+        cell_data={"component": component, "share_of_elastic_energy": share},
+    )
+
+
+def _contact(shape: Shape) -> meshio.Mesh:
+    """The contact points, with the names of fields and units of `ContactMotion`."""
+    contact = shape.contact
+    numbers = np.arange(len(contact.points))
+    values = {
+        "area": contact.area,
+        "static_pressure": contact.static_pressure,
+        "pressure_real": contact.pressure.real,
+        "pressure_imag": contact.pressure.imag,
+        "slip_amplitude": contact.slip_amplitude,
+        "growth_per_area": contact.fed,
+    }
+    return meshio.Mesh(contact.points, [("vertex", numbers[:, None])], point_data=values)
+
+
+def write_uff(shape: Shape, path: Path) -> list[Path]:
+    """Surface nodes (dataset 15), facets (2412) and the complex mode (55) of a shape.
+
+    Lengths are in m; nodes are numbered from 1. The root stands in rad/s. Datasets have six digits.
+
+    Returns
+    -------
+    list of Path
+        The file.
+
+    Raises
+    ------
+    ModelError
+        A shape without cells.
+    """
+    import pyuff
+
+    facets = np.concatenate([part.facets for part in shape.parts])
+    used = np.unique(facets[facets != NONE])
+    if not len(used):
+        raise ModelError("no component of this model has cells: there is no surface to write")
+    x, y, z = shape.coordinates[used].T
+    label, u = shape.label, shape.displacement[used]
+    sets: list[dict[Any, Any]] = [
+        pyuff.prepare_15(node_nums=(used + 1).tolist(), x=x, y=y, z=z),
+        {"type": 2412, QUAD: list(_shells(shape, QUAD)), TRIANGLE: list(_shells(shape, TRIANGLE))},
+        pyuff.prepare_55(
+            id1=f"{label.study}, design point {label.row}, mode {label.mode}"[:80],
+            id2=f"{shape.frequency_hz:.6g} Hz, damping ratio {shape.damping_ratio:.6g}",
+            id3="NONE",
+            id4="NONE",
+            id5="NONE",
+            model_type=STRUCTURE,
+            analysis_type=COMPLEX_MODES,
+            data_ch=TRANSLATIONS,
+            spec_data_type=DISPLACEMENT,
+            data_type=COMPLEX,
+            n_data_per_node=3,
+            load_case=1,
+            mode_n=label.mode,
+            eig=shape.lam,
+            node_nums=(used + 1).tolist(),
+            r1=u[:, 0],
+            r2=u[:, 1],
+            r3=u[:, 2],
+        ),
+    ]
+    with named(path):
+        path.unlink(missing_ok=True)
+        pyuff.UFF(str(path)).write_sets(sets, "add")
+    return [path]
+
+
+def _shells(shape: Shape, kind: int) -> Iterator[dict[str, Any]]:
+    """Facets with as many corners as that kind of element has, components as materials."""
+    number = 0
+    for material, part in enumerate(shape.parts, start=1):
+        for facet in part.facets:
+            corners = [int(n) + 1 for n in facet[:4] if n != NONE]
+            number += 1
+            if len(corners) == (4 if kind == QUAD else 3):
+                yield {
+                    "element_nums": number,
+                    "fe_descriptor": kind,
+                    "phys_table": 1,
+                    "mat_table": material,
+                    "color": material,
+                    "num_nodes": len(corners),
+                    "nodes_nums": corners,
+                }

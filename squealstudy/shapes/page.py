@@ -1,0 +1,171 @@
+"""A page of HTML in which modes of a design point move: one file, no network, drawn by WebGL."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import Colormap
+
+from squealstudy.errors import ModelError
+from squealstudy.models.cells import NONE
+from squealstudy.shapes.names import name_of
+from squealstudy.shapes.picture import (
+    AMPLITUDE_COLOURS,
+    DECADES,
+    DENSITY_COLOURS,
+    PERCENT,
+    VIEW,
+    apart,
+    density_range,
+    sources,
+    title,
+    words,
+)
+from squealstudy.shapes.shape import Part, Shape
+from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
+
+TEMPLATE = Path(__file__).with_name("page.html")
+WHOLE = 32767  # of a 16-bit number
+BYTE = 255
+
+
+def page(shapes: Sequence[Shape]) -> str:
+    """The page of some modes of one design point.
+
+    Places and displacements are rounded to 16 bits: 1/32767 of the model's size and of the largest
+    displacement; the density of energy to 8 bits of its logarithm.
+
+    Raises
+    ------
+    ModelError
+        No shape, shapes of several design points, or none with a surface.
+    """
+    if len({shape.label.point_id for shape in shapes}) != 1:
+        raise ModelError("a page needs shapes of one design point")
+    first = shapes[0]
+    kept = _Kept(first)
+    if not len(kept.used):
+        raise ModelError("no component of this model has cells: there is no surface to draw")
+    places = kept.of(first.coordinates)
+    seen = Camera.at(*VIEW).seen(places - _middle(places))[:, :2]
+    grain = float(np.abs(places).max()) / WHOLE
+    parts: list[dict[str, Any]] = []
+    surfaces: list[np.ndarray] = []
+    edges: list[np.ndarray] = []
+    for part, shift in zip(first.parts, apart(first), strict=True):
+        surface, lines = kept.triangles(part), kept.number[_edges(part.facets)]
+        parts.append(
+            {
+                "name": words(part.name),
+                "shift": shift.tolist(),
+                "triangles": [sum(s.size for s in surfaces), surface.size],
+                "edges": [sum(e.size for e in edges), lines.size],
+            }
+        )
+        surfaces.append(surface)
+        edges.append(lines)
+    label = first.label
+    data = {
+        "title": f"{label.study}, design point {label.row}",
+        "point": ", ".join(title(first)[1:]),
+        "view": VIEW,
+        "grain": grain,
+        "size": float(np.linalg.norm(np.ptp(places, axis=0))),
+        "middle": _middle(places).tolist(),
+        "fill": (2 * np.abs(seen).max(axis=0)).tolist(),
+        "places": _packed(np.round(places / grain).astype("<i2")),
+        "triangles": _packed(np.concatenate(surfaces).astype("<u4")),
+        "edges": _packed(np.concatenate(edges).astype("<u4")),
+        "colours": _packed(np.vstack([_colours(AMPLITUDE_COLOURS), _colours(DENSITY_COLOURS)])),
+        "parts": parts,
+        "modes": [_mode(shape, kept) for shape in shapes],
+    }
+    text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    return TEMPLATE.read_text(encoding="utf-8").replace("@DATA@", text)
+
+
+class _Kept:
+    """The points of a surface: its nodes, then the middles of its facets.
+
+    Attributes
+    ----------
+    used : ndarray (n,) of int
+        Nodes.
+    number : ndarray (n_nodes,) of int
+        Place of each node among them, NONE of those that lie inside.
+    """
+
+    def __init__(self, shape: Shape) -> None:
+        facets = np.concatenate([part.facets for part in shape.parts])
+        self.used = np.unique(facets[facets != NONE])
+        self.number = np.full(len(shape.coordinates), NONE)
+        self.number[self.used] = np.arange(len(self.used))
+        self._facets = np.where(facets == NONE, NONE, self.number[facets])
+        self._first = dict(
+            zip(
+                (part.name for part in shape.parts),
+                np.cumsum([0, *(middles(part.facets).sum() for part in shape.parts)]),
+                strict=False,
+            )
+        )
+
+    def of(self, values: np.ndarray, smooth: bool = True) -> np.ndarray:
+        """Values (n_nodes, ...) of the nodes at the points of the surface."""
+        return with_middles(self._facets, values[self.used], smooth)
+
+    def triangles(self, part: Part) -> np.ndarray:
+        """Points (n, 3) of the triangles of a part."""
+        facets = np.where(part.facets == NONE, NONE, self.number[part.facets])
+        return triangles(facets, len(self.used) + int(self._first[part.name])).nodes
+
+
+def _middle(places: np.ndarray) -> np.ndarray:
+    found: np.ndarray = (places.min(axis=0) + places.max(axis=0)) / 2
+    return found
+
+
+def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
+    """What the page holds of one mode."""
+    label, u = shape.label, kept.of(shape.displacement)
+    track = "" if label.track is None else f" (track {label.track})"
+    low, high = density_range(shape)
+    density = kept.of(np.nan_to_num(shape.density) * PERCENT, smooth=False)
+    level = np.log10(np.maximum(density, low) / low) / DECADES
+    figures = f"{shape.frequency_hz:.1f} Hz, {shape.growth_rate:+.4g} 1/s"
+    return {
+        "name": f"{label.mode}{track}: {figures}, {name_of(shape).text}",
+        "facts": "; ".join(sources(shape)),
+        "low": f"{low:.2g}",
+        "high": f"{high:.2g}",
+        "real": _packed(np.round(np.clip(u.real, -1.0, 1.0) * WHOLE).astype("<i2")),
+        "imag": _packed(np.round(np.clip(u.imag, -1.0, 1.0) * WHOLE).astype("<i2")),
+        "energy": _packed(np.round(np.clip(level, 0.0, 1.0) * BYTE).astype(np.uint8)),
+    }
+
+
+def _edges(facets: np.ndarray) -> np.ndarray:
+    """Ends (n, 2) of the straight pieces of all edges of facets (m, 8), each once."""
+    pieces = []
+    for k in range(4):
+        start, end = facets[:, k], facets[:, (k + 1) % 4]
+        end = np.where(end == NONE, facets[:, 0], end)
+        middle = facets[:, 4 + k]
+        real, halved = start != NONE, middle != NONE
+        pieces.append(np.column_stack([start, np.where(halved, middle, end)])[real])
+        pieces.append(np.column_stack([middle, end])[real & halved])
+    return np.unique(np.sort(np.concatenate(pieces), axis=1), axis=0)
+
+
+def _colours(colours: Colormap) -> np.ndarray:
+    """A colour map (256, 3) as bytes."""
+    found: np.ndarray = colours(np.linspace(0.0, 1.0, 256), bytes=True)[:, :3]
+    return found
+
+
+def _packed(array: np.ndarray) -> str:
+    return b64encode(np.ascontiguousarray(array).tobytes()).decode()

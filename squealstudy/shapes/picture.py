@@ -1,0 +1,263 @@
+"""A shape as a still picture: deformed, in its parts, and at its contact faces."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize, TwoSlopeNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from squealstudy.errors import ModelError
+from squealstudy.shapes.names import name_of
+from squealstudy.shapes.shape import DAMPING, Shape
+from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
+from squealstudy.wording import setting
+
+VIEW = (-38.0, 24.0)  # azimuth and elevation, deg
+DEFORMED = 0.05  # largest displacement drawn, of the model's diagonal
+SAMPLES = 2  # of a pixel in each direction
+COLUMNS = 900
+DECADES = 3.0  # of strain energy density that have a colour
+PERCENT = 1e-4  # of 1/m3, in % per cm3
+# from what stands still, grey, to what moves most
+AMPLITUDE_COLOURS = LinearSegmentedColormap.from_list(
+    "amplitude", ["#ccd4da", "#ffe28c", "#f9963c", "#d8281f", "#7a0014"]
+)
+DENSITY_COLOURS = mpl.colormaps["viridis"]
+GAP = 0.12  # between parts that are drawn apart, of the model's diagonal
+
+ASIDE = 0.35  # shift of a part that embraces others
+WIDEST = 130  # line of a title
+
+
+def draw(shape: Shape) -> Figure:
+    """Amplitude on the deformed model, density of elastic energy on its parts, contact faces.
+
+    ModelError where the shape has no surface.
+    """
+    if not sum(len(part.facets) for part in shape.parts):
+        raise ModelError("no component of this model has cells: there is no surface to draw")
+    pairs = list(dict.fromkeys(shape.contact.pairs)) if len(shape.contact.points) else []
+    figure: Any = Figure(figsize=(14.0, 7.0 + 3.4 * bool(pairs)), layout="constrained")
+    figure.suptitle("\n".join([*title(shape), *sources(shape)]), fontsize=12)
+    if pairs:
+        upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[6.4, 4.0])[:, 0]
+    else:
+        upper, lower = figure, None
+    left, right = upper.subplots(1, 2)
+    _amplitude(left, shape)
+    _density(right, shape)
+    if pairs:
+        _contact(lower, shape, pairs)
+    return figure
+
+
+def title(shape: Shape) -> list[str]:
+    """Mode, frequency, growth and damping; values of the design point, where there are any."""
+    label = shape.label
+    track = "" if label.track is None else f" (track {label.track})"
+    values = ", ".join(
+        setting(name, value, label.units.get(name, ""), abs(value))
+        for name, value in label.values.items()
+    )
+    first = (
+        f"{label.study}, design point {label.row}, mode {label.mode}{track}: "
+        f"{shape.frequency_hz:.1f} Hz, growth {shape.growth_rate:+.4g} 1/s, "
+        f"damping {100 * shape.damping_ratio:.3g} %; {name_of(shape).text}"
+    )
+    return [first, *textwrap.wrap(values, WIDEST)]
+
+
+def sources(shape: Shape) -> list[str]:
+    """Where the elastic energy is, and where the growth comes from."""
+    energy = ", ".join(f"{words(k)} {100 * v:.0f} %" for k, v in shape.energies.items())
+    growth = ", ".join(
+        f"{v:+.4g} by " + ("damping" if k == DAMPING else f"friction at {words(k)}")
+        for k, v in shape.growth_from.items()
+    )
+    return [f"elastic energy: {energy}", f"growth [1/s]: {growth}"]
+
+
+def words(name: str) -> str:
+    """A component's name without underscores."""
+    return name.replace("_", " ")
+
+
+def deformed(shape: Shape, phase: float = 0.0) -> np.ndarray:
+    """Places of the nodes (n_nodes, 3), displacements as large as they are drawn, m."""
+    size = DEFORMED * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
+    moved: np.ndarray = shape.coordinates + size * shape.at(phase)
+    return moved
+
+
+def apart(shape: Shape) -> np.ndarray:
+    """Shift (n_parts, 3) [m] of each part that is drawn apart from the others.
+
+    Along the contact normals, in the order of the parts' centres.
+    """
+    extent = np.ptp(shape.coordinates, axis=0)
+    axis = int(np.argmin(extent))
+    step = GAP * float(np.linalg.norm(extent))
+    shift = np.zeros((len(shape.parts), 3))
+    low, high = np.array(
+        [[f(shape.coordinates[p.nodes, axis]) for p in shape.parts] for f in (np.min, np.max)]
+    )
+    # thinnest first outwards from the middle; what embraces all others goes to the side
+    inside = [i for i in range(len(low)) if not _embraces(low, high, i)]
+    order = sorted(inside, key=lambda i: (low[i] + high[i]) / 2)
+    for place, i in enumerate(order):
+        shift[i, axis] = step * (place - (len(order) - 1) / 2)
+    centre = shape.coordinates.mean(axis=0)
+    for i in set(range(len(low))) - set(inside):
+        side = shape.coordinates[shape.parts[i].nodes].mean(axis=0) - centre
+        side[axis] = 0.0
+        shift[i] = ASIDE / GAP * step * side / max(np.linalg.norm(side), 1e-300)
+    return shift
+
+
+def _embraces(low: np.ndarray, high: np.ndarray, i: int) -> bool:
+    """Whether part i reaches beyond at least two others at both ends of the axis."""
+    beyond = (low[i] < low) & (high[i] > high)
+    return bool(beyond.sum() >= 2)
+
+
+def density_range(shape: Shape) -> tuple[float, float]:
+    """Least and largest density of strain energy that has a colour of its own, % per cm3."""
+    density = shape.density[shape.density > 0] * PERCENT
+    high = float(np.percentile(density, 99.8)) if len(density) else 1.0
+    return high / 10**DECADES, high
+
+
+def _amplitude(axes: Axes, shape: Shape) -> None:
+    colours = ScalarMappable(Normalize(0.0, 1.0), AMPLITUDE_COLOURS)
+    _surface(axes, shape, deformed(shape), np.asarray(shape.amplitude), colours)
+    axes.set_title("deformed, by amplitude", fontsize=11)
+    _bar(axes, colours, "largest displacement in a cycle, of the largest of all")
+
+
+def _density(axes: Axes, shape: Shape) -> None:
+    low, high = density_range(shape)
+    colours = ScalarMappable(LogNorm(low, high), DENSITY_COLOURS)
+    points = shape.coordinates.copy()
+    for part, shift in zip(shape.parts, apart(shape), strict=True):
+        points[part.nodes] += shift
+    _surface(axes, shape, points, np.maximum(np.nan_to_num(shape.density) * PERCENT, low), colours)
+    axes.set_title("parts drawn apart, by density of strain energy", fontsize=11)
+    _bar(axes, colours, "% of the mode's elastic energy per cm3", extend="both")
+
+
+def _surface(
+    axes: Axes, shape: Shape, points: np.ndarray, values: np.ndarray, colours: ScalarMappable
+) -> None:
+    """Draw all parts into axes of equal scales."""
+    facets = np.concatenate([part.facets for part in shape.parts])
+    surface = triangles(facets, len(points))
+    points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
+    camera = Camera.at(*VIEW)
+    seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    edge = 0.02 * float((high - low).max())
+    window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
+    image = picture(points, surface, values, camera, window, SAMPLES * COLUMNS)
+    rgba = _fewer(image.colours(colours))
+    axes.imshow(rgba, extent=window, interpolation="antialiased")
+    axes.set_axis_off()
+
+
+def _fewer(rgba: np.ndarray) -> np.ndarray:
+    """The picture with SAMPLES x SAMPLES pixels as one; colours weighted by what is covered."""
+    rows, columns = (n // SAMPLES * SAMPLES for n in rgba.shape[:2])
+    tiles = rgba[:rows, :columns].reshape(rows // SAMPLES, SAMPLES, columns // SAMPLES, SAMPLES, 4)
+    covered = tiles[..., 3:].mean(axis=(1, 3))
+    colour = (tiles[..., :3] * tiles[..., 3:]).mean(axis=(1, 3)) / np.maximum(covered, 1e-9)
+    return np.clip(np.concatenate([colour, covered], axis=2), 0.0, 1.0)
+
+
+def _bar(axes: Axes, colours: ScalarMappable, label: str, extend: str = "neither") -> None:
+    figure: Any = axes.figure
+    figure.colorbar(
+        colours,
+        ax=axes,
+        orientation="horizontal",
+        label=label,
+        shrink=0.6,
+        aspect=30,
+        extend=extend,
+        pad=0.02,
+    )
+
+
+def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
+    """Pressure, slip and friction's growth on each pair of contact faces, seen along the normal."""
+    contact = shape.contact
+    drawn = (
+        ("pressure amplitude [MPa/um]", np.abs(contact.pressure) * 1e-12, AMPLITUDE_COLOURS, False),
+        ("slip amplitude [um/um]", contact.slip_amplitude, AMPLITUDE_COLOURS, False),
+        ("growth by friction [1/s per cm2]", contact.fed * 1e-4, mpl.colormaps["RdBu_r"], True),
+    )
+    grid = figure.subplots(1, len(drawn) * len(pairs), squeeze=False)[0]
+    across = _plane(contact.points)
+    for column, (label, values, colours, signed) in enumerate(drawn):
+        high = float(np.abs(values).max()) or 1.0
+        norm = TwoSlopeNorm(0.0, -high, high) if signed else Normalize(0.0, high)
+        own = [grid[len(pairs) * column + k] for k in range(len(pairs))]
+        for axes, pair in zip(own, pairs, strict=True):
+            here = np.array([name == pair for name in contact.pairs])
+            _points(
+                axes, contact.points[here] @ across, contact.area[here], values[here], norm, colours
+            )
+            axes.set_title(words(pair), fontsize=10)
+        own[0].set_ylabel("y [mm]", fontsize=8)
+        figure.colorbar(
+            ScalarMappable(norm, colours),
+            ax=own,
+            orientation="horizontal",
+            label=label,
+            shrink=0.85,
+            aspect=25,
+            ticks=MaxNLocator(4),
+        )
+
+
+def _plane(points: np.ndarray) -> np.ndarray:
+    """The two axes (3, 2) in which the contact points spread most, of x, y, z."""
+    kept = np.sort(np.argsort(np.ptp(points, axis=0))[1:])
+    return np.eye(3)[:, kept]
+
+
+def _points(
+    axes: Axes,
+    places: np.ndarray,
+    area: np.ndarray,
+    values: np.ndarray,
+    norm: Any,
+    colours: Colormap,
+) -> None:
+    """Contact points as spots of their areas, in mm."""
+    from matplotlib.collections import EllipseCollection
+
+    size = 1e3 * np.sqrt(area)
+    spots = EllipseCollection(
+        1.12 * size,
+        1.12 * size,
+        np.zeros(len(size)),
+        units="x",
+        offsets=1e3 * places,
+        offset_transform=axes.transData,
+        array=values,
+        norm=norm,
+        cmap=colours,
+    )
+    axes.add_collection(spots)
+    low, high = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
+    edge = 0.06 * float((high - low).max())
+    axes.set(xlim=(low[0] - edge, high[0] + edge), ylim=(low[1] - edge, high[1] + edge))
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=8)
+    axes.set_xlabel("x [mm]", fontsize=8)

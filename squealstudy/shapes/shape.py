@@ -1,0 +1,385 @@
+"""One complex mode on all nodes of a model, with its energies and its motion at the contact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.assembly import Assembly, Component
+from squealstudy.models.cells import CellBlock
+from squealstudy.models.operating import ModeKey
+from squealstudy.reduction.cmt import Expansion, ReducedModel
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.linearise import LinearisedModel, reduced_energy_shares, squared
+
+INTERFACES = "interfaces"
+DAMPING = "damping"
+UNNAMED = "contact"  # pair of contact points without names
+
+
+@dataclass(frozen=True)
+class Label:
+    """Which mode it is.
+
+    Attributes
+    ----------
+    study, point_id : str
+    row : int
+        Of the design point in the points table, from 0.
+    values : mapping of parameter -> float
+        Those of the design point that the tables show.
+    units : mapping of parameter -> str
+    mode : int
+        Number at the design point, as in the modes table.
+    track : int or None
+        Number of the mode followed over design points, as rankings list it.
+    """
+
+    study: str = ""
+    point_id: str = ""
+    row: int = 0
+    values: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    mode: int = 0
+    track: int | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A component of a shape.
+
+    Attributes
+    ----------
+    name : str
+    nodes : slice
+        Its nodes among all.
+    facets : ndarray (n, 8) of int
+        Its surface, as of `ComponentCells.facets`, by numbers among all nodes.
+    blocks : tuple of CellBlock
+        Its cells by numbers among all nodes; none where it is not meshed.
+    volumes : ndarray (n_cells,)
+        m3.
+    cell_energy : ndarray (n_cells,)
+        Share of each cell in the elastic energy of the whole mode. They add up to the share of
+        the component but for changes of its component modes, which have no place in it.
+    """
+
+    name: str
+    nodes: slice
+    facets: np.ndarray
+    blocks: tuple[CellBlock, ...]
+    volumes: np.ndarray
+    cell_energy: np.ndarray
+
+
+@dataclass(frozen=True)
+class ContactMotion:
+    """The mode at the contact points, where the largest displacement of the shape is 1 m.
+
+    A real quantity is the real part of the complex one times exp(i omega t).
+
+    Attributes
+    ----------
+    points : ndarray (nc, 3)
+        m.
+    area : ndarray (nc,)
+        m2.
+    pairs : tuple of str (nc,)
+        Pair of surfaces of each point.
+    static_pressure : ndarray (nc,)
+        Of the working point, Pa.
+    pressure : ndarray (nc,) complex
+        Change of contact pressure -kappa N u, Pa per m.
+    slip : ndarray (nc, 2) complex
+        Relative displacement T u along the sliding direction and T_perp u across it, m per m.
+    growth : ndarray (nc,)
+        What the friction at each point adds to the growth rate, 1/s (THEORY.md eq. (108)): positive
+        where it feeds energy into the mode.
+    """
+
+    points: np.ndarray
+    area: np.ndarray
+    pairs: tuple[str, ...]
+    static_pressure: np.ndarray
+    pressure: np.ndarray
+    slip: np.ndarray
+    growth: np.ndarray
+
+    @property
+    def slip_amplitude(self) -> np.ndarray:
+        """Largest slip (nc,) in a cycle, in any direction of the contact plane, m per m."""
+        return amplitudes(self.slip)
+
+    @property
+    def fed(self) -> np.ndarray:
+        """`growth` per area (nc,), 1/(s m2): where energy is fed in, whatever the mesh."""
+        density: np.ndarray = self.growth / self.area
+        return density
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A complex mode on all nodes (THEORY.md eq. (106), (107)).
+
+    The motion is Re(displacement exp(lam t)). The largest displacement of a node in a cycle of
+    constant amplitude is 1; the phase is that at which the real part is largest, in the sum of its
+    squares.
+
+    Attributes
+    ----------
+    label : Label
+    lam : complex
+        Root, rad/s.
+    coordinates : ndarray (n_nodes, 3)
+        m.
+    displacement : ndarray (n_nodes, 3) complex
+        Without a unit: m per m of the largest.
+    parts : tuple of Part
+        Components in order.
+    energies : mapping of name -> float
+        Share of each component, then of the interfaces, in the elastic energy (THEORY.md eq. (21)):
+        the columns ``energy_*`` of the modes table.
+    density : ndarray (n_nodes,)
+        Elastic energy per volume about a node, of all of the mode's, 1/m3: the energy of the cells
+        that meet there over their volume; NaN where a component has no cells.
+    contact : ContactMotion
+    growth_from : mapping of name -> float
+        Parts of the growth rate, 1/s, which add up to it (THEORY.md eq. (108)): friction of each
+        pair of surfaces, under its name, and ``damping``, all that is not friction.
+    kinetic : mapping of name -> float
+        Share of each component in psi^H M psi; they add up to 1.
+    participation : mapping of (component, mode) -> float
+        Share in it of each free-free mode of a component, numbered from 1, rigid ones first; the
+        rest of a component is motion that its free-free modes of the basis do not have.
+    rotor : str or None
+        The component that all pairs of surfaces touch, where it is one alone.
+    """
+
+    label: Label
+    lam: complex
+    coordinates: np.ndarray
+    displacement: np.ndarray
+    parts: tuple[Part, ...]
+    energies: Mapping[str, float]
+    density: np.ndarray
+    contact: ContactMotion
+    growth_from: Mapping[str, float]
+    kinetic: Mapping[str, float] = field(default_factory=dict)
+    participation: Mapping[ModeKey, float] = field(default_factory=dict)
+    rotor: str | None = None
+
+    @property
+    def frequency_hz(self) -> float:
+        """|lam| / 2 pi, as in the modes table."""
+        return float(abs(self.lam) / (2 * np.pi))
+
+    @property
+    def growth_rate(self) -> float:
+        """Re lam, 1/s."""
+        return float(self.lam.real)
+
+    @property
+    def damping_ratio(self) -> float:
+        """-Re lam / |lam|."""
+        return float(-self.lam.real / abs(self.lam))
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Largest displacement (n_nodes,) of each node in a cycle; the largest of all is 1."""
+        return amplitudes(self.displacement)
+
+    def at(self, phase: float) -> np.ndarray:
+        """Displacements (n_nodes, 3) at a phase [rad] of the cycle."""
+        moved: np.ndarray = (self.displacement * np.exp(1j * phase)).real
+        return moved
+
+    def mac(self, other: Shape) -> float:
+        """Modal assurance criterion with a shape of the same nodes, 0 to 1.
+
+        ModelError where it has others.
+        """
+        a, b = self.displacement.ravel(), other.displacement.ravel()
+        if len(a) != len(b):
+            raise ModelError("shapes of different nodes have no MAC")
+        return float(abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a) * np.vdot(b, b)).real)
+
+
+def amplitudes(u: np.ndarray) -> np.ndarray:
+    """Largest |Re(u exp(i phi))| (n,) of vectors u (n, k) complex: half the long axis of ellipses.
+
+    THEORY.md eq. (107).
+    """
+    size, round_ = squared(u).sum(axis=1), np.abs((u**2).sum(axis=1))
+    found: np.ndarray = np.sqrt((size + round_) / 2)
+    return found
+
+
+def turned(u: np.ndarray) -> complex:
+    """The factor that scales vectors u (n, k) as those of a Shape (THEORY.md eq. (106))."""
+    factor = np.exp(-0.5j * np.angle((u**2).sum()))
+    real = (u * factor).real.ravel()
+    if real[np.abs(real).argmax()] < 0:
+        factor = -factor
+    return complex(factor / amplitudes(u).max())
+
+
+def shape_of(
+    assembly: Assembly,
+    expansion: Expansion,
+    point: WorkingPoint,
+    system: LinearisedModel,
+    lam: complex,
+    psi: np.ndarray,
+    label: Label,
+) -> Shape:
+    """A mode of a component-mode model on all nodes of the assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    expansion : Expansion
+        Of the model of which `system` is a linearisation.
+    point : WorkingPoint
+    system : LinearisedModel
+    lam : complex
+        rad/s; oscillating.
+    psi : ndarray (n,) complex
+        Right vector in the coordinates of the model.
+    label : Label
+
+    Raises
+    ------
+    ModelError
+        A model without node coordinates; a root that does not oscillate.
+    """
+    if any(not len(c.coordinates) for c in assembly.components):
+        raise ModelError("this model has no mesh, and so no shape to show")
+    if not lam.imag:
+        raise ModelError("an overdamped mode does not oscillate: it has no shape to show")
+    u = expansion.expand(psi).reshape(-1, 3)
+    factor = turned(u)
+    u, x = u * factor, psi * factor
+    elastic = float(np.vdot(x, system.K_sym @ x).real)
+    parts, density = _parts(assembly, u, elastic)
+    names = (*assembly.component_names, INTERFACES)
+    shares = reduced_energy_shares(expansion.model, system.weights, x[:, None])[:, 0]
+    contact = _contact(assembly, expansion, point, system, lam, x)
+    fed = dict.fromkeys(dict.fromkeys(contact.pairs), 0.0)
+    for name, growth in zip(contact.pairs, contact.growth, strict=True):
+        fed[name] += float(growth)
+    fed[DAMPING] = float(_growth(lam, system, x, _damping(expansion, system, x)))
+    return Shape(
+        label=label,
+        lam=lam,
+        coordinates=np.vstack([c.coordinates for c in assembly.components]),
+        displacement=u,
+        parts=parts,
+        energies=dict(zip(names, map(float, shares), strict=True)),
+        density=density,
+        contact=contact,
+        growth_from=fed,
+        rotor=_rotor(assembly, contact.pairs),
+        **_kinetic(expansion.model, x),
+    )
+
+
+def _kinetic(model: ReducedModel, x: np.ndarray) -> dict[str, Any]:
+    """Shares of components and of their free-free modes in x^H x, of a shape x (n,)."""
+    share = squared(x) / squared(x).sum()
+    sums = np.add.reduceat(share, model.offsets[:-1])
+    modes = {
+        (name, j + 1): float(share[int(start) + j])
+        for name, start, count in zip(model.components, model.offsets, model.n_modes, strict=False)
+        for j in range(count)
+    }
+    kinetic = dict(zip(model.components, map(float, sums), strict=True))
+    return {"kinetic": kinetic, "participation": modes}
+
+
+def _rotor(assembly: Assembly, pairs: tuple[str, ...]) -> str | None:
+    """The component that the contact points of every pair touch; None unless it is one alone."""
+    N, names = assembly.contact.N, np.array(pairs)
+    touched = [
+        component
+        for component, span in assembly.slices.items()
+        if all(N[np.flatnonzero(names == pair)][:, span].nnz for pair in set(pairs))
+    ]
+    return touched[0] if len(touched) == 1 else None
+
+
+def _parts(
+    assembly: Assembly, u: np.ndarray, elastic: float
+) -> tuple[tuple[Part, ...], np.ndarray]:
+    """Components of a shape u (n_nodes, 3) of that elastic energy, and its density at the nodes."""
+    parts = []
+    energy, volume = np.zeros(len(u)), np.zeros(len(u))
+    for component in assembly.components:
+        span = assembly.slices[component.name]
+        nodes = slice(span.start // 3, span.stop // 3)
+        parts.append(part := _part(component, nodes, u[nodes], elastic))
+        first = 0
+        for _, cells in part.blocks:
+            own = slice(first, first + len(cells))
+            for total, values in ((energy, part.cell_energy), (volume, part.volumes)):
+                np.add.at(total, cells.ravel(), np.repeat(values[own], cells.shape[1]))
+            first = own.stop
+    density = np.divide(energy, volume, out=np.full(len(u), np.nan), where=volume > 0)
+    return tuple(parts), density
+
+
+def _part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> Part:
+    cells, start = component.cells, nodes.start
+    if cells is None:
+        none = np.zeros(0)
+        return Part(component.name, nodes, np.zeros((0, 8), dtype=int), (), none, none)
+    facets = cells.facets
+    return Part(
+        name=component.name,
+        nodes=nodes,
+        facets=np.where(facets < 0, facets, facets + start),
+        blocks=tuple(CellBlock(kind, numbers + start) for kind, numbers in cells.blocks),
+        volumes=cells.volumes,
+        cell_energy=cells.energies(u.ravel()) / elastic,
+    )
+
+
+def _contact(
+    assembly: Assembly,
+    expansion: Expansion,
+    point: WorkingPoint,
+    system: LinearisedModel,
+    lam: complex,
+    x: np.ndarray,
+) -> ContactMotion:
+    """The motion at the contact points of a shape x (n,) in the coordinates of the model."""
+    model, weights, contact = expansion.model, system.weights, assembly.contact
+    opening, along, across = (rows @ x for rows in (model.N, model.T, model.T_perp))
+    omega = lam.imag
+    coupling = weights.coupling * (along.conj() * opening).imag
+    damping = weights.across * squared(across) + weights.along * squared(along)
+    return ContactMotion(
+        points=contact.points,
+        area=contact.area,
+        pairs=contact.pairs or (UNNAMED,) * contact.n_points,
+        static_pressure=point.contact_pressure,
+        pressure=-point.tangent * opening,
+        slip=np.column_stack([along, across]),
+        growth=_growth(lam, system, x, damping + coupling / omega),
+    )
+
+
+def _damping(expansion: Expansion, system: LinearisedModel, x: np.ndarray) -> float:
+    """x^H C x of a shape x (n,) without the damping of friction."""
+    model, weights = expansion.model, system.weights
+    along, across = model.T @ x, model.T_perp @ x
+    rubbing = weights.across * squared(across) + weights.along * squared(along)
+    return float(np.vdot(x, system.C @ x).real - rubbing.sum())
+
+
+def _growth(lam: complex, system: LinearisedModel, x: np.ndarray, parts: Any) -> Any:
+    """Parts c_i + Im k_i / omega of a shape x (n,) as parts of its growth rate [1/s]."""
+    return -lam.imag * parts / (2 * lam.imag * squared(x).sum() + np.vdot(x, system.C @ x).imag)

@@ -1,0 +1,200 @@
+"""Surfaces of shapes as triangles, and their orthographic pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.kernels.raster import FAR, corner_normals, draw_triangles
+from squealstudy.models.cells import NONE
+
+LINE = 0.8  # half the width of the lines between facets, pixels
+CREASE = np.cos(np.radians(40.0))  # sharper edges are not smoothed
+# triangles of a facet by its places, the last its middle, and which of their edges are edges of the
+# facet: of 8 and of 4 nodes, of 6 and of 3; edges are those opposite to the corners
+MIDDLE = 8
+QUADRATIC_QUAD = (
+    tuple(
+        (a, b, MIDDLE) for a, b in ((0, 4), (4, 1), (1, 5), (5, 2), (2, 6), (6, 3), (3, 7), (7, 0))
+    ),
+    ((0, 0, 1),) * 8,
+)
+QUAD = (((0, 1, 2), (0, 2, 3)), ((1, 0, 1), (1, 1, 0)))
+QUADRATIC_TRIANGLE = (
+    ((0, 4, 6), (4, 1, 5), (6, 5, 2), (4, 5, 6)),
+    ((0, 1, 1), (1, 0, 1), (1, 1, 0), (0, 0, 0)),
+)
+TRIANGLE = (((0, 1, 2),), ((1, 1, 1),))
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """A surface.
+
+    Attributes
+    ----------
+    nodes : ndarray (n, 3) of int
+        Counter-clockwise from outside.
+    lines : ndarray (n, 3) of bool
+        Which edges, opposite to the corners, are edges of facets.
+    """
+
+    nodes: np.ndarray
+    lines: np.ndarray
+
+
+def middles(facets: np.ndarray) -> np.ndarray:
+    """Which facets (n, 8) have a middle: those of 8 nodes.
+
+    Without it the triangles of a long thin facet on a curved surface would look in all directions.
+    """
+    found: np.ndarray = (facets[:, 3] != NONE) & (facets[:, 4] != NONE)
+    return found
+
+
+def with_middles(facets: np.ndarray, values: np.ndarray, smooth: bool = True) -> np.ndarray:
+    """Values (n_nodes, ...) at the nodes, followed by those in the middles of facets.
+
+    By the functions of the 8-node facet, which may go beyond the values at the nodes; without
+    `smooth` the mean of those at its four nearest nodes.
+    """
+    own = facets[middles(facets)]
+    nearest = values[own[:, 4:]].mean(axis=1)
+    if smooth:
+        nearest = 2.0 * nearest - values[own[:, :4]].mean(axis=1)
+    return np.concatenate([values, nearest])
+
+
+def triangles(facets: np.ndarray, n_nodes: int) -> Triangles:
+    """Triangles of facets (n, 8), as `ComponentCells.facets` has them, for `with_middles`."""
+    four, halved = facets[:, 3] != NONE, facets[:, 4] != NONE
+    own = middles(facets)
+    middle = np.full(len(facets), NONE)
+    middle[own] = n_nodes + np.arange(own.sum())
+    places = np.column_stack([facets, middle])
+    nodes, lines = [np.zeros((0, 3), dtype=int)], [np.zeros((0, 3), dtype=bool)]
+    for chosen, (split, edges) in (
+        (own, QUADRATIC_QUAD),
+        (four & ~halved, QUAD),
+        (~four & halved, QUADRATIC_TRIANGLE),
+        (~four & ~halved, TRIANGLE),
+    ):
+        nodes.append(places[chosen][:, np.array(split)].reshape(-1, 3))
+        lines.append(np.tile(np.array(edges, dtype=bool), (chosen.sum(), 1)))
+    return Triangles(np.concatenate(nodes), np.concatenate(lines))
+
+
+def smooth_normals(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Unit normals (n, 3, 3) at the corners of triangles (n, 3) of points (n_nodes, 3)."""
+    a, b, c = (points[nodes[:, k]] for k in range(3))
+    users = np.argsort(nodes.ravel(), kind="stable") // 3
+    starts = np.append(0, np.cumsum(np.bincount(nodes.ravel(), minlength=len(points))))
+    return corner_normals(nodes, np.cross(b - a, c - a), starts, users, CREASE)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view from far away.
+
+    Attributes
+    ----------
+    right, up, back : ndarray (3,)
+        Unit vectors of the picture; `back` points to the viewer.
+    """
+
+    right: np.ndarray
+    up: np.ndarray
+    back: np.ndarray
+
+    @classmethod
+    def at(cls, azimuth: float, elevation: float) -> Camera:
+        """From a direction [deg] about z, z upwards in the picture."""
+        a, e = np.radians([azimuth, elevation])
+        back = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([-np.sin(a), np.cos(a), 0.0])
+        return cls(right, np.cross(back, right), back)
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) as right, up and back."""
+        found: np.ndarray = points @ np.column_stack([self.right, self.up, self.back])
+        return found
+
+
+@dataclass(frozen=True)
+class Image:
+    """What is seen: values and light of each pixel, NaN where there is nothing.
+
+    Attributes
+    ----------
+    value : ndarray (rows, columns)
+    light : ndarray (rows, columns)
+        0 dark to 1; negative on lines.
+    """
+
+    value: np.ndarray
+    light: np.ndarray
+
+    def colours(self, colour_of: object) -> np.ndarray:
+        """RGBA (rows, columns, 4), by a colour map of matplotlib with its norm."""
+        mapped = colour_of.to_rgba(np.nan_to_num(self.value))  # type: ignore[attr-defined]
+        rgba = np.array(mapped, dtype=float)
+        line = self.light < 0
+        rgba[..., :3] *= (
+            np.abs(np.nan_to_num(self.light))[..., None] * np.where(line, 0.62, 1.0)[..., None]
+        )
+        rgba[..., 3] = np.isfinite(self.light)
+        return rgba
+
+
+def picture(
+    points: np.ndarray,
+    surface: Triangles,
+    values: np.ndarray,
+    camera: Camera,
+    window: tuple[float, float, float, float],
+    columns: int,
+) -> Image:
+    """A lit surface with the edges of its facets.
+
+    Parameters
+    ----------
+    points : ndarray (n_nodes, 3)
+        m.
+    surface : Triangles
+    values : ndarray (n_nodes,)
+        To be coloured by.
+    camera : Camera
+    window : (left, right, bottom, top)
+        What is seen, in m of the picture.
+    columns : int
+        Pixels from left to right.
+    """
+    left, right, bottom, top = window
+    scale = columns / (right - left)
+    rows = max(1, round((top - bottom) * scale))
+    seen = camera.seen(points)
+    screen = np.column_stack([(seen[:, 0] - left) * scale, (top - seen[:, 1]) * scale, -seen[:, 2]])
+    normals = smooth_normals(points, surface.nodes)
+    depth = np.full((rows, columns), FAR)
+    value, light = (np.full((rows, columns), np.nan) for _ in range(2))
+    draw_triangles(
+        screen[surface.nodes],
+        values[surface.nodes],
+        _lit(normals, camera),
+        surface.lines,
+        LINE,
+        depth,
+        value,
+        light,
+    )
+    return Image(value, light)
+
+
+def _lit(normals: np.ndarray, camera: Camera) -> np.ndarray:
+    """Light (n, 3) at normals (n, 3, 3): one lamp above the viewer's left shoulder, and the sky."""
+    lamp = camera.back + 0.45 * camera.up - 0.55 * camera.right
+    lamp = lamp / np.linalg.norm(lamp)
+    sky = 0.5 + 0.5 * np.abs(normals @ camera.up)
+    lit: np.ndarray = np.clip(0.34 + 0.5 * np.abs(normals @ lamp) + 0.16 * sky, 0.0, 1.0)
+    return lit
