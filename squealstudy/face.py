@@ -20,6 +20,9 @@ from typing import TYPE_CHECKING, Any
 from squealstudy import faults
 from squealstudy.errors import ParameterError, SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
+from squealstudy.models.components.definition import DESCRIPTION as OF_A_FILE
+from squealstudy.models.components.definition import NAME as OF_FILE
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.paths import usable_cache
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
     from squealstudy.models.parameter import ModelDefinition
 
+MODEL_FILE = ".toml"
 GOES_ON = "; what is finished is kept, and the same command goes on from there"
 SENSITIVITY = "sensitivity"
 LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
@@ -285,13 +289,18 @@ class Model:
         options = {option.name for option in self.definition.options}
         tables = {
             "study": {"name": name, "kind": "complex_modes"},
-            "model": {"name": self.definition.name}
-            | {k: v for k, v in self.given.items() if k in options},
+            "model": self._named() | {k: v for k, v in self.given.items() if k in options},
             "parameters": {k: v for k, v in self.given.items() if k not in options},
             "modes": {"reference_points": 0} | ({} if band is None else {"band": list(band)}),
         }
         text = toml_text(tables)
         return _resolved(SourceText(Path(f"{name}.toml"), text), tables, text)
+
+    def _named(self) -> dict[str, str]:
+        """How a study names the model."""
+        if isinstance(self.definition, FileDefinition):
+            return {"file": str(Path(self.definition.path).resolve())}
+        return {"name": self.definition.name}
 
     def modes(self, band: tuple[float, float] | None = None) -> pd.DataFrame:
         """Complex modes of the design point, one row each, with their errors.
@@ -348,7 +357,7 @@ def model(name: str, **values: Any) -> Model:
     Parameters
     ----------
     name : str
-        One of `list_models`.
+        One of `list_models`, or the path of a model file, which ends in ``.toml``.
     **values
         Parameters (SI units) and options; names with dots as ``**{"contact.lambda": 1e6}``.
 
@@ -357,8 +366,14 @@ def model(name: str, **values: Any) -> Model:
     SquealstudyError
         An unknown model; a parameter that it does not have, or a value that it cannot take.
     """
+    if name.endswith(MODEL_FILE):
+        from squealstudy.study.components import read_model  # imports scikit-fem
+
+        return Model(read_model(Path(name)), values)
     if name == MATRICES:
         raise SquealstudyError(f"model '{MATRICES}' is made of the files that its study names")
+    if name == OF_FILE:
+        raise SquealstudyError(f"model '{OF_FILE}' is what a model file describes: give its path")
     if name not in MODELS:
         raise SquealstudyError(
             f"unknown model '{name}', expected {', '.join(model_names())}"
@@ -369,4 +384,5 @@ def model(name: str, **values: Any) -> Model:
 
 def list_models() -> dict[str, str]:
     """Descriptions of the models by name."""
-    return {m.name: m.description for m in MODELS.values()} | {MATRICES: OF_MATRICES}
+    named = {m.name: m.description for m in MODELS.values()}
+    return named | {MATRICES: OF_MATRICES, OF_FILE: f"{OF_A_FILE}: its path in place of the name"}

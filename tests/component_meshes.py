@@ -56,11 +56,11 @@ def box(formulation, cells=(2, 2, 2), lengths=(3.0, 2.0, 2.5), uneven=0.0, seed=
         nodes, elements = with_middles(shape, nodes, elements)
     labels = np.arange(len(elements)) + 101
     return SolidMesh(
-        origin=Path("box.inp"),
         nodes=nodes,
         numbers=np.arange(len(nodes)) + 11,
         blocks=(ElementBlock(formulation, elements, labels),),
         **{
+            "origin": Path("box.inp"),
             "materials": {"S": STEEL},
             "material": np.full(len(elements), "S", dtype=object),
             **more,

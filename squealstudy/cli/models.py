@@ -55,18 +55,16 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
         )
         yield grid("text:option of [model]", "text:default", "text:others", "text:", rows=rows)
         yield ""
-    yield grid(
-        "text:parameter", "text:default", "text:unit", "text:", rows=_parameters(model, options)
-    )
+    yield grid("text:parameter", "text:default", "text:unit", "text:", rows=_parameters(model))
     if modes:
         yield ""
         titles = ("text:DOF", "text:free-free modes, Hz (number: frequency, rigid ones first)")
         yield grid("text:component", *titles, rows=_components(model.component_modes()))
 
 
-def _parameters(model: Model, options: pd.DataFrame) -> Iterator[list[str]]:
+def _parameters(model: Model) -> Iterator[list[str]]:
     for name, row in model.parameters.iterrows():
-        note = " (new reduction)" if row["structural"] and "mesh" in options.index else ""
+        note = " (new reduction)" if row["structural"] and model.definition.meshed else ""
         note += f"; with {row['laws']}" if row["laws"] else ""
         yield [str(name), f"{row['default']:g}", row["unit"] or "-", row["description"] + note]
     for name, default, text in MODE_PARAMETERS:

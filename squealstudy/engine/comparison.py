@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from squealstudy.engine.manifest import model_of
 from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
-from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.tables.comparison import compare
@@ -31,6 +31,12 @@ def compare_results(first: Results, second: Results) -> pd.DataFrame:
         raise ResultsError(
             f"{frequency.directory} is of model '{models[0]}', {transient.directory} of "
             f"'{models[1]}': expected two studies of one model"
+        )
+    files = [r.manifest.get("model_file", {}).get("files") for r in (frequency, transient)]
+    if files[0] != files[1]:
+        raise ResultsError(
+            f"{frequency.directory} and {transient.directory} are of model files that differ, or "
+            "whose meshes do: expected two studies of one model"
         )
     one, two = (r.manifest.get("options", {}) for r in (frequency, transient))
     odd = sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k))
@@ -67,7 +73,7 @@ def in_order(first: Results, second: Results) -> tuple[Results, Results]:
 
 def _elsewhere(results: Results, name: str) -> float:
     """The value at which a study ran that neither sweeps nor sets the parameter."""
-    model = MODELS[str(results.manifest["model"])]
+    model = model_of(results.manifest)
     parameter = parse_parameter(name, model)
     values = model.defaults(version_of(results.manifest)) | results.manifest["nominal"]
     if isinstance(parameter, ModeParameter) and not parameter.component:  # instead of the uniform

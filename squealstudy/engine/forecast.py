@@ -17,6 +17,7 @@ from squealstudy.engine.model_kind import ModelKind, build_structure, build_task
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import peak_memory_mb
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.root_pairs import LIGHT_DAMPING
@@ -167,6 +168,8 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
     mesh = str(plan.study.options.get(MESH_OPTION, ""))
     if mesh not in FINER:
         what = f"there is no finer mesh than '{mesh}'" if mesh else "this model has no mesh"
+        if isinstance(plan.study.model, FileDefinition):
+            what = "its meshes are files; a finer one is another model file"
         raise SquealstudyError(f"the error of the mesh cannot be told: {what}")
     options = {**plan.study.options, MESH_OPTION: FINER[mesh]}
     finer_plan = Plan(replace(plan.study, options=options), plan.swept)

@@ -27,6 +27,7 @@ NUMERIC_PACKAGES = (
     "motion",
     "laboratory",
     "root_pairs.py",
+    "study/components.py",
     "study/design.py",
     "study/family.py",
     "study/parameters.py",

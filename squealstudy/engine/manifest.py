@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,14 @@ from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import LOCK, read_manifest, version_of
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ModelError, ResultsError
 from squealstudy.machine import HeldError, cores, lock
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.components.definition import NAME, FileDefinition
 from squealstudy.models.operating import SLIDING_SPEED
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.parameter import Parameter
 
 PACKAGES = (
     "numpy",
@@ -79,6 +83,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "study": study.source.text,
+        **_model_file(study.model),
     }
 
 
@@ -90,6 +95,36 @@ def _rotation(plan: Plan) -> dict[str, Any]:
         return {}
     speed = values[SLIDING_SPEED.name] / radius
     return {"rotation": {"effective_radius": radius, "rotation_speed": speed}}
+
+
+def _model_file(model: ModelDefinition) -> dict[str, Any]:
+    """Of a model of a file what the catalogue says of others."""
+    if not isinstance(model, FileDefinition):
+        return {}
+    content = {
+        "path": model.path,
+        "files": list(model.files),
+        "defaults": model.defaults(),
+        "components": list(model.components),
+    }
+    return {"model_file": content}
+
+
+def model_of(manifest: Mapping[str, Any]) -> ModelDefinition:
+    """The model of results: its parameters, their defaults, its components."""
+    found = manifest.get("model_file")
+    if found is None:
+        return MODELS[str(manifest["model"])]
+    parameters = tuple(Parameter(n, float(v), "", "") for n, v in found["defaults"].items())
+    components = tuple(found["components"])
+    return FileDefinition(NAME, "", (), parameters, components, _not_built, path=found["path"])
+
+
+def _not_built(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, float],  # noqa: ARG001
+) -> Assembly:
+    raise ModelError("results do not hold the files of their model")
 
 
 def check_owner(

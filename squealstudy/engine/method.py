@@ -110,7 +110,7 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
         return exact, f"{scope.single} needs the real modes of each point"
     if study.definition.design.type == "boundary":
         return exact, "a boundary design has few points"
-    if scope.reduced and "mesh" not in study.options:
+    if scope.reduced and not study.model.meshed:
         return exact, "a model of few degrees of freedom"
     if not scope.varied:
         return exact, "nothing varies that a basis could serve"

@@ -14,6 +14,7 @@ from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.engine.method import RungChoice, choose_method
 from squealstudy.errors import StudyFileError
 from squealstudy.extensions import in_models
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -184,8 +185,11 @@ class Plan:
             return self.family_key
         s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
+        model = self.study.model
+        files = {"files": model.files} if isinstance(model, FileDefinition) else {}
         return content_hash(
             {
+                **files,
                 "source": [source_hash(STRUCTURE_SOURCES), *in_models(self.study.extensions)],
                 "model": self.study.model.name,
                 "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
@@ -337,7 +341,7 @@ class Plan:
 
 def has_mesh(study: ResolvedStudy) -> bool:
     """Whether the model is a finite-element one, to be reduced."""
-    return "mesh" in study.options
+    return study.model.meshed
 
 
 def checked_points(plan: Plan) -> list[int]:

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from squealstudy.engine.files import write_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.catalogue import MODELS, model_names
+from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
@@ -74,6 +75,11 @@ def study_text(name: str, kind: str, model: str) -> str:
         raise SquealstudyError(
             f"model '{MATRICES}' is made of files that only its study names: "
             f"'squealstudy models {MATRICES}' shows what to write"
+        )
+    if model == OF_FILE:
+        raise SquealstudyError(
+            f"model '{OF_FILE}' is what a model file describes: begin with a study of another "
+            'model and write file = "..." in place of its name'
         )
     if model not in MODELS:
         raise SquealstudyError(

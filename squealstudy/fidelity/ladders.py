@@ -22,6 +22,7 @@ REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
 FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
+CONTACT_POINTS_OPTION = "contact_points"  # of [model]
 TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
 LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
@@ -80,7 +81,7 @@ def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
         ladders[SLOPE] = _saturations(study)
     if has_mesh(study) and section.representation == "modal":
         ladders[BASIS] = _bases(study)
-        if not section.continued:
+        if not section.continued and CONTACT_POINTS_OPTION in study.options:
             ladders[CONTACT] = _contact_points()
     return ladders
 
@@ -127,6 +128,6 @@ def _saturations(study: ResolvedStudy) -> Ladder:
 
 def _contact_points() -> Ladder:
     return tuple(
-        Setting(f"{n} x {n} contact points a facet", {"model.contact_points": n})
+        Setting(f"{n} x {n} contact points a facet", {f"model.{CONTACT_POINTS_OPTION}": n})
         for n in CONTACT_POINTS
     )

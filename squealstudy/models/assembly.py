@@ -30,13 +30,16 @@ class Component:
     M, K : csr_matrix (n, n)
         Mass [kg], positive definite, and elastic stiffness [N/m], positive semi-definite.
     coordinates : ndarray (n_nodes, 3)
-        Node coordinates, m; n = 3 n_nodes where there are any, empty for minimal models.
+        Node coordinates, m; empty for minimal models.
     correspondence : csr_matrix (s, n) or None
         Rows that observe the same places of the component whatever the values of the model's
         parameters, weighted by the square root of the mass that each stands for: mode shapes of
         two structures are compared there. None: the degrees of freedom themselves.
     cells : ComponentCells or None
         Of a meshed component, for pictures of its shapes.
+    dofs : ndarray (n,) of int or None
+        Which of 3 * node + axis each degree of freedom is, ascending, where some are held; None:
+        there are all of them.
 
     Raises
     ------
@@ -50,6 +53,7 @@ class Component:
     coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     correspondence: sp.csr_matrix | None = None
     cells: ComponentCells | None = None
+    dofs: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -64,7 +68,8 @@ class Component:
             raise ModelError(
                 f"component '{self.name}': its correspondence does not have {self.n_dof} columns"
             )
-        if len(self.coordinates) and 3 * len(self.coordinates) != self.n_dof:
+        expected = 3 * len(self.coordinates) if self.dofs is None else len(self.dofs)
+        if len(self.coordinates) and expected != self.n_dof:
             raise ModelError(
                 f"component '{self.name}': {len(self.coordinates)} nodes do not match "
                 f"{self.n_dof} degrees of freedom"
@@ -84,10 +89,14 @@ class Component:
 
     @property
     def mass(self) -> float:
-        """Total mass [kg], from a unit translation along x (3-D components)."""
-        t = np.zeros(self.n_dof)
-        t[::3] = 1.0
+        """Mass [kg] that moves in a unit translation along x (3-D components)."""
+        t = (self.places % 3 == 0).astype(float)
         return float(t @ (self.M @ t))
+
+    @property
+    def places(self) -> np.ndarray:
+        """3 * node + axis of each degree of freedom (n,) (3-D components)."""
+        return np.arange(self.n_dof) if self.dofs is None else self.dofs
 
 
 def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:

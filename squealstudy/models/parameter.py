@@ -87,6 +87,10 @@ class ModelChange:
     defaults: Mapping[str, float] = field(default_factory=dict)
 
 
+def _nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
+    return None
+
+
 @dataclass(frozen=True)
 class ModelDefinition:
     """A model of the catalogue: how it is named, varied and built.
@@ -123,7 +127,7 @@ class ModelDefinition:
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
     vanishing: Callable[[Mapping[str, float]], tuple[str, str] | None] = field(
-        default=lambda values: None, kw_only=True
+        default=_nothing_vanishes, kw_only=True
     )
     torque_unit: str = field(default="N", kw_only=True)
     effective_radius: Callable[[Mapping[str, str | int], Mapping[str, float]], float | None] = (
@@ -153,6 +157,11 @@ class ModelDefinition:
                     )
                 known.setdefault(parameter.name, mine)
         return tuple(known.values())
+
+    @property
+    def meshed(self) -> bool:
+        """Whether it is a finite-element model, to be reduced."""
+        return any(option.name == "mesh" for option in self.options)
 
     @property
     def energy_parts(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from squealstudy.study.parameters import (
     did_you_mean,
     parse_parameter,
 )
-from squealstudy.study.sections import ModelSection, StudyDefinition
+from squealstudy.study.sections import OF_FILE, ModelSection, StudyDefinition
 from squealstudy.study.source import (
     SourceText,
     changed,
@@ -215,6 +215,10 @@ def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
     from squealstudy.study.family import family_of
 
     name = definition.model.name
+    if name == OF_FILE:
+        from squealstudy.study.components import model_of_file  # imports scikit-fem
+
+        return model_of_file(definition, source)
     if name not in model_names():
         raise source.error(
             ("model", "name"),

@@ -23,7 +23,9 @@ MOST_POINTS = 100_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
 QUANTITY = ("number", "string")  # in the JSON Schema: a value of a parameter
-BANDS = {"disc_brake": (500.0, 8000.0)}  # Hz; of other models the field's default
+OF_FILE = "components"  # name of a model that a file describes
+# Hz; of other models the field's default
+BANDS = {"disc_brake": (500.0, 8000.0), OF_FILE: (500.0, 8000.0)}
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 DURATION = re.compile(r"\s*([0-9.]+)\s*(s|min|h)\s*")
 
@@ -118,6 +120,12 @@ class ModelSection(Section):
     model_config = ConfigDict(extra="allow")  # which options there are is the catalogue's to say
 
     name: str = Field(description="model of the catalogue; 'squealstudy models' lists them")
+    file: str | None = Field(
+        default=None,
+        min_length=1,
+        description="model file of a brake of one's own, relative to the study file; instead of a "
+        "name",
+    )
     term: Annotated[tuple[TermSection, ...], Strict(False)] = Field(
         default=(), description="summands of the mass, damping and stiffness (matrices only)"
     )
@@ -126,6 +134,15 @@ class ModelSection(Section):
         description="where the files of the terms are, relative to the study file or absolute; "
         "$SQUEALSTUDY_DATA replaces it (matrices only)",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_by_its_file(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "file" not in data:
+            return data
+        if data.get("name", OF_FILE) != OF_FILE:
+            raise ValueError("expected the name of a model of the catalogue, or a file; not both")
+        return {**data, "name": OF_FILE}
 
     @property
     def options(self) -> dict[str, Any]:
@@ -380,7 +397,7 @@ class StudyDefinition(Section):
         """The band of the model and the basis of the kind, where the file gives none."""
         if not isinstance(data, dict):
             return data
-        name = _inside(data, "model", "name")
+        name = OF_FILE if _inside(data, "model", "file") else _inside(data, "model", "name")
         given: dict[str, Any] = {k: dict(v) for k, v in cls.other_defaults.items()}
         if isinstance(name, str) and name in BANDS:
             given["modes"] = {"band": BANDS[name]}

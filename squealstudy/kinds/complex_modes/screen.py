@@ -10,6 +10,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
+from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.screen import Rows, grid, notes
@@ -48,6 +49,7 @@ BOUNDS = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}
 EXACT = 1e-9  # relative error of a method below which nothing is left to check
 SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
+OTHER_MESH = "; the error of the mesh is not in it"
 OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
 
 Row = dict[Hashable, Any]
@@ -263,7 +265,7 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
     asked = manifest.get("reference", [])
     checks = [c for c in asked if c.get("status") == "ok"]
     other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
-    meshed = "mesh" in manifest.get("options", {})
+    meshed = manifest["model"] == OF_FILE or "mesh" in manifest.get("options", {})
     other += " of the same mesh" if meshed else ""
     if not asked:
         failed = ", or those points failed" if manifest["n_failed"] else ""
@@ -277,12 +279,13 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
     if not compared:
         return f"not known: {other} has no mode of damping < 5 % to compare with, at {points}"
     points = plural(len(compared), "point")
+    of_mesh = OF_MESH if "mesh" in manifest.get("options", {}) else OTHER_MESH if meshed else ""
     frequency = max(c["frequency_error"] for c in compared)
     damping = max(c["damping_error"] for c in compared)
     missed = sum(c["missed_modes"] for c in compared)
     return (
         f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of damping < 5 % against {other} at {points}{OF_MESH if meshed else ''}"
+        f"modes of damping < 5 % against {other} at {points}{of_mesh}"
     )
 
 

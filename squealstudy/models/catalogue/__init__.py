@@ -6,6 +6,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from squealstudy.extensions import note_registered
+from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 
@@ -14,15 +15,15 @@ MODELS: dict[str, ModelDefinition] = {}
 
 def register_model(model: ModelDefinition) -> None:
     """Add a model; ValueError where another one has its name."""
-    if model.name == MATRICES or MODELS.get(model.name, model) != model:
+    if model.name in (MATRICES, OF_FILE) or MODELS.get(model.name, model) != model:
         raise ValueError(f"there is a model '{model.name}' already")
     MODELS[model.name] = model
     note_registered(model.build.__module__, in_models=True)
 
 
 def model_names() -> tuple[str, ...]:
-    """Names of all models; a family of matrices is what its study file makes of it."""
-    return (*MODELS, MATRICES)
+    """Names of all models; two are what a study file or a model file makes of them."""
+    return (*MODELS, MATRICES, OF_FILE)
 
 
 def _read_folder() -> None:

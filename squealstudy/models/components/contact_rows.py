@@ -147,11 +147,11 @@ def contact_rows(
     if kind == "sliding":
         if rotation is None:
             raise ModelError(f"contact of {slave} on {master}: sliding needs an axis of rotation")
-        along, across, radius = _sliding(pair, rotation, f"contact of {slave} on {master}")
+        along, across, radius = sliding(pair, rotation, f"contact of {slave} on {master}")
         sign = -1.0 if rotor == "master" else 1.0
         frictional = np.ones(n)
     else:
-        along, across = _tangents(opening)
+        along, across = tangents(opening)
         sign, radius, frictional = -1.0, np.zeros(n), np.zeros(n)
     return ContactRows(
         N=relative(opening),
@@ -178,10 +178,13 @@ def contact_interface(parts: Sequence[ContactRows], law: ContactLaw) -> ContactI
     return ContactInterface(N, T, T_perp, area, gap0, radius, law, frictional, points=points)
 
 
-def _sliding(
+def sliding(
     pair: Pair, rotation: Rotation, where: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors along and across sliding (n, 3), and the arm (n,) [m]."""
+    """Unit vectors along and across sliding (n, 3), and the arm (n,) [m].
+
+    Raises ModelError where points do not slide.
+    """
     n = pair.slave.normal
     velocity = rotation.around(pair.slave.points)
     along = velocity - np.sum(velocity * n, axis=1, keepdims=True) * n
@@ -200,7 +203,7 @@ def _sliding(
     return along, turned * np.cross(n, along), size
 
 
-def _tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two unit vectors (n, 3) square to the unit vectors n (n, 3) and to each other."""
     e = np.eye(3)[np.abs(n).argmin(axis=1)]
     one = e - np.sum(e * n, axis=1, keepdims=True) * n

@@ -1,0 +1,253 @@
+"""Components of a model file, read: meshes in SI and placed, matrices on the nodes of a mesh."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.file_materials import changed_material, with_tables
+from squealstudy.models.components.file_matrices import placed_matrices, symmetric
+from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.model_file import (
+    DENSITY,
+    LENGTH,
+    STRESS,
+    ComponentTable,
+    KeyPath,
+    ModelFile,
+    Numbers,
+    PlacedError,
+)
+from squealstudy.models.fem.solid import Isotropic
+
+INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
+LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
+
+
+@dataclass(frozen=True, eq=False)
+class Brake:
+    """A model file with the folder that its paths are relative to.
+
+    Attributes
+    ----------
+    path : Path
+        The model file.
+    file : ModelFile
+    identity : str
+        Hash of it and of all files that it reads; equal for equal brakes.
+    """
+
+    path: Path
+    file: ModelFile
+    identity: str
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Brake) and other.identity == self.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+    def located(self, name: str) -> Path:
+        """A file that it names."""
+        return self.path.parent / name
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A component, read and placed; SI units.
+
+    Attributes
+    ----------
+    name : str
+    mesh : SolidMesh
+        Its nodes and faces, and unless there are matrices its elements' materials.
+    matrices : (K, M) or None
+        Over 3 * node + axis of all nodes of the mesh, where they come from files.
+    held : ndarray (3 n_nodes,) of bool
+        Degrees of freedom that the matrices do not have.
+    """
+
+    name: str
+    mesh: SolidMesh
+    matrices: tuple[sp.csr_matrix, sp.csr_matrix] | None
+    held: np.ndarray
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Coordinates (n, 3), m."""
+        return self.mesh.nodes
+
+
+def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
+    """All files that a model file reads, included ones too, with the keys that name them."""
+    for name, table in file.components.items():
+        for key in ("mesh", "nodes", "K", "M", "dof"):
+            given = getattr(table, key)
+            if given is not None:
+                found = path.parent / given
+                for one in (found, *_included(found, found.parent, ())):
+                    yield ("components", name, key), one
+
+
+def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:
+    """What an .inp includes, to any depth; its reader says what is wrong with it."""
+    if path.suffix.lower() != ".inp" or not path.is_file() or path in above:
+        return
+    for name in INCLUDED.findall(path.read_text(encoding="utf-8", errors="replace")[:LARGEST]):
+        found = folder / name.strip()
+        if found.is_file():
+            yield found
+            yield from _included(found, folder, (*above, path))
+
+
+def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
+    """A mesh in the units of its file, checked."""
+    ending = path.suffix.lower()
+    if ending == ".inp":
+        from squealstudy.models.components.inp import read_inp
+
+        mesh = read_inp(
+            path,
+            table.part,
+            dialect=table.dialect,
+            treat_as=table.treat_as,
+            pass_over=table.pass_over,
+        )
+    elif ending == ".msh":
+        from squealstudy.models.components.gmsh import read_gmsh
+
+        mesh = read_gmsh(path, treat_as=table.treat_as)
+        if table.part is not None:
+            mesh = mesh.part(mesh.find("element_sets", table.part))
+    else:
+        raise ModelError(f"{path}: unknown format '{path.suffix}', expected .inp or .msh")
+    check_mesh(mesh)
+    return mesh
+
+
+@lru_cache(maxsize=64)
+def body_of(brake: Brake, name: str) -> Body:
+    """Read a component; a process reads it once.
+
+    Raises
+    ------
+    PlacedError
+        With the key of the file that cannot be used, or of the placement that is none.
+    """
+    table = brake.file.components[name]
+    key = "mesh" if table.mesh is not None else "nodes"
+    place: KeyPath = ("components", name, key)
+    try:
+        mesh = read_mesh(brake.located(str(getattr(table, key))), table)
+    except PlacedError:
+        raise
+    except ModelError as error:
+        raise PlacedError(place, str(error)) from error
+    mesh = _in_si(mesh, brake.file.units)
+    mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
+    turn, shift = placement(name, table, brake.file.units)
+    matrices, held = None, np.zeros(3 * len(mesh.nodes), dtype=bool)
+    if table.mesh is None:
+        matrices, held = placed_matrices(
+            brake.path.parent, brake.file.units, name, table, mesh, turn
+        )
+    return Body(name, _moved(mesh, turn, shift), matrices, held)
+
+
+def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray, np.ndarray]:
+    """Turn (3, 3) and shift (3,) [m] of a component: a point x goes to turn x + shift."""
+    size = LENGTH.factor(units)
+    shift = np.array(table.translate) * size
+    if table.rotate is None:
+        return np.eye(3), shift
+    axis = np.array(table.rotate.axis)
+    if not np.linalg.norm(axis) > 0:
+        raise PlacedError(("components", name, "rotate", "axis"), "expected a direction, got zeros")
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.deg2rad(table.rotate.angle)
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    turn[np.abs(turn) < 1e-15] = 0.0  # of quarter turns
+    point = np.array(table.rotate.point) * size
+    return turn, shift + point - turn @ point
+
+
+def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
+    size, stress, density = (d.factor(units) for d in (LENGTH, STRESS, DENSITY))
+    materials: dict[str, Elastic] = {}
+    for name, m in mesh.materials.items():
+        if isinstance(m, Isotropic):
+            materials[name] = replace(
+                m, young_modulus=stress * m.young_modulus, density=density * m.density
+            )
+        else:
+            entries = tuple(stress * e for e in m.entries)
+            materials[name] = replace(m, entries=entries, density=density * m.density)
+    grown = size * np.eye(3)
+    orientations = {n: o.moved(grown, np.zeros(3)) for n, o in mesh.orientations.items()}
+    return replace(mesh, nodes=size * mesh.nodes, materials=materials, orientations=orientations)
+
+
+def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
+    """The placed mesh; its material axes turn with it, the global ones of no orientation too."""
+    orientations = {name: o.moved(turn, shift) for name, o in mesh.orientations.items()}
+    orientation = mesh.orientation
+    if not np.array_equal(turn, np.eye(3)) and any(
+        isinstance(m, Orthotropic) for m in mesh.materials.values()
+    ):
+        as_written = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        orientations["PLACED"] = as_written.moved(turn, np.zeros(3))
+        orientation = np.where(orientation == "", "PLACED", orientation).astype(object)
+    return replace(
+        mesh,
+        nodes=mesh.nodes @ turn.T + shift,
+        orientations=orientations,
+        orientation=orientation,
+    )
+
+
+def body_matrices(
+    brake: Brake, name: str, given: Mapping[KeyPath, float]
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """K and M (3 n, 3 n) of a component with values of its materials in SI, by keys of the file.
+
+    Raises
+    ------
+    ModelError
+        Values that no material can have.
+    """
+    own = tuple((k, v) for k, v in given.items() if k[:2] == ("components", name))
+    return _body_matrices(brake, name, own)
+
+
+@lru_cache(maxsize=16)
+def _body_matrices(
+    brake: Brake, name: str, given: tuple[tuple[KeyPath, float], ...]
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    body = body_of(brake, name)
+    if body.matrices is not None:
+        return body.matrices
+    mesh = body.mesh
+    materials = dict(mesh.materials)
+    for label in dict.fromkeys(str(k[3]) for k, _ in given):
+        if label not in materials:
+            listed = ", ".join(materials)
+            raise ModelError(f"component {name} has no material '{label}'; it has {listed}")
+        values = {k[4:]: v for k, v in given if k[3] == label}
+        materials[label] = changed_material(materials[label], values, label)
+    mesh = replace(mesh, materials=materials)
+    try:
+        K, M = stiffness_matrix(mesh), mass_matrix(mesh, brake.file.components[name].mass)
+    except ModelError as error:
+        raise PlacedError(("components", name), str(error)) from error
+    return symmetric(K), symmetric(M)

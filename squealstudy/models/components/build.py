@@ -1,0 +1,266 @@
+"""The assembly of a model file: components, contact, layers, springs, held freedoms, load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.laws import ContactLaw
+from squealstudy.models.assembly import (
+    Assembly,
+    Component,
+    ContactInterface,
+    SpringInterface,
+    expand_rows,
+)
+from squealstudy.models.components.bodies import Body, Brake, body_matrices
+from squealstudy.models.components.contact_rows import (
+    ContactRows,
+    contact_interface,
+    contact_rows,
+    tangents,
+)
+from squealstudy.models.components.facets import facets
+from squealstudy.models.components.geometry import LAYER_POINTS, Geometry, between, geometry_of
+from squealstudy.models.components.model_file import (
+    GROUND,
+    KeyPath,
+    Numbers,
+    PlacedError,
+)
+from squealstudy.models.components.pairs import Pair
+from squealstudy.models.fem.sampling import Surface
+
+COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
+
+
+def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]) -> Assembly:
+    """Assemble a model file.
+
+    Parameters
+    ----------
+    brake : Brake
+    law : ContactLaw
+        The default law of the contact.
+    given : mapping of key -> float
+        Numbers of the file that have other values, SI units.
+
+    Raises
+    ------
+    PlacedError
+        With the key of what is wrong in the file.
+    ModelError
+        Values that no material can have.
+    """
+    geometry = geometry_of(brake)
+    numbers = Numbers(brake.file, given)
+    matrices = {name: body_matrices(brake, name, given) for name in geometry.bodies}
+    kept = {name: np.flatnonzero(~held) for name, held in geometry.held.items()}
+    components = tuple(
+        _component(geometry.bodies[name], *matrices[name], kept[name]) for name in geometry.bodies
+    )
+    columns = np.concatenate([geometry.spans[n].start + kept[n] for n in geometry.bodies])
+    interfaces = _Interfaces(geometry, numbers, columns)
+    contact, ties = interfaces.contact(law)
+    load = interfaces.load()
+    return Assembly(components, contact, (*interfaces.springs(), *ties), load, np.zeros_like(load))
+
+
+def _component(body: Body, K: sp.csr_matrix, M: sp.csr_matrix, kept: np.ndarray) -> Component:
+    whole = len(kept) == K.shape[0]
+    K, M = (A if whole else A[kept][:, kept].tocsr() for A in (K, M))
+    if (M.diagonal() <= 0).any():
+        bad = np.unique(kept[M.diagonal() <= 0] // 3)
+        raise PlacedError(
+            ("components", body.name), f"{body.mesh.nodes_named(bad)}: there is no mass"
+        )
+    return Component(
+        body.name,
+        M,
+        K,
+        coordinates=body.nodes,
+        correspondence=_compared(M),
+        dofs=None if whole else kept,
+    )
+
+
+def _compared(M: sp.csr_matrix) -> sp.csr_matrix:
+    """Rows that observe some degrees of freedom, evenly drawn, with the root of their mass."""
+    n = M.shape[0]
+    some = np.sort(np.random.default_rng(0).permutation(n)[: 3 * COMPARED])
+    weight = np.sqrt(M.diagonal()[some] * (n / len(some)))
+    return sp.csr_matrix((weight, (np.arange(len(some)), some)), shape=(len(some), n))
+
+
+class _Interfaces:
+    """Rows of a brake over the degrees of freedom that are not held."""
+
+    def __init__(self, geometry: Geometry, numbers: Numbers, columns: np.ndarray) -> None:
+        self._g, self._numbers, self._columns = geometry, numbers, columns
+
+    def _kept(self, rows: sp.spmatrix) -> sp.csr_matrix:
+        return rows.tocsr()[:, self._columns]
+
+    def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
+        return self._kept(expand_rows(parts, self._g.spans, self._g.n_dof))
+
+    def _pair_rows(self, number: int, kind: str, found: Pair, names: Sequence[str]) -> ContactRows:
+        """Rows of a pair, held freedoms among them."""
+        slave, master = (name.partition(".")[0] for name in names)
+        rotor = self._g.rotor
+        if kind == "sliding":
+            keys: KeyPath = ("contact", number)
+            if self._g.rotation is None:
+                raise PlacedError(keys, "a sliding contact needs [rotation] with the axis")
+            if rotor not in (None, slave, master):
+                raise PlacedError(
+                    keys,
+                    f"neither {slave} nor {master} is the rotor '{rotor}': expected kind "
+                    '"stuck" or "frictionless"',
+                )
+        return contact_rows(
+            found,
+            slave,
+            master,
+            self._g.spans,
+            self._g.n_dof,
+            kind=kind,
+            rotation=self._g.rotation,
+            rotor="slave" if rotor == slave else "master",
+        )
+
+    def contact(self, law: ContactLaw) -> tuple[ContactInterface, list[SpringInterface]]:
+        """All contact points, and what holds those that are stuck."""
+        parts, ties = [], []
+        for i, (table, found) in enumerate(
+            zip(self._g.file.contact, self._g.contacts, strict=True)
+        ):
+            try:
+                rows = self._pair_rows(i, table.kind, found, (table.slave, table.master))
+            except PlacedError:
+                raise
+            except ModelError as error:
+                raise PlacedError(("contact", i), str(error)) from error
+            parts.append(rows)
+            if table.kind == "stuck":
+                name = self._g.file.name_of("contact", i)
+                tie = rows.ties(name, self._numbers.at("contact", i, "tangential"))
+                ties.append(SpringInterface(name, self._kept(tie.B), tie.stiffness))
+        whole = contact_interface(parts, law)
+        gap = whole.gap0.copy()
+        begins = np.cumsum([0, *(len(p.area) for p in parts)])
+        for key, value in self._numbers.given.items():
+            if key[0] == "contact" and key[2] == "initial_gap":
+                gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = value
+        N, T, T_perp = (self._kept(A) for A in (whole.N, whole.T, whole.T_perp))
+        speed, middle = whole.speed_factor, self._g.effective_radius
+        if middle is not None:
+            speed = np.where(whole.frictional > 0, whole.radius / middle, 1.0)
+        interface = replace(whole, N=N, T=T, T_perp=T_perp, gap0=gap, speed_factor=speed)
+        return interface, ties
+
+    # -- layers and springs ----------------------------------------------------------------------
+    def springs(self) -> list[SpringInterface]:
+        """Of all layers and springs."""
+        layers = [self._layer(i) for i in range(len(self._g.file.layer))]
+        return [*layers, *(self._spring(i) for i in range(len(self._g.file.spring)))]
+
+    def _layer(self, number: int) -> SpringInterface:
+        table, found = self._g.file.layer[number], self._g.layers[number]
+        faces = [n for n in table.between if n.casefold() != GROUND]
+        if isinstance(found, Pair):
+            rows = self._pair_rows(number, "frictionless", found, faces)
+            B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
+            area = rows.area
+        else:
+            name = faces[0].partition(".")[0]
+            directions = (found.normal, *tangents(found.normal))
+            B = sp.vstack([self._rows((name, found.observe(d))) for d in directions]).tocsr()
+            area = found.area
+        normal, tangential = (
+            self._numbers.at("layer", number, k) for k in ("normal", "tangential")
+        )
+        stiffness = np.concatenate([k * area for k in (normal, tangential, tangential)])
+        return SpringInterface(table.name, B, stiffness, table.in_static)
+
+    def _spring(self, number: int) -> SpringInterface:
+        table = self._g.file.spring[number]
+        keys: KeyPath = ("spring", number)
+        k = self._numbers.list_at(*keys, "stiffness")
+        one, other = between(table.between, keys)
+        name, points = self._points(one, keys)
+        if other is None:
+            share = points.area / points.area.sum()
+            rows = [self._rows((name, points.observe(d))) for d in self._axes(number, points)]
+            stiffness = np.concatenate([value * share for value in k])
+            return SpringInterface(table.name, sp.vstack(rows).tocsr(), stiffness, table.in_static)
+        other_name, others = self._points(other, keys)
+        centre = np.average(
+            np.vstack([points.points, others.points]),
+            axis=0,
+            weights=np.concatenate([p.area / p.area.sum() for p in (points, others)]),
+        )
+        rows = []
+        for d in self._directions(number, centre[None]):
+            means = [
+                sp.csr_matrix(p.area / p.area.sum()) @ p.observe(d[0]) for p in (points, others)
+            ]
+            rows.append(self._rows((name, means[0]), (other_name, -means[1])))
+        return SpringInterface(table.name, sp.vstack(rows).tocsr(), np.array(k), table.in_static)
+
+    def _points(self, reference: str, keys: KeyPath) -> tuple[str, Surface]:
+        """Points of a set: of its facets, or its nodes where it has none."""
+        place = (*keys, "between")
+        name, nodes = self._g.nodes(reference, place)
+        body = self._g.bodies[name]
+        label = reference.partition(".")[2]
+        try:
+            facets(body.mesh, label)
+        except ModelError:
+            ones = np.ones(len(nodes))
+            shape = sp.csr_matrix(
+                (ones, (np.arange(len(nodes)), nodes)), (len(nodes), len(body.nodes))
+            )
+            return name, Surface(
+                body.nodes[nodes], ones, np.tile([0.0, 0.0, 1.0], (len(nodes), 1)), shape
+            )
+        return name, self._g.face(reference, place)[1].gauss_points(LAYER_POINTS)[0]
+
+    def _axes(self, number: int, surface: Surface) -> list[np.ndarray]:
+        return self._directions(number, surface.points)
+
+    def _directions(self, number: int, points: np.ndarray) -> list[np.ndarray]:
+        """Three directions (n, 3) at points (n, 3)."""
+        if self._g.file.spring[number].axes == "cartesian":
+            return [np.tile(e, (len(points), 1)) for e in np.eye(3)]
+        keys: KeyPath = ("spring", number, "axes")
+        rotation = self._g.rotation
+        if rotation is None:
+            raise PlacedError(keys, "cylindrical axes need [rotation] with the axis")
+        around = rotation.around(points)
+        size = np.linalg.norm(around, axis=1, keepdims=True)
+        if not (size > 1e-9 * np.abs(points - rotation.point).max()).all():
+            raise PlacedError(keys, "a point of the set lies on the axis of rotation")
+        around = around / size
+        axial = np.tile(rotation.direction, (len(points), 1))
+        return [np.cross(around, axial), around, axial]
+
+    # -- load ------------------------------------------------------------------------------------
+    def load(self) -> np.ndarray:
+        """Forces (n_dof,) of a unit brake pressure, N/Pa."""
+        total = np.zeros(len(self._columns))
+        for i, table in enumerate(self._g.file.load):
+            area = self._numbers.at("load", i, "area")
+            sides = zip(self._g.loads[i], (table.pressure_on, table.reaction_on), strict=True)
+            for surface, reference in sides:
+                if surface is not None and reference is not None:
+                    share = area * surface.area / surface.area.sum()
+                    rows = self._rows(
+                        (reference.partition(".")[0], surface.observe(-surface.normal))
+                    )
+                    total += rows.T @ share
+        return total

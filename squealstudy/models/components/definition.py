@@ -1,0 +1,33 @@
+"""A model that a file describes, as a study sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from squealstudy.models.parameter import ModelDefinition
+
+NAME = "components"
+DESCRIPTION = (
+    "a brake of one's own: meshes or matrices, contact, layers and springs of a model file"
+)
+
+
+@dataclass(frozen=True)
+class FileDefinition(ModelDefinition):
+    """A model file, read, with all that it names checked.
+
+    Attributes
+    ----------
+    path : str
+        Of the model file.
+    files : tuple of str
+        Hashes of the model file and of every file that it reads, included ones too.
+    """
+
+    path: str = ""
+    files: tuple[str, ...] = ()
+
+    @property
+    def meshed(self) -> bool:
+        """It is always a finite-element model."""
+        return True

@@ -1,0 +1,236 @@
+"""What of a model file does not depend on stiffnesses: bodies, faces, and where these meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bodies import Brake, body_of
+from squealstudy.models.components.contact_rows import Rotation, sliding
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.facets import facets
+from squealstudy.models.components.mesh import has_name
+from squealstudy.models.components.model_file import GROUND, LENGTH, KeyPath, PlacedError
+from squealstudy.models.components.pairs import Pair, pair
+from squealstudy.models.fem.sampling import Surface
+
+LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
+REACH = 0.5  # of the size of a facet: how far the faces of a layer may be apart
+LAYER_POINTS = 3  # a side of a facet
+
+
+class Geometry:
+    """What does not depend on stiffnesses: bodies, their faces, and which of these meet.
+
+    Parameters
+    ----------
+    brake : Brake
+
+    Attributes
+    ----------
+    bodies : dict of str -> Body
+        In the order of the file.
+    spans : dict of str -> slice
+        Of each body among all degrees of freedom, held ones too.
+    n_dof : int
+    held : dict of str -> ndarray of bool
+        Degrees of freedom that are held, by the matrices' files or by the model file.
+    rotation : Rotation or None
+    contacts : list of Pair
+        Of each contact of the file.
+    layers : list of Surface or Pair
+        Of each layer of the file; Surface where it is to ground.
+    loads : list of (Surface, Surface or None)
+    """
+
+    def __init__(self, brake: Brake) -> None:
+        self.brake, self.file = brake, brake.file
+        self.bodies = {name: body_of(brake, name) for name in self.file.components}
+        ends = np.cumsum([0, *(3 * len(b.nodes) for b in self.bodies.values())])
+        self.spans = {
+            name: slice(int(a), int(b))
+            for name, a, b in zip(self.bodies, ends, ends[1:], strict=False)
+        }
+        self.n_dof = int(ends[-1])
+        self.rotation = self._rotation()
+        self.contacts = [self._contact(i) for i in range(len(self.file.contact))]
+        self.layers = [self._layer(i) for i in range(len(self.file.layer))]
+        self.loads = [self._load(i) for i in range(len(self.file.load))]
+        self.held = {name: body.held.copy() for name, body in self.bodies.items()}
+        for i, fixed in enumerate(self.file.fixed):
+            name, nodes = self.nodes(fixed.set, ("fixed", i, "set"))
+            for direction in fixed.dofs:
+                self.held[name][3 * nodes + direction - 1] = True
+
+    # -- names of the file -----------------------------------------------------------------------
+    def split(self, reference: str, keys: KeyPath) -> tuple[str, str]:
+        """Component and set of ``COMPONENT.SET``; PlacedError where there is no such thing."""
+        name, dot, label = reference.partition(".")
+        if not dot or not label:
+            raise PlacedError(keys, f"expected COMPONENT.SET, got '{reference}'")
+        if name not in self.bodies:
+            known = tuple(self.bodies)
+            listed = ", ".join(known)
+            raise PlacedError(
+                keys, f"there is no component '{name}'; there is {listed}", name, known
+            )
+        mesh = self.bodies[name].mesh
+        if not (has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label)):
+            sets = tuple(sorted({*mesh.surfaces, *mesh.node_sets}))
+            listed = f"it has {', '.join(sets)}" if sets else "it has no sets at all"
+            raise PlacedError(
+                keys,
+                f"{name} ({mesh.origin.name}) has no surface or node set '{label}'; {listed}",
+                label,
+                sets,
+            )
+        return name, label
+
+    def face(self, reference: str, keys: KeyPath) -> tuple[str, Facets]:
+        """Component and facets of a face."""
+        name, label = self.split(reference, keys)
+        body = self.bodies[name]
+        try:
+            blocks = tuple(group.nodes for group in facets(body.mesh, label))
+            found = Facets(body.nodes, blocks, reference)
+        except ModelError as error:
+            raise PlacedError(keys, str(error)) from error
+        used = np.unique(np.concatenate([b.ravel() for b in blocks]))
+        lost = used[body.held.reshape(-1, 3)[used].all(axis=1)]
+        if len(lost):
+            raise PlacedError(
+                keys,
+                f"the matrices of {name} have no rows for {body.mesh.nodes_named(lost)} of "
+                f"{reference}: is {self.file.components[name].dof} their DOF map?",
+            )
+        return name, found
+
+    def nodes(self, reference: str, keys: KeyPath) -> tuple[str, np.ndarray]:
+        """Component and nodes of a set."""
+        name, label = self.split(reference, keys)
+        return name, self.bodies[name].mesh.node_set(label)
+
+    # -- where faces meet ------------------------------------------------------------------------
+    def _rotation(self) -> Rotation | None:
+        table = self.file.rotation
+        if table is None:
+            return None
+        try:
+            point = np.array(table.point) * LENGTH.factor(self.file.units)
+            return Rotation(point, np.array(table.axis))
+        except ModelError as error:
+            raise PlacedError(("rotation",), str(error)) from error
+
+    def _contact(self, number: int) -> Pair:
+        table = self.file.contact[number]
+        keys: KeyPath = ("contact", number)
+        _, slave = self.face(table.slave, (*keys, "slave"))
+        _, master = self.face(table.master, (*keys, "master"))
+        size = LENGTH.factor(self.file.units)
+        gap = table.initial_gap
+        try:
+            found = pair(
+                slave,
+                master,
+                search=table.search * size,
+                quadrature=table.quadrature,
+                initial_gap=gap if isinstance(gap, str) else gap * size,
+                points_per_side=table.points,
+            )
+        except ModelError as error:
+            raise PlacedError(keys, str(error)) from error
+        self._check_reach(found, keys, table.slave, table.master, table.search)
+        return found
+
+    def _check_reach(
+        self, found: Pair, keys: KeyPath, slave: str, master: str, search: float
+    ) -> None:
+        """Raise PlacedError where two faces hardly meet."""
+        if found.in_reach >= LEAST_IN_REACH:
+            return
+        size = LENGTH.factor(self.file.units)
+        unit = "m" if self.file.units == "SI" else "mm"
+        low, high = (g / size for g in found.gap_range)
+        raise PlacedError(
+            keys,
+            f"{100 * found.in_reach:.0f} % of {slave} lies within {search:g} {unit} of {master} "
+            f"(gap {low:.4g} to {high:.4g} {unit}): is a part placed wrongly, or search too small?",
+        )
+
+    def _layer(self, number: int) -> Surface | Pair:
+        table = self.file.layer[number]
+        keys: KeyPath = ("layer", number)
+        one, other = between(table.between, keys)
+        _, slave = self.face(one, (*keys, "between"))
+        if other is None:
+            return slave.gauss_points(LAYER_POINTS)[0]
+        _, master = self.face(other, (*keys, "between"))
+        size = LENGTH.factor(self.file.units)
+        search = REACH * float(slave.radii.mean()) if table.search is None else table.search * size
+        try:
+            found = pair(slave, master, search=search, quadrature=table.quadrature)
+        except ModelError as error:
+            raise PlacedError(keys, str(error)) from error
+        self._check_reach(found, keys, one, other, search / size)
+        return found
+
+    def _load(self, number: int) -> tuple[Surface, Surface | None]:
+        table = self.file.load[number]
+        keys: KeyPath = ("load", number)
+        _, pressed = self.face(table.pressure_on, (*keys, "pressure_on"))
+        surface = pressed.gauss_points(LAYER_POINTS)[0]
+        if table.reaction_on is None:
+            return surface, None
+        _, back = self.face(table.reaction_on, (*keys, "reaction_on"))
+        if table.reaction == "spread":
+            return surface, back.gauss_points(LAYER_POINTS)[0]
+        search = REACH * float(pressed.radii.mean())
+        try:
+            found = pair(pressed, back, search=search, quadrature="gauss")
+        except ModelError as error:
+            raise PlacedError(keys, str(error)) from error
+        size = LENGTH.factor(self.file.units)
+        self._check_reach(found, keys, table.pressure_on, table.reaction_on, search / size)
+        return found.slave, found.master
+
+    @cached_property
+    def effective_radius(self) -> float | None:
+        """Radius [m] that the imposed speed is of; None where all points slide at one speed."""
+        table, rotation = self.file.rotation, self.rotation
+        if table is None or rotation is None or table.uniform:
+            return None
+        if table.effective_radius is not None:
+            return table.effective_radius * LENGTH.factor(self.file.units)
+        arms, areas = [], []
+        for i, (contact, found) in enumerate(zip(self.file.contact, self.contacts, strict=True)):
+            if contact.kind == "sliding":
+                try:
+                    arms.append(sliding(found, rotation, f"{contact.slave} on {contact.master}")[2])
+                except ModelError as error:
+                    raise PlacedError(("contact", i), str(error)) from error
+                areas.append(found.slave.area)
+        if not arms:
+            return None
+        return float(np.average(np.concatenate(arms), weights=np.concatenate(areas)))
+
+    @property
+    def rotor(self) -> str | None:
+        """The component that turns, where the file names it."""
+        return None if self.file.rotation is None else self.file.rotation.rotor
+
+
+@lru_cache(maxsize=4)
+def geometry_of(brake: Brake) -> Geometry:
+    """The geometry of a model file; a process makes it once."""
+    return Geometry(brake)
+
+
+def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
+    """A set and another one, None in place of ground; PlacedError where both are ground."""
+    found = [name for name in names if name.casefold() != GROUND]
+    if not found:
+        raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")
+    return found[0], found[1] if len(found) > 1 else None
