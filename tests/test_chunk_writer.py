@@ -59,12 +59,19 @@ def test_no_row_waits_for_five_seconds(tmp_path: Path) -> None:
         assert written(store) == [1, 3]
 
 
+def broken_off(store: Store, error: BaseException | None) -> None:
+    """Seven rows are finished, then an error."""
+    with ChunkWriter(store, Clock()) as writer:
+        writer.add(found(0, 7))
+        if error is not None:
+            raise error
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MachineError, ValueError])
 def test_what_is_finished_is_kept_whatever_ends_the_run(tmp_path: Path, error) -> None:
     store = Store(tmp_path)
-    with pytest.raises(error, match="said"), ChunkWriter(store, Clock()) as writer:
-        writer.add(found(0, 7))
-        raise error("said")
+    with pytest.raises(error, match="said"):
+        broken_off(store, error("said"))
     assert written(store) == [7]
 
 
@@ -73,11 +80,10 @@ def test_the_error_that_ends_a_run_is_told_not_the_one_after_it(tmp_path: Path, 
         raise MachineError("no space")
 
     monkeypatch.setattr(Store, "write_chunk", full)
-    with pytest.raises(KeyboardInterrupt), ChunkWriter(Store(tmp_path), Clock()) as writer:
-        writer.add(found(0, 7))
-        raise KeyboardInterrupt
-    with pytest.raises(MachineError, match="no space"), ChunkWriter(Store(tmp_path)) as writer:
-        writer.add(found(0, 7))
+    with pytest.raises(KeyboardInterrupt):
+        broken_off(Store(tmp_path), KeyboardInterrupt())
+    with pytest.raises(MachineError, match="no space"):
+        broken_off(Store(tmp_path), None)
 
 
 def test_rows_with_files_of_their_own_are_written_with_them(tmp_path: Path) -> None:
