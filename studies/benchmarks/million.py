@@ -1,0 +1,243 @@
+"""What a study of many design points costs beside its solving, and how that grows.
+
+    python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--copied] [--png FILE]
+
+For each number of points a grid of Hulten's model (two degrees of freedom, friction and sliding
+speed) is checked, run, and run again when it is finished, each in a process of its own: seconds and
+peak memory of `check`; seconds until the first point is solved; processor time of the parent a
+point until the last one is solved (planning, ids, storing; all points go to workers); peak memory
+of parent and largest worker by phase; seconds after the last point; seconds and memory of the run
+that finds all done. Processor time stands beside seconds, for machines that are not idle. With
+`--copied` most points are copies (million_kind.py), for machines without the time: solving is then
+no part of the figures, which it is not meant to be. `--png` draws the growth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import one_thread  # noqa: F401
+
+# isort: split
+
+import psutil
+
+STUDY = """
+[study]
+name = "million"
+kind = "{kind}"
+{extensions}
+[model]
+name = "hulten"
+[parameters]
+damping_ratio = 0.001
+[design]
+limit = 1_000_000_000
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.9
+num = {friction}
+[[sweep]]
+parameter = "sliding_speed"
+start = 0.1
+stop = 2.0
+num = {speed}
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+refine_tracking = false
+refine_onsets = false
+"""
+FIGURES = {  # name of a figure -> its title and the limit that is asked for at a million points
+    "check_s": ("check, s", 3.0),
+    "check_cpu_s": ("check, CPU s", 3.0),
+    "check_mb": ("check, MB", 400.0),
+    "first_point_s": ("to the first point, s", 10.0),
+    "parent_ms": ("planning, ids, storing, CPU-ms a point", 0.3),
+    "points_mb": ("parent until the last point, MB", 1500.0),
+    "worker_mb": ("largest worker, MB", None),
+    "after_s": ("after the last point, s", 60.0),
+    "after_mb": ("parent after the last point, MB", 1500.0),
+    "resume_s": ("run again when finished, s", 10.0),
+    "resume_cpu_s": ("run again when finished, CPU s", 10.0),
+    "resume_mb": ("run again, MB", 1500.0),
+}
+EVERY = 0.05  # s between looks at memory
+
+
+def study_file(folder: Path, points: int, copied: bool) -> Path:
+    """A study of so many points, in a grid as square as their divisors allow."""
+    friction = next(n for n in range(int(points**0.5), 0, -1) if points % n == 0)
+    kind = Path(__file__).with_name("million_kind.py")
+    text = STUDY.format(
+        kind="copied_modes" if copied else "complex_modes",
+        extensions=f'extensions = ["{kind}"]' if copied else "",
+        friction=friction,
+        speed=points // friction,
+    )
+    path = folder / f"points_{points}.toml"
+    path.write_text(text)
+    return path
+
+
+class Watch:
+    """Progress of a run: when the first and the last point were there, and memory meanwhile."""
+
+    def __init__(self) -> None:
+        self.started, self.first_s, self.last_s = time.perf_counter(), 0.0, 0.0
+        self.cpu_s, self.begun = 0.0, -1
+        self.peaks = {"points": 0.0, "after": 0.0, "workers": 0.0}
+        self.process = psutil.Process()
+        threading.Thread(target=self._look, daemon=True).start()
+
+    def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
+        """What a run tells of its stages."""
+        now = time.perf_counter() - self.started
+        if stage == "design points":
+            self.begun = done if self.begun < 0 else self.begun
+            if done > self.begun and not self.first_s:
+                self.first_s = now
+            if done == total:
+                self.last_s, self.cpu_s = now, time.process_time()
+
+    def _look(self) -> None:
+        while True:
+            phase = "after" if self.last_s else "points"
+            own = self.process.memory_info().rss / 2**20
+            self.peaks[phase] = max(self.peaks[phase], own)
+            for worker in self.process.children():
+                try:
+                    used = worker.memory_info().rss / 2**20
+                except psutil.Error:
+                    continue
+                self.peaks["workers"] = max(self.peaks["workers"], used)
+            time.sleep(EVERY)
+
+
+def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
+    """Run the study in this process; its figures."""
+    from squealstudy.engine.model_kind import ModelKind
+    from squealstudy.engine.runner import run_study
+    from squealstudy.study.definition import load_study
+
+    ModelKind.patience = lambda self, plan: 0.0  # type: ignore[method-assign]
+    watch = Watch()
+    study = load_study(path)
+    report = run_study(study.kind.plan(study), directory, jobs, True, watch)
+    whole = time.perf_counter() - watch.started
+    points = report.manifest["n_points"]
+    if not report.n_solved:
+        peak = max(watch.peaks["points"], watch.peaks["after"])
+        return {"resume_s": whole, "resume_cpu_s": time.process_time(), "resume_mb": peak}
+    return {
+        "first_point_s": watch.first_s,
+        "points_s": watch.last_s,
+        "parent_ms": 1e3 * watch.cpu_s / points,
+        "points_mb": watch.peaks["points"],
+        "worker_mb": watch.peaks["workers"],
+        "after_s": whole - watch.last_s,
+        "after_mb": watch.peaks["after"],
+    }
+
+
+def in_child(*arguments: str) -> dict[str, float]:
+    """Figures that this script finds in a process of its own."""
+    command = [sys.executable, __file__, *arguments]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def check_here(path: Path, directory: Path) -> dict[str, float]:
+    """Figures of `squealstudy check`."""
+    started = time.perf_counter()
+    command = [sys.executable, "-m", "squealstudy", "check", str(path), "-o", str(directory)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "check_s": time.perf_counter() - started,
+        "check_cpu_s": used.ru_utime + used.ru_stime,
+        "check_mb": used.ru_maxrss / 1024,
+    }
+
+
+def measure(folder: Path, points: int, jobs: int, copied: bool) -> dict[str, float]:
+    """All figures of a number of points."""
+    path, directory = study_file(folder, points, copied), folder / f"results_{points}"
+    place = [str(path), str(directory), str(jobs)]
+    found = in_child("--child", "check", *place)
+    found |= in_child("--child", "run", *place)
+    found |= in_child("--child", "run", *place)
+    shutil.rmtree(directory)
+    return found
+
+
+def print_table(found: dict[int, dict[str, float]]) -> None:
+    """A row a figure, a column a number of points."""
+    print(f"{'':42s}" + "".join(f"{n:>12,}" for n in found) + f"{'asked':>10s}")
+    for name, (title, limit) in FIGURES.items():
+        cells = "".join(f"{figures[name]:12.4g}" for figures in found.values())
+        print(f"{title:42s}{cells}" + (f"{limit:10g}" if limit else ""))
+
+
+def draw(found: dict[int, dict[str, float]], path: Path) -> None:
+    """Seconds and memory over the number of points."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    for axis, unit in zip(axes, ("_s", "_mb"), strict=True):
+        for name, (title, limit) in FIGURES.items():
+            if name.endswith(unit):
+                values = [figures[name] for figures in found.values()]
+                (line,) = axis.plot(list(found), values, "o-", label=title)
+                if limit:
+                    axis.plot(max(1e6, *found), limit, "_", ms=14, color=line.get_color())
+        axis.set(xscale="log", yscale="log", xlabel="design points")
+        axis.legend(fontsize=7)
+    figure.suptitle("Costs of a study beside its solving; bars: asked at 1,000,000")
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Measure, print, draw."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--points", type=float, nargs="+", default=[1e4, 1e5, 1e6])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--copied", action="store_true")
+    parser.add_argument("--png", type=Path)
+    parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.child:
+        what, path, directory, jobs = given.child
+        place = Path(path), Path(directory)
+        done: dict[str, Any] = (
+            check_here(*place) if what == "check" else run_here(*place, int(jobs))
+        )
+        print(json.dumps(done))
+        return
+    found: dict[int, dict[str, float]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for points in sorted(int(n) for n in given.points):
+            found[points] = measure(Path(folder), points, given.jobs, given.copied)
+            print(f"{points:,} points: {found[points]}", flush=True)
+    print_table(found)
+    if given.png:
+        draw(found, given.png)
+
+
+if __name__ == "__main__":
+    main()
