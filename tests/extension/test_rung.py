@@ -255,7 +255,7 @@ def test_a_rung_says_why_it_cannot_serve_a_study_and_others_are_named(tmp_path):
         r"key 'modes.method': linear serves one parameter, 2 vary: expected one of dense, full"
     )
     with pytest.raises(StudyFileError, match=message):
-        plan_of(text, tmp_path).tasks[0]  # noqa: B018 - the method is looked at with the points
+        plan_of(text, tmp_path).tasks[0]
 
 
 def test_a_name_that_no_rung_has_is_refused_with_the_names_there_are(tmp_path):
