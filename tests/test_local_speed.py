@@ -252,6 +252,63 @@ def test_friction_must_saturate_where_sliding_is_slowest():
         friction_law(contact, state, point, 0.999 * least, 0.0, "regularised")
 
 
+# -- contact without friction --------------------------------------------------------------------
+HOLD = 3e6  # N/m, along and across, where a point is stuck
+
+
+def mixed(stuck):
+    """Friction at the first point alone; the second has no sliding direction, or is held."""
+    kept = sp.diags([1.0, 0.0]).tocsr()
+    whole = assembly(factor=(0.6, 0.0), frictional=(1.0, 0.0))
+    contact = replace(whole.contact, T=kept @ whole.contact.T, T_perp=kept @ whole.contact.T_perp)
+    layer = SpringInterface("stuck", sp.csr_matrix(ROWS[1:, 1]), np.full(2, HOLD * stuck))
+    return replace(whole, contact=contact, springs=(*whole.springs, layer))
+
+
+@pytest.mark.parametrize("stuck", [0.0, 1.0])
+def test_frictionless_and_stuck_contact_in_frequency_and_in_time(stuck):
+    state = DesignState(operating(0.5))
+    whole = mixed(stuck)
+    prepared = prepare(whole, state.operating, EVERYTHING)
+    point, system = linearised_point(prepared, state)
+    N, T, P = ROWS
+    held = K + HOLD * stuck * ROWS[1:, 1].T @ ROWS[1:, 1]
+    (p1, p2), (mu, slope) = point.contact_pressure, coefficient(0.5 * 0.6)
+    force = AREA * point.contact_pressure
+    q = la.solve(held, 1e6 * LOAD + N.T @ force - mu * force[0] * T[0])
+    np.testing.assert_allclose(point.gap, N @ q, rtol=1e-8)
+    stiffness = held + N.T @ np.diag(1e5 * force) @ N
+    stiffness -= mu * 1e5 * force[0] * np.outer(T[0], N[0])
+    damping = mu * force[0] / 0.3 * np.outer(P[0], P[0]) + slope * force[0] * np.outer(T[0], T[0])
+    found = solve_point(prepared, state, BAND)
+    np.testing.assert_allclose(
+        np.sort_complex(found.lam), roots_by_hand(damping, stiffness), rtol=1e-9
+    )
+    assert (system.weights.across[1], system.weights.coupling[1]) == (0.0, 0.0)
+
+    reference = shared_modes(prepared.model, point, state)
+    friction = friction_law(reference.system, state, point, 0.0, 1e-3, "regularised")
+    slowest = float(coefficient(0.0)[0] * p1 / 1e-3)
+    assert friction.k_t == pytest.approx(slowest, rel=1e-12)  # p2 is the larger one, not rubbed
+    assert p2 > p1
+    design = motion_point(reference, point, state, friction, BAND, 1e-9)
+    settings = MotionSettings(1e-4, STEP, 10, tolerance=1e-9)
+    v0 = np.linalg.lstsq(
+        np.vstack([reference.system.N, reference.system.T1[:1], reference.system.T2[:1]]),
+        1e-6 * np.ones(4),
+    )[0]
+    run = run_one(reference.system, design, settings, np.zeros(4), v0)
+    assert run.outcome == "ok"
+    assert (run.history["slip"] == 1.0).all()
+    np.testing.assert_allclose(run.history["normal_force"], force[0], rtol=1e-2)
+    np.testing.assert_allclose(run.history["torque"], 0.06 * mu * force[0], rtol=1e-2)
+    model = hybrid_model(whole, point, state.operating, HybridSettings(1e6, 1e6))
+    hybrid = replace(design, c=np.zeros(len(model.omega)), d=None, s=None, growing=GrowingModes())
+    other = simulate_hybrid(model, replace(hybrid, q0=np.zeros(4), v0=np.zeros(4)), settings)
+    assert other.outcome == "ok"
+    assert (other.history["slip"] == 1.0).all()
+
+
 # -- the generated brake -------------------------------------------------------------------------
 def test_a_turning_disc_changes_the_damping_across_alone(brake):
     """Constant friction: forces and coupling are the same, mu A p / s has each point's speed."""

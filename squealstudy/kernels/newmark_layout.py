@@ -37,8 +37,8 @@ N_REAL = 13
 HISTORY = (
     "time",  # s
     "torque",  # N m, positive when it brakes
-    "normal_force",  # N
-    "stick",  # shares of the contact area
+    "normal_force",  # N, of the points with friction
+    "stick",  # shares of their area
     "slip",
     "open",
     "work_load",  # J, since the start

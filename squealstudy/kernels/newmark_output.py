@@ -120,6 +120,8 @@ def contact_row(
 ) -> None:
     """Torque, normal force, shares of the area, and creep, into a row of histories.
 
+    Points without friction neither stick nor slip: none of these counts them.
+
     The friction of a point that sticks alternates from step to step where the step is long for its
     slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
     counts with its mean over the last sub-step h, which is what the trapezoidal rule applied.
@@ -129,12 +131,15 @@ def contact_row(
     area = 0.0
     for i in range(points.shape[1]):
         torque -= points[at.POINT_RADIUS, i] * point[at.OUT_T1, i]
-        force += points[at.POINT_AREA, i] * point[at.OUT_P, i]
-        area += points[at.POINT_AREA, i]
+        own_area = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i]
+        force += own_area * point[at.OUT_P, i]
+        area += own_area
     stick = 0.0
     opened = 0.0
     creep = 0.0
     for i in range(points.shape[1]):
+        if points[at.POINT_FRICTION, i] == 0.0:
+            continue
         p = point[at.OUT_P, i]
         w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
         s = (w1 * w1 + w2 * w2) ** 0.5
@@ -150,7 +155,7 @@ def contact_row(
     row[at.TORQUE] = torque
     row[at.NORMAL_FORCE] = force
     row[at.STICK] = stick
-    row[at.SLIP] = 1.0 - stick - opened
+    row[at.SLIP] = 1.0 - stick - opened if area > 0.0 else 0.0
     row[at.OPEN] = opened
     row[at.CREEP] = creep
 
