@@ -85,24 +85,35 @@ def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, 
     return [found[i] for i in ids]
 
 
-def points_table(plan: Plan, rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
-    """One row a design point: HEAD, its parameters, then `fields` of its chunk row.
+def tabled(rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
+    """HEAD and `fields` of chunk rows as a table; missing where a row has none."""
+    return pa.Table.from_pylist(list(rows), schema=pa.schema([*HEAD, *fields]))
+
+
+def points_table(plan: Plan, found: pa.Table) -> pa.Table:
+    """One row a design point: HEAD, its parameters, then what else was found.
 
     Counts and flags are nullable (Int64, boolean): missing where the point has none.
+
+    Parameters
+    ----------
+    plan : Plan
+    found : Table
+        HEAD and findings of its design points, in order (`tabled`).
     """
+    columns = [found[name] for name, _ in HEAD]
+    columns += [pa.array(plan.tasks.column(p), REAL) for p in plan.study.shown_parameters]
+    columns += found.columns[len(HEAD) :]
+    parameters = [pa.field(p, REAL) for p in plan.study.shown_parameters]
+    known = list(found.schema)
+    fields = [*known[: len(HEAD)], *parameters, *known[len(HEAD) :]]
+    return pa.Table.from_arrays(columns, schema=with_dtypes(pa.schema(fields)))
+
+
+def with_dtypes(schema: pa.Schema) -> pa.Schema:
+    """The schema with the dtypes that pandas is to give its columns when it reads them."""
     import pandas as pd
 
-    parameters = plan.study.shown_parameters
-    columns = [plan.tasks.column(p).tolist() for p in parameters]
-    filled = (
-        [
-            {**row, **dict(zip(parameters, values, strict=True))}
-            for row, values in zip(rows, zip(*columns, strict=True), strict=True)
-        ]
-        if columns
-        else rows
-    )
-    schema = pa.schema([*HEAD, *((p, REAL) for p in parameters), *fields])
     nullable = {WHOLE: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
-    frame = pa.Table.from_pylist(filled, schema=schema).to_pandas(types_mapper=nullable.get)
-    return pa.Table.from_pandas(frame, schema=schema, preserve_index=False)  # names its dtypes
+    frame = schema.empty_table().to_pandas(types_mapper=nullable.get)
+    return pa.Table.from_pandas(frame, schema=schema, preserve_index=False).schema

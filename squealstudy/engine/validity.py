@@ -7,22 +7,21 @@ they say little of a brake. Reasons read ``rule: value``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.cache import is_prepared, prepared_model
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FLAG, TEXT, Fields, points_table
+from squealstudy.engine.rows import FLAG, TEXT, points_table, with_dtypes
 from squealstudy.engine.store import POINTS, Store
 from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.reduction.prepared import natural_frequencies
-from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.tables.validity import BETWEEN
 
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIELDS = (("valid", FLAG), ("invalid_reason", TEXT))  # last columns of a points table
+# columns of a points table that tell of validity
+JUDGED = ("status", "class", "open_share", "open_share_max", "perturbation", "invalid_reason")
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
 MOSTLY_OPEN = 0.5  # share of the contact area
 FAR_KICK = 10.0  # times the sliding speed
@@ -127,41 +128,35 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     solved = points["status"].isin(SOLVED).to_numpy(bool)
-    found = points.get("invalid_reason", pd.Series("", index=points.index))
-    reasons = []
-    known = reasons_by_point(parameter_reasons(plan))
-    for i, (design, row) in enumerate(zip(plan.tasks, points.to_dict("records"), strict=True)):
-        of_point = _of_the_point(design, row)
-        own = [text for text in (found.iloc[i], *known.get(i, ()), *of_point) if text]
-        reasons.append(BETWEEN.join(own) if solved[i] else "")
-    valid = pd.array([not reason for reason in reasons], dtype="boolean")
+    reasons = np.full(len(points), "", dtype=object)
+    for row, text in _reasons(plan, points):
+        if solved[row]:
+            reasons[row] += f"{BETWEEN if reasons[row] else ''}{text}"
+    valid = pd.array(reasons == "", dtype="boolean")
     valid[~solved] = pd.NA
     return points.drop(columns="invalid_reason", errors="ignore").assign(
         valid=valid, invalid_reason=reasons
     )
 
 
-def write_points(
-    plan: Plan, store: Store, rows: Sequence[Mapping[str, Any]], fields: Fields
-) -> pd.DataFrame:
-    """Write the points table of chunk rows, with its validity; the table.
+def write_points(plan: Plan, store: Store, found: pa.Table) -> pd.DataFrame:
+    """Write the points table with its validity; the table.
 
     Parameters
     ----------
     plan : Plan
     store : Store
         Of the results.
-    rows : sequence of mapping
-        A row for each of its design points, in order.
-    fields : sequence of (str, DataType)
-        Columns after those of every points table (`points_table`).
+    found : Table
+        Findings of its design points, in order (`points_table`).
     """
-    table = points_table(plan, rows, fields)
-    known = [field for field in table.schema if field.name not in dict(FIELDS)]
-    schema = pa.schema([*known, *FIELDS])
-    frame = with_validity(plan, table.to_pandas())
-    table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False)
-    store.write_table(POINTS, table)
+    table = points_table(plan, found)
+    judged = table.select([name for name in JUDGED if name in table.column_names])
+    last = with_validity(plan, judged.to_pandas())[[name for name, _ in FIELDS]]
+    table = table.select([name for name in table.column_names if name not in dict(FIELDS)])
+    for name, kind in FIELDS:
+        table = table.append_column(pa.field(name, kind), pa.array(last[name], kind))
+    store.write_table(POINTS, table.cast(with_dtypes(table.schema)))
     points: pd.DataFrame = table.to_pandas()
     return points
 
@@ -173,23 +168,38 @@ def open_reason(law_kind: str, share: float) -> str:
     return f"{rule}: {share:.3g}" if share > most else ""
 
 
-def _of_the_point(design: DesignPoint, row: Mapping[Hashable, object]) -> list[str]:
-    """What the findings of a point break."""
-    if isinstance(design.model, FamilyDefinition):
-        return []
-    texts = []
-    if "class" not in row:  # at the working point; in time its worker has told
-        texts.append(open_reason(design.law_kind, _number(row, "open_share")))
-    elif CONTACT_LAWS[design.law_kind].pulls:
-        texts.append(open_reason(design.law_kind, _number(row, "open_share_max")))
-    kick = _number(row, "perturbation") / abs(design.operating_point().sliding_speed)
-    texts += [f"{KICK_RULE}: {kick:.4g}"] if kick > FAR_KICK else []
-    return texts
+def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
+    """Row of a point and what it breaks: found by a worker, known before, told by its findings."""
+    if "invalid_reason" in points:
+        found = points["invalid_reason"].fillna("").to_numpy(object)
+        yield from ((int(row), found[row]) for row in np.flatnonzero(found != ""))
+    for broken in parameter_reasons(plan):
+        yield from broken.texts()
+    if not isinstance(plan.study.model, FamilyDefinition):
+        yield from _of_findings(plan, points)
 
 
-def _number(row: Mapping[Hashable, object], name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else np.nan
+def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
+    """What the findings of points break."""
+    kind = plan.first.law_kind
+    in_time = "class" in points
+    if not in_time or CONTACT_LAWS[kind].pulls:  # in time its worker has told of other laws
+        share = _numbers(points, "open_share_max" if in_time else "open_share")
+        for row in np.flatnonzero(share > 0).tolist():
+            if text := open_reason(kind, share[row]):
+                yield row, text
+    distance = _numbers(points, "perturbation")
+    for row in np.flatnonzero(np.isfinite(distance)).tolist():
+        kick = distance[row] / abs(plan.tasks[row].operating_point().sliding_speed)
+        if kick > FAR_KICK:
+            yield row, f"{KICK_RULE}: {kick:.4g}"
+
+
+def _numbers(points: pd.DataFrame, name: str) -> np.ndarray:
+    """A column (n,); NaN where there is no number."""
+    if name not in points:
+        return np.full(len(points), np.nan)
+    return points[name].to_numpy(dtype=float, na_value=np.nan)
 
 
 def _damped_modes(plan: Plan) -> Broken:

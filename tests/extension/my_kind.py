@@ -13,7 +13,16 @@ from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, HEAD, REAL, head, planned_rows, points_table, reason
+from squealstudy.engine.rows import (
+    FAILURES,
+    HEAD,
+    REAL,
+    head,
+    planned_rows,
+    points_table,
+    reason,
+    tabled,
+)
 from squealstudy.engine.store import POINTS, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.modes.point import state_working_point
@@ -56,7 +65,7 @@ class SteadySliding(ModelKind):
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, Mapping[str, Any]]:
         """The points."""
-        table = points_table(plan, planned_rows(plan, store, self.schema), FIELDS)
+        table = points_table(plan, tabled(planned_rows(plan, store, self.schema), FIELDS))
         store.write_table(POINTS, table)
         return table.to_pandas(), {}
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import COUNT, HEAD, REAL
@@ -61,8 +62,7 @@ def build_tables(
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
-    rows = _point_rows(columns, unstable, uncertain, references)
-    points = write_points(plan, store, rows, POINT_COLUMNS)
+    points = write_points(plan, store, _findings(columns, unstable, uncertain, references))
     tracks, onsets = None, None
     summary: dict[str, Any] = {}
     try:
@@ -131,14 +131,15 @@ def _labels(
     return label, mac, ambiguous
 
 
-def _point_rows(
+def _findings(
     columns: ModeColumns,
     unstable: np.ndarray,
     uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
-) -> list[dict[str, Any]]:
-    """Rows of the points table: findings of each point, counts of its modes, checks of it."""
-    rows: list[dict[str, Any]] = columns.points.to_pylist()
+) -> pa.Table:
+    """Findings of each point, counts of its modes, checks of it: HEAD, then POINT_COLUMNS."""
+    points, point = columns.points, columns.point
+    failed = pc.not_equal(points["status"], "ok").to_numpy()
     marks = (
         np.ones(len(unstable), dtype=bool),
         unstable,
@@ -146,10 +147,19 @@ def _point_rows(
         unstable | uncertain,
         columns.overdamped,
     )
-    counts = [np.bincount(columns.point[mark], minlength=len(rows)) for mark in marks]
-    for row, *numbers in zip(rows, *counts, strict=True):
-        found = numbers if row["status"] == "ok" else [None] * len(COUNTS)  # missing, not zero
-        row |= dict(zip(COUNTS, found, strict=True))
-        checked = references.get(row["point_id"], {})
-        row |= {name: checked.get(name.removeprefix("reference_")) for name in ERRORS}
-    return rows
+    found = {name: points[name] for name in points.column_names}
+    for name, mark in zip(COUNTS, marks, strict=True):
+        number = np.bincount(point[mark], minlength=len(failed))
+        found[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
+    for name in ERRORS:
+        key = name.removeprefix("reference_")
+        told = {i: c[key] for i, c in references.items() if c.get(key) is not None}
+        rows = pc.index_in(pa.array(list(told), pa.string()), value_set=points["point_id"])
+        rows = rows.fill_null(-1).to_numpy()
+        values, missing = np.full(len(failed), np.nan), np.ones_like(failed)
+        values[rows[rows >= 0]] = np.array(list(told.values()), float)[rows >= 0]
+        missing[rows[rows >= 0]] = False
+        found[name] = pa.array(values, REAL, mask=missing)
+    names = [name for name, _ in (*HEAD, *POINT_COLUMNS)]
+    schema = pa.schema([*HEAD, *POINT_COLUMNS])
+    return pa.Table.from_arrays([found[name] for name in names], schema=schema)

@@ -20,6 +20,7 @@ from squealstudy.engine.rows import (
     WORKING_POINT_FIELDS,
     head,
     planned_rows,
+    tabled,
     working_point_cells,
 )
 from squealstudy.engine.store import SENSITIVITIES, Store
@@ -89,7 +90,8 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
         growth = max((m["re"] for m in row["modes"]), default=np.nan)
         count = len(row["modes"]) if row["status"] == "ok" else None
         filled.append({**row, "n_modes": count, "max_growth_rate": growth})
-    return write_points(plan, store, filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    found = tabled(filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    return write_points(plan, store, found)
 
 
 def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

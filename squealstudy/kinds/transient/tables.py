@@ -18,6 +18,7 @@ from squealstudy.engine.rows import (
     Fields,
     failed_row,
     planned_rows,
+    tabled,
 )
 from squealstudy.engine.store import GROWTH, MODES, Store
 from squealstudy.engine.validity import write_points
@@ -111,7 +112,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     rows = planned_rows(plan, store, SCHEMA)
     store.write_table(MODES, _modes(plan, rows))
     store.write_table(GROWTH, _growth(rows))
-    return write_points(plan, store, rows, SUMMARY_FIELDS)
+    return write_points(plan, store, tabled(rows, SUMMARY_FIELDS))
 
 
 def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
