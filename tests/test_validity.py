@@ -18,7 +18,6 @@ from squealstudy.engine.validity import (
     open_reason,
     parameter_reasons,
     points_by_rule,
-    reasons_by_point,
     with_validity,
 )
 from squealstudy.errors import StudyFileError
@@ -48,6 +47,15 @@ duration = 0.1
 step = 2e-5
 perturbation = 1.0
 """
+
+
+def reasons_by_point(found):
+    """Reasons of each design point that breaks an assumption, by its position."""
+    reasons = {}
+    for broken in found:
+        for row, text in broken.texts():
+            reasons.setdefault(row, []).append(text)
+    return reasons
 
 
 def text_of(model: str, more: str, kind: str = "complex_modes") -> str:

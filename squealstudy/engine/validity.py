@@ -95,15 +95,6 @@ def _beyond(rule: str, values: np.ndarray, most: float) -> Broken:
     return Broken(rule, rows, values[rows])
 
 
-def reasons_by_point(found: Sequence[Broken]) -> dict[int, list[str]]:
-    """Reasons of each design point that breaks an assumption, by its position."""
-    reasons: dict[int, list[str]] = {}
-    for broken in found:
-        for row, text in broken.texts():
-            reasons.setdefault(row, []).append(text)
-    return reasons
-
-
 def points_by_rule(found: Sequence[Broken]) -> list[tuple[str, int]]:
     """How many design points break each rule, the most frequent first."""
     rows: dict[str, list[np.ndarray]] = {}
