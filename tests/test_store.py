@@ -13,6 +13,7 @@ from study_runs import command, comparable, plan_of
 
 import squealstudy
 from squealstudy.engine import cache
+from squealstudy.engine import store as store_module
 from squealstudy.engine.files import sealed, unsealed
 from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.runner import run_study
@@ -351,3 +352,66 @@ def test_what_a_killed_process_left_in_the_cache_is_removed(tmp_path):
     cache.save_value(tmp_path / "other", (1.0,))
     assert mine.exists()
     assert not gone.exists()
+
+
+# -- tables in parts
+
+
+@pytest.fixture
+def in_parts(tmp_path, monkeypatch) -> Path:
+    """Results whose tables of more than four rows are folders."""
+    monkeypatch.setattr(store_module, "PART_ROWS", 4)
+    run(tmp_path / "parts")
+    return tmp_path / "parts"
+
+
+def test_a_long_table_is_a_folder_that_pandas_opens_as_one(whole, in_parts):
+    names = [path.name for path in sorted((in_parts / "modes.parquet").iterdir())]
+    assert names == [f"part-0000{k}.parquet" for k in range(3)]
+    for table in ("points", "modes", "onsets"):
+        one, other = (pd.read_parquet(d / f"{table}.parquet") for d in (whole, in_parts))
+        spent = ["wall_s"] if table == "points" else []
+        pd.testing.assert_frame_equal(one.drop(columns=spent), other.drop(columns=spent))
+    found = squealstudy.open_results(in_parts)
+    pd.testing.assert_frame_equal(found.modes, pd.read_parquet(in_parts / "modes.parquet"))
+    pd.testing.assert_frame_equal(found.rank(), squealstudy.open_results(whole).rank())
+    told, report = run(in_parts)
+    assert (told, report.n_solved) == ([], 0)
+
+
+def test_a_damaged_part_is_noticed_set_aside_and_made_again(in_parts):
+    before = pd.read_parquet(in_parts / "modes.parquet")
+    part = in_parts / "modes.parquet" / "part-00001.parquet"
+    part.write_bytes(part.read_bytes()[:-1] + b"x")
+    with pytest.raises(ResultsError, match=r"modes\.parquet: damaged"):
+        _ = squealstudy.open_results(in_parts).modes
+    told, report = run(in_parts)
+    assert "damaged" in told[0]
+    assert report.n_solved == 0
+    assert (in_parts / SET_ASIDE / "modes.parquet-part-00001.parquet").is_file()
+    pd.testing.assert_frame_equal(pd.read_parquet(in_parts / "modes.parquet"), before)
+
+
+def test_a_lost_part_is_made_again(in_parts):
+    (in_parts / "modes.parquet" / "part-00002.parquet").unlink()
+    with pytest.raises(ResultsError, match="not finished"):
+        squealstudy.open_results(in_parts)
+    told, _ = run(in_parts)
+    assert "missing" in told[0]
+    assert len(pd.read_parquet(in_parts / "modes.parquet")) == 10
+
+
+def test_a_table_changes_between_file_and_folder_without_leftovers(in_parts, monkeypatch):
+    monkeypatch.setattr(store_module, "PART_ROWS", 1000)
+    run(in_parts, lockin(4))
+    assert (in_parts / "modes.parquet").is_file()
+    monkeypatch.setattr(store_module, "PART_ROWS", 3)
+    run(in_parts, lockin(6))
+    assert len(list((in_parts / "modes.parquet").iterdir())) == 4
+    assert len(pd.read_parquet(in_parts / "modes.parquet")) == 12
+    monkeypatch.setattr(store_module, "PART_ROWS", 6)
+    run(in_parts, lockin(4))
+    assert len(list((in_parts / "modes.parquet").iterdir())) == 2
+    assert not Store(in_parts).unfinished()
+    run(in_parts, lockin(3), fresh=True)
+    assert (in_parts / "modes.parquet").is_file()

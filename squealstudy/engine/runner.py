@@ -142,7 +142,7 @@ def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
     return (
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
-        and set(plan.kind.tables) <= store.journal.entries.keys()
+        and all(store.parts(name) for name in plan.kind.tables)
     )
 
 

@@ -50,7 +50,13 @@ MANIFEST = "manifest.json"
 CHUNKS = "chunks"
 SET_ASIDE = "damaged"  # folder of files that are not as they were written
 LOCK = ".lock"
-OWN = re.compile(rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]+")
+PART = "part-"  # how the names of files begin that hold a table together
+OWN = re.compile(
+    rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]+"
+    rf"|[a-z]+\.parquet/{PART}\d{{5}}\.parquet"
+)
+PART_ROWS = 1_000_000  # rows of a table up to which it is one file
+GROUP_ROWS = 2**17  # rows of a table that are read together
 
 
 def onset_parameter(swept: Sequence[str]) -> str | None:
@@ -106,8 +112,40 @@ class Store:
 
     # -- writing; one process at a time (`manifest.locked`) ------------------------------------
     def write_table(self, name: str, table: pa.Table) -> None:
-        """A table as a Parquet file."""
-        self._write({name: table})
+        """A table as a Parquet file; a long one as a folder of several (`write_parts`)."""
+        self.write_parts(name, table.num_rows, lambda rows: table.slice(*_extent(rows)))
+
+    def write_parts(self, name: str, count: int, part: Callable[[slice], pa.Table]) -> None:
+        """A table of `count` rows that is made part by part, so that it is never held whole.
+
+        Up to PART_ROWS rows it is one file, beyond that a folder of that name with a file for each
+        so many rows. `pandas.read_parquet` opens both alike.
+        """
+        rows = [slice(i, min(i + PART_ROWS, count)) for i in range(0, max(count, 1), PART_ROWS)]
+        folder = self.directory / name
+        names = [name]
+        if len(rows) > 1:
+            names = [f"{name}/{PART}{number:05}.parquet" for number in range(len(rows))]
+        before = [*self.parts(name), *(n for n in self.unfinished() if n.startswith(f"{name}/"))]
+        self.journal.withdraw([*before, *names])
+        if len(rows) > 1 and folder.is_file():
+            folder.unlink()
+        for old in set(before) - set(names):
+            (self.directory / old).unlink(missing_ok=True)
+        if len(rows) == 1 and folder.is_dir():
+            folder.rmdir()
+        for path, own in zip(names, rows, strict=True):
+            write_atomic(self.directory / path, _parquet(part(own)))
+        self.journal.add(names)
+
+    def parts(self, name: str) -> list[str]:
+        """The finished files of a table, in the order of its rows: itself, or those in its folder.
+
+        Without a journal, as of older versions, the file itself where it is there.
+        """
+        if not self.journal.begun:
+            return [name] if (self.directory / name).is_file() else []
+        return sorted(n for n in self.journal.entries if n == name or n.startswith(f"{name}/"))
 
     def write_json(self, name: str, content: Any) -> None:
         """A value as JSON."""
@@ -160,10 +198,13 @@ class Store:
         """Begin anew: remove all that the study wrote, and the `others` among the files here."""
         gone = [*self.journal.entries, *others, MANIFEST]
         self.journal.restart(owner)  # first: what a kill leaves is then not finished
-        for name in (*gone, *self.unfinished()):
-            (self.directory / name).unlink(missing_ok=True)
+        unfinished = self.unfinished()
+        paths = [self.directory / name for name in (*gone, *unfinished)]
+        for path in (path for path in paths if not path.is_dir()):
+            path.unlink(missing_ok=True)
         shutil.rmtree(self.directory / SET_ASIDE, ignore_errors=True)
-        for folder in (CHUNKS, HISTORIES, STATES, REFERENCES):
+        tables = {Path(name).parent.as_posix() for name in (*gone, *unfinished) if PART in name}
+        for folder in (CHUNKS, HISTORIES, STATES, REFERENCES, *tables):
             with contextlib.suppress(OSError):  # not there, or it holds what is not ours
                 (self.directory / folder).rmdir()
 
@@ -185,7 +226,7 @@ class Store:
         lost = {n for name in names if name in entries for n in entries[name].group}
         self.journal.withdraw(sorted(lost))
         for name in names if keep else ():
-            aside = self.directory / SET_ASIDE / name
+            aside = self.directory / SET_ASIDE / name.replace(f"/{PART}", f"-{PART}")
             aside.parent.mkdir(parents=True, exist_ok=True)
             (self.directory / name).replace(aside)
 
@@ -214,9 +255,10 @@ class Store:
 
         By its size alone where not `thoroughly`.
         """
-        if self.journal.begun:
-            return self.journal.fault(name, thoroughly)
-        return "" if (self.directory / name).is_file() else UNFINISHED
+        if not self.journal.begun:
+            return "" if (self.directory / name).is_file() else UNFINISHED
+        faults = (self.journal.fault(part, thoroughly) for part in self.parts(name) or [name])
+        return next(filter(None, faults), "")
 
     def whole(self, name: str) -> Path:
         """The path of a file that is as it was written; ResultsError where it is not."""
@@ -232,7 +274,8 @@ class Store:
         """A table; ResultsError where it is not as it was written."""
         path = self.whole(name)
         try:
-            return pq.read_table(path, columns=columns)
+            parts = [pq.read_table(self.directory / n, columns=columns) for n in self.parts(name)]
+            return pa.concat_tables(parts)
         except (OSError, ValueError) as error:
             raise ResultsError(f"{path}: not a readable table ({error})") from error
 
@@ -300,7 +343,12 @@ def _named(table: pa.Table) -> dict[str, pa.Table]:
 
 
 def _parquet(table: pa.Table) -> Callable[[Path], None]:
-    return lambda path: pq.write_table(table, path, compression="zstd")
+    return lambda path: pq.write_table(table, path, compression="zstd", row_group_size=GROUP_ROWS)
+
+
+def _extent(rows: slice) -> tuple[int, int]:
+    """First row and number of rows."""
+    return rows.start, rows.stop - rows.start
 
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:

@@ -76,8 +76,11 @@ def build_tables(
     store.write_table(ONSETS, onsets_arrow(onsets))
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     stability = stability_names(unstable, uncertain)
-    modes = modes_table(columns, errors, tracks, unstable, stability, names)
-    store.write_table(MODES, modes)
+
+    def modes(rows: slice) -> pa.Table:
+        return modes_table(columns, errors, tracks, unstable, stability, names, rows)
+
+    store.write_parts(MODES, len(columns.lam), modes)
     return points, {**summary, "errors": facts}
 
 
@@ -88,31 +91,36 @@ def modes_table(
     unstable: np.ndarray,
     stability: np.ndarray,
     energies: Sequence[str],
+    rows: slice = slice(None),
 ) -> pa.Table:
-    """One row a mode; `energies` names the energy columns, which a model may not have."""
+    """One row a mode; `energies` names the energy columns, which a model may not have.
+
+    `rows` are those that are wanted, of all.
+    """
     point = columns.point
     label, mac, ambiguous = _labels(columns.overdamped, tracks)
     starts = np.cumsum(columns.counts) - columns.counts
-    number = np.arange(len(point)) - np.repeat(starts, columns.counts) + 1
+    number = np.arange(len(point))[rows] - starts[point[rows]] + 1
+    point, lam = point[rows], columns.lam[rows]
     table = {
         "point_id": columns.points["point_id"].take(point),
         "mode": number.astype(np.int32),
-        "track": label,
-        "track_mac": mac,
-        "track_ambiguous": ambiguous,
-        "frequency_hz": np.abs(columns.lam) / (2 * np.pi),
-        "growth_rate": columns.lam.real,
-        "damping_ratio": damping_ratios(columns.lam),
-        "unstable": unstable,
-        "stability": pa.array(stability, pa.string()),
-        "overdamped": columns.overdamped,
-        "residual": columns.residual,
-        "error_rung": errors.rung,
-        "error_reduction": errors.reduction,
-        "error_estimate": errors.total,
+        "track": label[rows],
+        "track_mac": mac[rows],
+        "track_ambiguous": ambiguous[rows],
+        "frequency_hz": np.abs(lam) / (2 * np.pi),
+        "growth_rate": lam.real,
+        "damping_ratio": damping_ratios(lam),
+        "unstable": unstable[rows],
+        "stability": pa.array(stability[rows], pa.string()),
+        "overdamped": columns.overdamped[rows],
+        "residual": columns.residual[rows],
+        "error_rung": errors.rung[rows],
+        "error_reduction": errors.reduction[rows],
+        "error_estimate": errors.total[rows],
         "method": columns.points["method"].take(point),
     }
-    shares = dict(zip(energies, columns.energies.T, strict=False))
+    shares = dict(zip(energies, columns.energies[rows].T, strict=False))
     return pa.table(table | shares)
 
 
