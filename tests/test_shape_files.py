@@ -22,6 +22,7 @@ from squealstudy.engine.results import Results
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.kernels.raster import corner_normals, draw_triangles
 from squealstudy.shapes.files import write_uff, write_vtu
+from squealstudy.shapes.names import name_of
 from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import apart, draw, title
 from squealstudy.shapes.surface import Camera
@@ -418,3 +419,21 @@ def test_command_refuses_in_one_sentence(results, capsys, arguments, text):
     said = capsys.readouterr().err.strip()
     assert text in said
     assert len(said.splitlines()) == 1
+
+
+def test_command_names_ranked_modes(results, capsys):
+    ranking = results.rank()
+    assert command("rank", str(results.directory), "--names") == 0
+    told = capsys.readouterr().out
+    for track in ranking["track"]:
+        shape = results.shape(track=int(track))
+        assert f"mode {track} " in told
+        text = " ".join(told.split())
+        assert f"{name_of(shape).text} (at design point {shape.label.row};" in text
+    assert "% out of plane" in " ".join(told.split())
+
+
+def test_command_names_no_modes_of_other_kinds(tmp_path, capsys):
+    minimal = solved(MINIMAL, tmp_path / "results")
+    assert command("rank", str(minimal.directory), "--names") == 2
+    assert "hulten has no mesh" in capsys.readouterr().err

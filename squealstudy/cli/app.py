@@ -115,12 +115,29 @@ def rank(
     top: Top = None,
     where: Where = None,
     csv: Csv = False,
+    names: Annotated[
+        bool,
+        typer.Option(
+            "--names",
+            help="Name each mode by its shape (nodal diameters, component modes, rigid pads); the "
+            "first time a structure is expanded for it.",
+        ),
+    ] = False,
 ) -> None:
     """Which modes are unstable: how widely, how strongly, from where on, in which component."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
 
     found = face.open_results(results)
+    if names:
+        from squealstudy.cli.shape import names as named
+        from squealstudy.engine.kind import LISTED
+        from squealstudy.paths import usable_cache
+
+        with usable_cache(screen.warning):
+            told = named(found, found.rank(by, top or LISTED, where)["track"])
+        screen.show(screen.facts(told))
+        return
     if csv:
         screen.show_csv(found.rank(by, top, where))
         return

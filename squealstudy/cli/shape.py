@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from squealstudy.engine.files import write_text
@@ -11,6 +12,7 @@ from squealstudy.engine.shapes import chosen_modes, point_shapes
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows
 from squealstudy.shapes.files import write_uff, write_vtu
+from squealstudy.shapes.names import figures_of, name_of
 from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title
 from squealstudy.shapes.shape import Shape
@@ -110,7 +112,27 @@ def _told(shape: Shape) -> Rows:
         *(("at", text) for text in values),
         (energy[0], energy[1]),
         (growth[0], growth[1]),
+        ("name", f"{name_of(shape).text} ({figures_of(shape)})"),
     ]
+
+
+def names(results: Results, tracks: Iterable[int]) -> Rows:
+    """Names of ranked modes, each at the design point where it grows fastest of all.
+
+    What follows no track (static divergence, modes without a track) has no name.
+
+    Raises
+    ------
+    ResultsError
+        As `Results.shape`.
+    """
+    rows: Rows = []
+    for track in tracks:
+        if track >= 0:
+            shape = results.shape(track=int(track))
+            place = f"at design point {shape.label.row}"
+            rows.append((f"mode {track}", f"{name_of(shape).text} ({place}; {figures_of(shape)})"))
+    return rows
 
 
 def _size(path: Path) -> str:

@@ -77,6 +77,22 @@ def name_of(shape: Shape) -> Name:
     return Name(" + ".join(words) or MIXED, waves)
 
 
+def figures_of(shape: Shape) -> str:
+    """What the name rests on: kinetic energy by component, and the waves of the ring."""
+    energy = ", ".join(
+        f"{name.replace('_', ' ')} {100 * share:.0f} %" for name, share in shape.kinetic.items()
+    )
+    waves = name_of(shape).waves
+    if waves is None:
+        return f"kinetic energy: {energy}"
+    axial = waves.out_of_plane >= PURE
+    return (
+        f"kinetic energy: {energy}; ring under the pads: {100 * waves.out_of_plane:.0f} % out of "
+        f"plane, {waves.diameters} ND has {100 * waves.share:.0f} % of its motion "
+        f"{'out of' if axial else 'in the'} plane"
+    )
+
+
 def _rotor(component: str, waves: Waves) -> str:
     plane = "out of plane" if waves.out_of_plane >= PURE else "in plane"
     if waves.share < PURE:
