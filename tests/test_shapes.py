@@ -339,9 +339,10 @@ def test_kinetic_energy_is_that_of_the_masses(brake, shape_at):
         ({"caliper": 1.0}, {("caliper", 13): 0.4, ("caliper", 9): 0.4}, "caliper"),
         (
             {"caliper": 0.3, "outer_pad": 0.7},
-            {("outer_pad", 2): 0.2, ("outer_pad", 6): 0.3, ("caliper", 7): 0.29},
+            {("outer_pad", 2): 0.2, ("outer_pad", 6): 0.4, ("caliper", 7): 0.29},
             "rigid outer pad + caliper 7",
         ),
+        ({"outer_pad": 1.0}, {("outer_pad", 2): 0.3, ("outer_pad", 6): 0.4}, "outer pad"),
         (dict.fromkeys("abcdefg", 1 / 7), {(c, 7): 1 / 7 for c in "abcdefg"}, "mixed"),
     ],
 )

@@ -11,7 +11,8 @@ from squealstudy.system.linearise import squared
 
 MIXED = "mixed"  # where no word fits
 TOLD = 0.2  # least share of kinetic energy of a component that is named
-PURE = 0.5  # least share of a harmonic, or of component modes, that is named
+PURE = 0.5  # least share of a harmonic, or of one component mode, that is named
+RIGID = 0.8  # least share of rigid modes of what is called rigid
 RIGID_MODES = 6  # of a free component: its first ones
 MOST_DIAMETERS = 16
 RADIAL = 3  # functions of the radius for each harmonic
@@ -62,8 +63,8 @@ def name_of(shape: Shape) -> Name:
     """The name of a mode.
 
     Components with at least TOLD of the kinetic energy are named, the largest first: the rotor by
-    its nodal diameters, any other as rigid, or by its free-free mode, where these have at least
-    half of its kinetic energy.
+    its nodal diameters, any other as rigid where its rigid modes have at least RIGID of its kinetic
+    energy, or by the free-free mode that has half of it.
     """
     waves = _waves(shape)
     words = []
@@ -105,7 +106,7 @@ def _component(shape: Shape, component: str, share: float) -> str:
     word = component.replace("_", " ")
     own = {mode: part for (name, mode), part in shape.participation.items() if name == component}
     rigid = sum(part for mode, part in own.items() if mode <= RIGID_MODES)
-    if rigid >= PURE * share:
+    if rigid >= RIGID * share:
         return f"rigid {word}"
     mode = max(own, key=lambda j: own[j])
     return f"{word} {mode}" if own[mode] >= PURE * share else word

@@ -138,8 +138,8 @@ def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
     level = np.log10(np.maximum(density, low) / low) / DECADES
     figures = f"{shape.frequency_hz:.1f} Hz, {shape.growth_rate:+.4g} 1/s"
     return {
-        "name": f"{label.mode}{track}: {figures}, {name_of(shape).text}",
-        "facts": "; ".join(sources(shape)),
+        "name": f"{label.mode}{track}: {figures}",
+        "facts": "; ".join([name_of(shape).text, *sources(shape)]),
         "low": f"{low:.2g}",
         "high": f"{high:.2g}",
         "real": _packed(np.round(np.clip(u.real, -1.0, 1.0) * WHOLE).astype("<i2")),
