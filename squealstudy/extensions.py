@@ -116,15 +116,24 @@ def start_worker(lifeline: Connection, files: tuple[Path, ...]) -> None:
 def hash_of(path: Path) -> str:
     """Hash of a file of Python and of the modules of its folder that it imports, and these."""
     digest = hashlib.sha256()
-    pending, done = [path], set()
+    for text in sources_of(path).values():
+        digest.update(text)
+    return digest.hexdigest()[:LENGTH]
+
+
+def sources_of(path: Path) -> dict[str, bytes]:
+    """Source of a file of Python, and of the modules of its folder that it imports, and these.
+
+    By their names in that folder; the file itself comes first.
+    """
+    found: dict[Path, bytes] = {}
+    pending = [path]
     while pending:
         file = pending.pop(0)
-        if file not in done:
-            done.add(file)
-            text = _content(file)
-            digest.update(text)
-            pending += _helpers(text, path.parent)
-    return digest.hexdigest()[:LENGTH]
+        if file not in found:
+            found[file] = _content(file)
+            pending += _helpers(found[file], path.parent)
+    return {file.relative_to(path.parent).as_posix(): text for file, text in found.items()}
 
 
 def _content(path: Path) -> bytes:

@@ -10,6 +10,7 @@ results.rank(), results.plot.evolution(along="friction")
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
@@ -36,7 +37,9 @@ from squealstudy.study.toml_text import toml_text
 
 if TYPE_CHECKING:
     import pandas as pd
+    from distributed import Client
 
+    from squealstudy.engine.cluster import Cluster
     from squealstudy.engine.results import Results
     from squealstudy.models.parameter import ModelDefinition
 
@@ -160,6 +163,7 @@ def run(
     yes: bool = False,
     warn: Callable[[str], None] = warnings.warn,
     fresh: bool = False,
+    client: Client | str | Path | None = None,
 ) -> Results:
     """Run a study, or what is left of it, with a progress bar on a terminal or in a notebook.
 
@@ -180,14 +184,17 @@ def run(
     fresh : bool
         Begin anew: what the study wrote there before is removed once the study is known to be
         valid; files of others stay.
+    client : distributed.Client, str, path or None
+        A cluster of dask whose workers solve the design points, or the address or the file of its
+        scheduler (studies/cluster.md); None for processes of this machine.
 
     Raises
     ------
     StudyFileError, ResultsError
         Invalid study; directory of another study, or in use.
     MachineError
-        What the machine refuses: a full disk, memory, a worker that was killed. What is finished is
-        kept, and the next run goes on from there.
+        What the machine refuses: a full disk, memory, a worker that was killed, a scheduler that
+        is lost. What is finished is kept, and the next run goes on from there.
     """
     if not isinstance(study, Study):
         study = read_study(study)
@@ -196,18 +203,35 @@ def run(
     from squealstudy.engine.worker_count import worker_count
 
     directory = Path(output or study.directory)
-    jobs = worker_count(jobs, check_owner(directory, study.owner), warn)
+    found = check_owner(directory, study.owner)
     plan, resolved = study.plan(), study.resolved
-    with faults.told(GOES_ON), usable_cache(warn), progress() as tell:
+    with (
+        faults.told(GOES_ON),
+        usable_cache(warn),
+        progress() as tell,
+        _place(client, warn) as place,
+    ):
+        jobs = place.size if place is not None else worker_count(jobs, found, warn)
         if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
             from squealstudy.fidelity.run import resolve, run_resolved
 
             resolved.kind.check_limit(plan, yes)
-            chosen = resolve(resolved, jobs, tell)
+            chosen = resolve(resolved, jobs, tell, cluster=place)
             report = run_resolved(chosen, directory, yes, tell, warn, fresh)
         else:
-            report = run_study(plan, directory, jobs, yes, tell, warn, fresh)
+            report = run_study(plan, directory, jobs, yes, tell, warn, fresh, place)
     return replace(open_results(directory), solved=report.n_solved)
+
+
+def _place(
+    client: Client | str | Path | None, warn: Callable[[str], None]
+) -> contextlib.AbstractContextManager[Cluster | None]:
+    """Where design points are solved: a cluster, or None for this machine."""
+    if client is None:
+        return contextlib.nullcontext()
+    from squealstudy.engine.cluster import connected
+
+    return connected(client, warn)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,13 @@ ResultsPath = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results di
 Jobs = Annotated[
     int | None, typer.Option("--jobs", "-j", min=1, help="Worker processes; default: cores.")
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Solve on a cluster of dask: its scheduler's address, tcp://host:8786, or file.",
+    ),
+]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Results directory; default results/NAME.")
 ]
@@ -61,14 +68,22 @@ def run(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Remove what the study wrote there, and begin anew.")
     ] = False,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run a study, or what is left of it; print the ranking and where the tables are."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside, summary
 
-    results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh)
+    _expect_one_place(jobs, scheduler)
+    results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
     screen.show(*results.screen.findings(results), *outside(results), "")
     screen.show(screen.facts(summary(results, results.draw() if pictures else [])))
+
+
+def _expect_one_place(jobs: int | None, scheduler: str | None) -> None:
+    """Raise a usage error for workers of this machine and of a cluster."""
+    if jobs is not None and scheduler is not None:
+        raise typer.BadParameter("--jobs is of this machine, --scheduler of a cluster: give one")
 
 
 @app.command()
@@ -89,6 +104,7 @@ def check(
             "and state how far modes differ.",
         ),
     ] = False,
+    scheduler: Scheduler = None,
 ) -> None:
     """Validate a study, count its points, estimate time and memory. Writes no results.
 
@@ -103,8 +119,9 @@ def check(
         held, whole = check_results(path)
         screen.show(screen.facts(held))
         raise typer.Exit(DONE if whole else FAULT)
+    _expect_one_place(jobs, scheduler)
     with usable_cache(screen.warning):
-        found = checked(face.read_study(path), output, jobs, build, mesh_error)
+        found = checked(face.read_study(path), output, jobs, build, mesh_error, scheduler)
     screen.show(screen.facts(found))
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,12 +35,23 @@ from squealstudy.study.sections import StudyDefinition
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import duration, plural
 
+if TYPE_CHECKING:
+    from squealstudy.engine.cluster import Worker
 
-def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_mesh: bool) -> Rows:
+
+def check(
+    study: Study,
+    output: Path | None,
+    jobs: int | None,
+    build: bool,
+    of_mesh: bool,
+    scheduler: str | None,
+) -> Rows:
     """What is known of a study before it runs; SquealstudyError where it is not valid."""
     path, directory = study.source.path, output or study.directory
     found = check_owner(directory, study.owner)
-    jobs = worker_count(jobs, found, warning)
+    members = _members(scheduler)
+    jobs = len(members) or worker_count(jobs, found, warning)
     if study.resolved.kind.of_methods:
         if of_mesh:
             raise SquealstudyError(
@@ -46,7 +59,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
                 "has not: check the study that it varies"
             )
         name, kind, _ = study.owner
-        return [("study", f"{name}: {kind}, valid"), *study.plan().facts]
+        return [("study", f"{name}: {kind}, valid"), *study.plan().facts, *_cluster(members)]
     plan, facts = Plan(study.resolved), None
     if study.resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
@@ -59,7 +72,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     if text := check_shapes(plan):
         warning(text)
     if build or not has_mesh(plan.study):
-        _, reason = build_structure(build_task(plan, plan.tasks[0], jobs))
+        _, reason = build_structure(build_task(plan, plan.tasks[0], 1 if members else jobs))
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
     check_component_modes(plan)
@@ -70,7 +83,7 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     missing = len(plan.tasks)
     if len(done := store.finished_points(solver.schema)):  # ids are not made without
         missing -= int(np.isin(plan.tasks.ids, done).sum())
-    rows = _facts(plan, directory, missing, jobs, estimate(plan))
+    rows = [*_facts(plan, directory, missing, jobs, estimate(plan), members), *_cluster(members)]
     rows += _mesh_error(plan, jobs) if of_mesh else []
     if text := outdated(directory, found):
         warning(f"{text}; all design points will be solved again")
@@ -79,7 +92,14 @@ def check(study: Study, output: Path | None, jobs: int | None, build: bool, of_m
     return [*rows, *fidelity(facts)]
 
 
-def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate) -> Rows:
+def _facts(
+    plan: Plan,
+    directory: Path,
+    missing: int,
+    jobs: int,
+    cost: Estimate,
+    members: Sequence[Worker],
+) -> Rows:
     study = plan.study
     kind = study.definition.study.kind
     bound = "; runs end once their outcome is known" if plan.kind.may_end_early(plan) else ""
@@ -99,8 +119,6 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
     if not missing:
         return [*rows, ("time", "nothing is left to solve")]
     workers = min(jobs, missing)
-    each, left = (cost.memory_mb or 0) / 1024, available_memory_mb() / 1024
-    short = f", but only {left:.1f} GB are left: give fewer --jobs" if each * workers > left else ""
     growing = plan.study.grows and missing
     most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
     least, longest = run_seconds(plan, cost, missing, jobs, most)
@@ -111,11 +129,40 @@ def _facts(plan: Plan, directory: Path, missing: int, jobs: int, cost: Estimate)
             f"{duration(least)} to {duration(longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
-        (
-            "memory",
-            f"about {each:.1f} GB a process, {workers + 1} processes{short}",
-        ),
+        ("memory", _memory((cost.memory_mb or 0) / 1024, workers, members)),
     ]
+
+
+def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
+    """What a process needs [GB], and whether that is there."""
+    if members:
+        limits = [m.limit_mb / 1024 for m in members if m.limit_mb]
+        few = sum(limit < each for limit in limits)
+        short = f", but {few} of {len(members)} workers may use less" if few else ""
+        return f"about {each:.1f} GB a worker, and here{short}"
+    left = available_memory_mb() / 1024
+    short = f", but only {left:.1f} GB are left: give fewer --jobs" if each * workers > left else ""
+    return f"about {each:.1f} GB a process, {workers + 1} processes{short}"
+
+
+def _members(scheduler: str | None) -> Sequence[Worker]:
+    """The workers of a scheduler that is named; MachineError where they are of no use."""
+    if scheduler is None:
+        return ()
+    from squealstudy.engine.cluster import connected
+
+    with connected(scheduler, warning) as cluster:
+        return cluster.members
+
+
+def _cluster(members: Sequence[Worker]) -> Rows:
+    """How many workers a cluster has, their memory, and that their versions are those here."""
+    if not members:
+        return []
+    limits = sorted(m.limit_mb / 1024 for m in members)
+    text = f"{limits[0]:.1f} to {limits[-1]:.1f} GB" if limits[0] else "no limit of memory told"
+    versions = ", ".join(f"{name} {text}" for name, text in members[0].versions.items())
+    return [("cluster", f"{plural(len(members), 'worker')} of {text}; all have {versions}")]
 
 
 def _validity(plan: Plan) -> Rows:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import io
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -34,7 +35,7 @@ from squealstudy.paths import cache_directory
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
-META = "meta.json"
+META, MODELS, GAPS = "meta.json", "models", ".npz"
 FORMAT = 3  # of a folder: what an earlier version wrote is made again
 # of values, below the package: a cache may be shared, and no other class is made of what it says
 CLASSES = {
@@ -80,6 +81,7 @@ def is_whole(folder: Path) -> bool:
             _verified[folder] = seen
     except (OSError, ValueError, KeyError):
         return False
+    _touch(folder)
     return True
 
 
@@ -88,16 +90,24 @@ def save_value(folder: Path, value: Any) -> None:
     arrays: dict[str, np.ndarray] = {}
     content = _packed(value, "", arrays)
     _check_classes(content)
-    with named(folder):
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        remove_abandoned(folder.parent)
-        temporary = temporary_name(folder)
-        temporary.mkdir()
+    with _appearing(folder) as temporary:
         for name, array in arrays.items():
             np.save(temporary / f"{name}.npy", array, allow_pickle=False)
         hashes = {p.name: file_hash(p) for p in sorted(temporary.iterdir())}
         meta = sealed({"format": FORMAT, "value": content, "files": hashes})
         (temporary / META).write_text(meta, encoding="utf-8")
+    _touch(folder)
+
+
+@contextmanager
+def _appearing(folder: Path) -> Iterator[Path]:
+    """A new directory to fill, which then takes the place of a value's folder."""
+    with named(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(folder.parent)
+        temporary = temporary_name(folder)
+        temporary.mkdir()
+        yield temporary
         try:
             temporary.rename(folder)
         except OSError:  # another run was faster, or what is damaged or not finished is in the way
@@ -130,6 +140,66 @@ def load_value(folder: Path) -> Any:
     return _unpacked(unsealed((folder / META).read_bytes())["value"], folder)
 
 
+# -- other machines --------------------------------------------------------------------------------
+_watching: list[set[Path]] = []
+
+
+@contextmanager
+def touched() -> Iterator[set[Path]]:
+    """Folders of values and files of working points that what runs inside writes, or finds."""
+    found: set[Path] = set()
+    _watching.append(found)
+    try:
+        yield found
+    finally:
+        _watching.remove(found)
+
+
+def _touch(place: Path) -> None:
+    for found in _watching:
+        found.add(place)
+
+
+def folders_of(key: str) -> list[Path]:
+    """Folders of the prepared model of a key and of what was made of it; its own comes first."""
+    own = prepared_path(key)
+    found = [own, *sorted(p.parent for p in own.glob(f"[!.]*/[!.]*/{META}"))]
+    return [folder for folder in found if is_whole(folder)]
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    """Files by name of a folder of a value, or a file of working points, to be sent elsewhere."""
+    files = [place] if place.is_file() else [p for p in place.iterdir() if p.is_file()]
+    return {file.name: file.read_bytes() for file in files}
+
+
+def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
+    """Keep what `contents` gave in another cache.
+
+    Raises
+    ------
+    OSError
+        Where it is not as it was written, or not of the cache.
+    """
+    inside = not {"..", "."} & set(place.parts) and all(Path(n).name == n for n in files)
+    if not (inside and place.is_relative_to(cache_directory() / MODELS)):
+        raise OSError(f"{place}: not of the cache")
+    if place.suffix == GAPS:
+        for name, content in files.items():
+            if hashlib.sha256(content).hexdigest() == Path(name).stem:
+                write_bytes(place.with_name(name), content)
+        return
+    if is_whole(place):
+        return
+    with _appearing(place) as temporary:
+        for name, content in files.items():
+            (temporary / name).write_bytes(content)
+        if not is_whole(temporary):
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise OSError(f"{place}: not as it was written")
+
+
+# -- values as files -------------------------------------------------------------------------------
 def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     """A value as JSON, its arrays put aside under their names."""
     if isinstance(value, np.ndarray):
@@ -183,7 +253,7 @@ def _unpacked(found: Any, folder: Path) -> Any:
 # -- prepared models -----------------------------------------------------------------------------
 def prepared_path(key: str) -> Path:
     """Folder of the prepared model of that key, there or not."""
-    return cache_directory() / "models" / key
+    return cache_directory() / MODELS / key
 
 
 def is_prepared(key: str) -> bool:
@@ -226,7 +296,7 @@ def prepared_model(key: str) -> PreparedModel:
 @lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
-    for file in sorted(_gap_folder(key).glob("[!.]*.npz")):
+    for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS}")):
         content = file.read_bytes()
         if hashlib.sha256(content).hexdigest() != file.stem:
             file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
@@ -263,7 +333,8 @@ class NewGaps:
             np.savez(content, keys=np.array(list(gaps)), gaps=np.stack(list(gaps.values())))
             name = hashlib.sha256(content.getvalue()).hexdigest()
             remove_abandoned(_gap_folder(key))
-            write_bytes(_gap_folder(key) / f"{name}.npz", content.getvalue())
+            write_bytes(_gap_folder(key) / f"{name}{GAPS}", content.getvalue())
+            _touch(_gap_folder(key) / f"{name}{GAPS}")
             _gaps(key).update(gaps)
 
 

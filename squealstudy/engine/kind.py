@@ -176,6 +176,11 @@ class Kind:
         """Why design points cannot be solved, by the ids of those that cannot."""
         return {}
 
+    def points_of(self, task: Any) -> Iterable[Identified]:
+        """The design points of a task."""
+        points: Iterable[Identified] = task.points
+        return points
+
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Row of a design point that could not be solved."""
         return failed_row(self.schema, point_id, status, message)

@@ -19,6 +19,7 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
@@ -217,15 +218,22 @@ def build_structures(
     missing = [p for key, p in plan.structures.items() if key in asked and not is_prepared(key)]
     if not missing:
         return {}
+    workers = with_files(plan, workers)
     if workers.jobs > 1:
         plan.kind.begin(plan)
-    threads = workers.jobs if len(missing) == 1 else 1
+    threads = workers.threads(len(missing))
     tasks = [build_task(plan, point, threads) for point in missing]
     made = workers.each(build_structure, tasks, "reduction")
     failures = {key: reason for key, reason in made if reason}
     if len(failures) == len(plan.structures):
         raise SquealstudyError(f"{plan.study.source.path}: {next(iter(failures.values()))}")
     return failures
+
+
+def with_files(plan: Plan, workers: Workers) -> Workers:
+    """Those of the workers that have the files which a plan's model reads."""
+    of_files = isinstance(plan.study.model, FamilyDefinition | FileDefinition)
+    return workers.at_home if of_files else workers
 
 
 def check_component_modes(plan: Plan) -> None:

@@ -22,13 +22,15 @@ from squealstudy.engine.manifest import (
 )
 from squealstudy.engine.store import CHUNKS, INACCURATE, PICTURES, Store, write_manifest
 from squealstudy.engine.validity import SOLVED
-from squealstudy.engine.workers import Progress, Workers, silent, solve_chunk
+from squealstudy.engine.workers import Progress, Workers, lost_chunk, silent, solve_chunk
 from squealstudy.errors import ResultsError
 from squealstudy.machine import peak_memory_mb
 from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from squealstudy.engine.cluster import Cluster
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ def run_study(
     progress: Progress = silent,
     warn: Warn = lambda text: None,
     fresh: bool = False,
+    cluster: Cluster | None = None,
 ) -> RunReport:
     """Run a study of any kind, or what is left of it.
 
@@ -73,7 +76,7 @@ def run_study(
     directory : Path
         Results directory; made where absent.
     jobs : int
-        Worker processes.
+        Workers.
     yes : bool
         Accept more points than the study's limit.
     progress : callable
@@ -82,6 +85,8 @@ def run_study(
         Told what may go wrong, before the design points are solved.
     fresh : bool
         Remove what the study wrote there before, and begin anew; files of others stay.
+    cluster : Cluster or None
+        Whose workers solve the design points; None for processes of this machine.
 
     Raises
     ------
@@ -92,7 +97,7 @@ def run_study(
     kind.check_limit(plan, yes)
     check_owner(directory, plan.owner)
     started = time.perf_counter()
-    workers = Workers(jobs, progress, partial(kind.patience, plan))
+    workers = Workers(jobs, progress, partial(kind.patience, plan), cluster)
     plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory):
@@ -180,8 +185,9 @@ def _solve_points(
     failed = len(rows)
     workers.report(kind.rows_word, done, total, failed)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
+    stand_in = partial(lost_chunk, kind)
     with ChunkWriter(store) as writer:
-        for chunk in workers.each(partial(solve_chunk, kind), tasks):
+        for chunk in workers.each(partial(solve_chunk, kind), tasks, lost=stand_in):
             writer.add(chunk)
             workers.pace.took(len(chunk.table), chunk.wall_s)
             done += len(chunk.table)

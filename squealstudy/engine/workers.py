@@ -1,4 +1,6 @@
-"""The one place that hands tasks to worker processes; work of a few seconds stays in this one.
+"""The one place that hands tasks to workers; work of a few seconds stays in this process.
+
+Workers are processes of this machine or those of a cluster (engine/cluster.py).
 
 What passes between a run and its workers, their memory, and their end with the parent.
 """
@@ -7,10 +9,11 @@ from __future__ import annotations
 
 import atexit
 import errno
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -23,6 +26,7 @@ from squealstudy.errors import MachineError
 from squealstudy.extensions import extension_files, start_worker
 from squealstudy.machine import (
     MOST_WORKERS,
+    cores,
     cut_lifeline,
     lifeline,
     peak_memory_mb,
@@ -36,10 +40,12 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
+    from squealstudy.engine.cluster import Cluster
     from squealstudy.engine.kind import Kind
 
 
 AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
+DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 Item = TypeVar("Item")
@@ -57,25 +63,38 @@ def at_once() -> float:
 
 @dataclass(frozen=True)
 class Workers:
-    """Worker processes, one BLAS thread each, and who is told how far they are.
+    """Workers, one BLAS thread each, and who is told how far they are.
 
     Attributes
     ----------
     jobs : int
-        Processes; with one all is done in this process.
+        How many; with one local one all is done in this process.
     report : callable
         Told (stage, done, total, failed).
     patience : callable
         Seconds for which tasks are done in this process: a worker takes longer to start than a
-        small study to run.
+        small study to run. Workers of a cluster are there: they get all tasks, but where it is
+        infinite.
     pace : Pace
         What design points have taken, by which tasks are cut.
+    cluster : Cluster or None
+        Whose workers they are; None for processes of this machine.
     """
 
     jobs: int = 1
     report: Progress = silent
     patience: Callable[[], float] = at_once
+    cluster: Cluster | None = None
     pace: Pace = field(default_factory=Pace, kw_only=True)
+
+    @property
+    def at_home(self) -> Workers:
+        """Workers of this machine, for what needs its files."""
+        return self if self.cluster is None else replace(self, jobs=cores(), cluster=None)
+
+    def threads(self, tasks: int) -> int:
+        """Threads that each of so many tasks may use: of a single one all, where it runs here."""
+        return self.jobs if tasks == 1 and self.cluster is None else 1
 
     def each(
         self,
@@ -83,6 +102,7 @@ class Workers:
         tasks: Iterable[Item],
         stage: str = "",
         total: int | None = None,
+        lost: Callable[[Item, str], Found] | None = None,
     ) -> Iterator[Found]:
         """Results of a function of each task, as they come; none is kept here.
 
@@ -97,23 +117,35 @@ class Workers:
             Name under which progress is told; none without.
         total : int or None
             Number of tasks, for progress, where `tasks` has no length.
+        lost : callable or None
+            Makes the result of a task that ended every worker of a cluster that tried it, of the
+            task and of what happened.
 
         Raises
         ------
         MachineError
-            Where a worker process dies, or none can start.
+            Where a worker process dies, or none can start; in a cluster where the scheduler is
+            lost, or such a task has no result.
         """
         known = len(tasks) if isinstance(tasks, Sized) else 0
         total = known if total is None else total
         if stage and total:
             self.report(stage, 0, total)
-        for done, found in enumerate(self._found(function, iter(tasks)), start=1):
+        for done, found in enumerate(self._found(function, iter(tasks), lost), start=1):
             if stage:
                 self.report(stage, done, max(done, total))
             yield found
 
-    def _found(self, function: Callable[[Item], Found], tasks: Iterator[Item]) -> Iterator[Found]:
+    def _found(
+        self,
+        function: Callable[[Item], Found],
+        tasks: Iterator[Item],
+        lost: Callable[[Item, str], Found] | None,
+    ) -> Iterator[Found]:
         started, patience = time.perf_counter(), self.patience()
+        if self.cluster is not None and math.isfinite(patience):
+            yield from self.cluster.each(function, tasks, lost)
+            return
         drawn = list(islice(tasks, 2))
         alone = self.jobs == 1 or len(drawn) == 1
         tasks = chain(drawn, tasks)
@@ -220,6 +252,12 @@ class ChunkRows:
     known: int
     wall_s: float
     peak_mb: float
+
+
+def lost_chunk(kind: Kind, task: Any, why: str) -> ChunkRows:
+    """What stands for a task that ended every worker that tried it: a failed row a point."""
+    rows = [kind.failed_row(p.point_id, DIED, why) for p in kind.points_of(task)]
+    return ChunkRows(pa.Table.from_pylist(rows, schema=kind.schema), {}, 0, 0.0, 0.0)
 
 
 def solve_chunk(kind: Kind, task: Any) -> ChunkRows:

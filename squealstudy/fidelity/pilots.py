@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from squealstudy.tables.method_quality import (
     FoundError,
     Miscount,
 )
+
+if TYPE_CHECKING:
+    from squealstudy.engine.cluster import Cluster
 
 IN_FREQUENCY = ("frequency", "damping_ratio")
 IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
@@ -45,6 +48,8 @@ class FidelityStudy:
         Design points that could be no pilots.
     asked : float or None
         A stricter tolerance than the section's, after a failed audit.
+    cluster : Cluster or None
+        Whose workers these are; None for processes of this machine.
     """
 
     study: ResolvedStudy
@@ -53,6 +58,7 @@ class FidelityStudy:
     measured: dict[str, Measurement] = field(default_factory=dict)
     failed: set[int] = field(default_factory=set)
     asked: float | None = None
+    cluster: Cluster | None = None
 
     @property
     def tolerance(self) -> float:
@@ -83,6 +89,10 @@ class FidelityStudy:
         assert found is not None
         return found
 
+    @property
+    def _workers(self) -> Workers:
+        return Workers(self.jobs, self.report, cluster=self.cluster)
+
     def variant(self, changes: Mapping[str, Any], swept: np.ndarray | None) -> Plan:
         """The study with other settings; `swept` replaces its design points."""
         return Plan(self.study.variant(changes), swept)
@@ -97,7 +107,7 @@ class FidelityStudy:
             plan = self.variant(changes, self.plan.swept)
             together = not self.in_time and plan.method.rung.shares_work
             wanted = None if together else {plan.tasks[i].structure for i in points}
-            failures = build_structures(plan, Workers(self.jobs, self.report), wanted)
+            failures = build_structures(plan, self._workers, wanted)
             self.measured[name] = self._measured(plan, points, failures)
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
         return self.measured[name]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.fidelity.time_search import ALL_MODES, QUIET, search_runs
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.definition import ResolvedStudy
+
+if TYPE_CHECKING:
+    from squealstudy.engine.cluster import Cluster
 
 MOST_ROUNDS = 3
 SEED = 5  # of the points that are audited
@@ -73,7 +76,11 @@ def _plain(one: Neighbour) -> dict[str, Any]:
 
 
 def resolve(
-    study: ResolvedStudy, jobs: int, report: Progress, tolerance: float | None = None
+    study: ResolvedStudy,
+    jobs: int,
+    report: Progress,
+    tolerance: float | None = None,
+    cluster: Cluster | None = None,
 ) -> Resolved:
     """Choose the settings of a study, by pilot runs or as an earlier call chose them.
 
@@ -82,7 +89,7 @@ def resolve(
     SquealstudyError
         Where every pilot design point fails.
     """
-    scene = FidelityStudy(study, jobs, report, asked=tolerance)
+    scene = FidelityStudy(study, jobs, report, asked=tolerance, cluster=cluster)
     search = search_runs if scene.in_time else search_modes
     choice = kept_choice(scene, lambda: search(scene))
     return Resolved(scene, choice, scene.variant(choice.chosen.changes, None))
@@ -107,7 +114,14 @@ def run_resolved(
     errors: list[float | None] = []
     for number in range(MOST_ROUNDS):
         done = run_study(
-            resolved.plan, directory, scene.jobs, yes, report, warn, fresh and not number
+            resolved.plan,
+            directory,
+            scene.jobs,
+            yes,
+            report,
+            warn,
+            fresh and not number,
+            scene.cluster,
         )
         changes = resolved.choice.chosen.changes
         points = sorted(doubtful | set(drawn_points(scene, number)))
@@ -122,7 +136,7 @@ def run_resolved(
         if passed or number + 1 == MOST_ROUNDS:
             break
         stricter = 0.5 * resolved.scene.tolerance * asked / max(found.error or asked, asked)
-        again = resolve(scene.study, scene.jobs, report, stricter)
+        again = resolve(scene.study, scene.jobs, report, stricter, scene.cluster)
         if _deciding(again.choice) == _deciding(resolved.choice):
             break
         warn(

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import ModelKind, Solves
+from squealstudy.engine.model_kind import ModelKind, Solves, with_files
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
 from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.store import MODES, ONSETS, POINTS, REFERENCES, Store
@@ -167,6 +167,7 @@ class ComplexModes(ModelKind):
             for t in wanted
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
+        workers = with_files(plan, workers)
         for result in workers.each(check_reference, tasks, "full-order check"):
             store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
         ids = {t.point_id for t in chosen}

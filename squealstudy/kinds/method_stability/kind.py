@@ -105,6 +105,10 @@ class MethodStability(Kind):
         lines = itertools.groupby(points, key=lambda cell: cell.content[knobs[1]])
         return [LineTask(case.name, knobs, tuple(cells)) for _, cells in lines]
 
+    def points_of(self, task: LineTask) -> Sequence[Run]:
+        """Its cells."""
+        return task.cells
+
     def solve(self, task: LineTask) -> Solved:
         """Rows of one line of cells; no cell stops the others."""
         return Solved([_row(task, cell) for cell in task.cells])

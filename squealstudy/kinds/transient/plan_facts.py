@@ -126,19 +126,18 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
     }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StartState:
-    """A final state of an earlier run: its design point, its model, its file."""
+    """A final state of an earlier run: its design point, its model.
+
+    `q` and `v` (n,) are deviation from steady sliding and velocity in component-mode coordinates.
+    """
 
     point_id: str
     prepared_key: str
     representation: str
-    path: Path
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """Deviation from steady sliding and velocity (n,) in component-mode coordinates."""
-        with np.load(self.path) as data:
-            return data["q"], data["v"]
+    q: np.ndarray
+    v: np.ndarray
 
 
 def state_file(
@@ -223,7 +222,8 @@ def _read(path: Path) -> StartState:
             point_id=path.stem,
             prepared_key=str(data["prepared_key"]),
             representation=str(data["representation"]),
-            path=path,
+            q=data["q"],
+            v=data["v"],
         )
 
 

@@ -179,7 +179,7 @@ def _modal_motions(task: BatchTask, points: Sequence[MotionPoint]) -> list[Motio
     omega2 = reference.system.omega2[: reference.n_exact]
     system = replace(reference.system, sensed=sensed_modes(task.section, omega2, task.band_hz))
     if task.start is not None:
-        q, v = (reference.phi.T @ x for x in task.start.read())
+        q, v = (reference.phi.T @ x for x in (task.start.q, task.start.v))
         starts = [point.start(system.n) for point in points]
         points = [
             replace(point, q0=q0 + q, v0=v0 + v)
@@ -282,8 +282,7 @@ def _hybrid_point(
     zeta = state.assembly_damping_ratios(len(model.omega)) + 0.5 * beta * model.omega
     q0, v0 = (shapes @ x[:m] for x in point.start(task.reference.system.n))
     if task.start is not None:
-        q, v = task.start.read()
-        q0, v0 = q0 + q, v0 + v
+        q0, v0 = q0 + task.start.q, v0 + task.start.v
     watching = point.growing.sensors[:, :m] @ model.sensors[:m]
     return replace(
         point,

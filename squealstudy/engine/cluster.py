@@ -1,0 +1,402 @@
+"""A cluster of dask.distributed as the place where tasks are done, instead of local processes.
+
+Only this process writes results. Models go to the workers as the tasks name them, by their keys;
+what tasks add to a worker's cache comes back with their results (engine/cluster_worker.py).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import pickle
+import queue
+import re
+import time
+import warnings
+from asyncio import CancelledError
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any, TypeVar
+from uuid import uuid4
+
+import numpy as np
+
+from squealstudy.engine import cluster_worker
+from squealstudy.engine.cache import contents, folders_of, keep_contents, prepared_path
+from squealstudy.engine.cluster_worker import (
+    SAME,
+    Answer,
+    Setting,
+    answer,
+    difference,
+    given,
+    in_cache,
+)
+from squealstudy.engine.keys import LENGTH
+from squealstudy.errors import MachineError
+from squealstudy.extensions import extension_files, sources_of
+from squealstudy.paths import cache_directory
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+AHEAD = 3  # tasks a worker that are drawn: one at work, others there before it is free
+CONNECT, CLOSE = 10.0, 2.0  # s, for a scheduler to answer
+NAME = "squealstudy"
+LOOK, GLANCE = 2.0, 0.2  # s between looks at who is there, and where a task may end a worker
+ALL_DIED = "every worker that tried it died"
+MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
+KEY = re.compile(rb"[0-9a-f]{%d,}" % LENGTH)
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
+Lost = Callable[[Any, str], Any]
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A worker: its address, threads, and what `cluster_worker.facts` tells."""
+
+    address: str
+    threads: int
+    versions: Mapping[str, str]
+    limit_mb: float
+    used_mb: float
+
+
+class _DiedError(Exception):
+    """A task ended every worker that tried it."""
+
+
+@dataclass
+class _Model:
+    """A model in the cache: the names of what this process has of it, and what was sent."""
+
+    held: set[str] = field(default_factory=set)
+    sent: set[str] = field(default_factory=set)
+    parcels: list[Future] = field(default_factory=list)
+
+
+class Cluster:
+    """Workers behind a scheduler, for one run.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    warn : callable
+        Told where nobody is there to work.
+
+    Attributes
+    ----------
+    members : list of Worker
+        Those that were there at the beginning.
+    """
+
+    def __init__(self, client: Client, warn: Callable[[str], None]) -> None:
+        self.client, self.warn = client, warn
+        self.members: list[Worker] = []
+        self._run, self._count = f"squealstudy-{uuid4().hex[:8]}", 0
+        self._size, self._looked = 0, -np.inf
+        self._models: dict[str, _Model] = {}
+        self._present: set[str] = set()  # keys of models in the cache when tasks began
+        self._fresh: set[str] = set()  # of those, what was looked at since
+        self._setting: tuple[Setting, Future] | None = None
+        self._shared: Future = None
+
+    @property
+    def name(self) -> str:
+        """Address of the scheduler."""
+        return str(self.client.scheduler.address) if self.client.scheduler else "the scheduler"
+
+    @property
+    def size(self) -> int:
+        """Workers now; one where there is none yet."""
+        if time.monotonic() - self._looked > LOOK:
+            before, self._size = self._size, len(self._threads())
+            self._looked = time.monotonic()
+            if before and not self._size:
+                self.warn(f"{self.name}: no worker is left; waiting for others")
+        return max(1, self._size)
+
+    def _threads(self) -> dict[str, int]:
+        """Threads of each worker by its address; MachineError where no scheduler answers."""
+        try:
+            return dict(self.client.nthreads())
+        except Exception as error:
+            raise self._lost_scheduler() from error
+
+    def _lost_scheduler(self) -> MachineError:
+        return MachineError(f"{self.name}: the scheduler does not answer any more")
+
+    def workers(self) -> list[Worker]:
+        """Those that are there, once there is one; MachineError where one is of no use."""
+        threads = self._threads()
+        if not threads:
+            self.warn(f"{self.name}: no worker yet; waiting for one")
+        while not threads:
+            time.sleep(0.2)
+            threads = self._threads()
+        found = self.client.run(cluster_worker.facts, on_error="return")
+        for address, told in found.items():
+            if isinstance(told, Exception):
+                raise MachineError(
+                    f"worker {address} cannot be used ({type(told).__name__}: {told}): {SAME}"
+                )
+            if text := difference(cluster_worker.versions(), told["versions"]):
+                raise MachineError(f"worker {address} has {text}: {SAME}")
+        several = [n for n in threads.values() if n > 1]
+        if several:
+            self.warn(
+                f"{plural(len(several), 'worker')} of {len(threads)} have several threads, of "
+                "which one is used: start more workers of one thread each (--nthreads 1)"
+            )
+        return [Worker(a, threads.get(a, 1), **told) for a, told in sorted(found.items())]
+
+    # -- tasks -----------------------------------------------------------------------------------
+    def each(
+        self, function: Callable[[Item], Found], tasks: Iterator[Item], lost: Lost | None
+    ) -> Iterator[Found]:
+        """Results of a function of each task, as they come; see `Workers.each`.
+
+        Raises
+        ------
+        MachineError
+            Where the scheduler is lost; where a task ends every worker that tries it and `lost`
+            makes no result of it.
+        """
+        begun: dict[Future, Item] = {}
+        ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        suspects: list[Item] = []
+        models = prepared_path("")
+        self._present = {p.name for p in models.iterdir()} if models.is_dir() else set()
+        self._fresh.clear()
+        self._shared = self._common()
+
+        def begin(some: Iterator[Item], most: int) -> None:
+            for task in islice(some, max(0, most - len(begun))):
+                future = self._submit(function, task)
+                begun[future] = task
+                future.add_done_callback(ended.put)
+
+        try:
+            begin(tasks, AHEAD * self.size)
+            while begun:
+                if (future := self._next(ended)) is None:
+                    begin(tasks, AHEAD * self.size)  # workers may have come
+                    continue
+                try:
+                    found = self._result(future)
+                except _DiedError:
+                    suspects.append(begun[future])
+                    self._cancel([future])
+                    del begun[future]
+                    begin(tasks, AHEAD * self.size)
+                    continue
+                del begun[future], future
+                begin(tasks, AHEAD * self.size)
+                yield found
+            for task in suspects:  # others ended with a task only because they were beside it
+                begin(iter([task]), 1)
+                try:
+                    (future,) = begun
+                    self._wait_alone(future, ended)
+                    found = self._result(future)
+                except _DiedError as error:
+                    if lost is None:
+                        raise MachineError(str(error)) from None
+                    found = lost(task, str(error))
+                    self._cancel([future])
+                begun.clear()
+                yield found
+        finally:
+            if begun:
+                self._cancel([*begun])
+
+    def _wait_alone(self, future: Future, ended: queue.SimpleQueue[Future]) -> None:
+        """Wait for a task that was beside others when workers died; _DiedError where one does."""
+        worker = ""
+        while self._next(ended, GLANCE) is not future:
+            if worker and worker not in self._threads():
+                raise _DiedError(f"{ALL_DIED}, the last at {worker}: out of memory, or killed")
+            busy = self.client.processing()
+            worker = next((name for name, keys in busy.items() if future.key in keys), worker)
+
+    def _next(self, ended: queue.SimpleQueue[Future], wait: float = LOOK) -> Future | None:
+        """The next task that has ended; None where none has for so many seconds."""
+        try:
+            return ended.get(timeout=wait)
+        except queue.Empty:
+            if self.client.status != "running":
+                raise self._lost_scheduler() from None
+            return None
+
+    def _result(self, future: Future) -> Any:
+        """What a task came to; _DiedError where it ended every worker that tried it."""
+        from distributed import KilledWorker
+
+        try:
+            made: Answer = future.result()
+        except KilledWorker as error:
+            last = getattr(error.last_worker, "address", "")
+            raise _DiedError(f"{ALL_DIED}, the last at {last}: out of memory, or killed") from error
+        except (Exception, CancelledError) as error:
+            if self.client.status != "running":
+                raise self._lost_scheduler() from error
+            if isinstance(error, CancelledError):
+                text = f"{self.name}: tasks of this run were cancelled there"
+                raise MachineError(text) from error
+            raise
+        for name, files in made.made.items():
+            keep_contents(prepared_path(name), files)
+            self._models.setdefault(name.partition("/")[0], _Model()).held.add(name)
+        return made.found
+
+    def _cancel(self, futures: list[Future]) -> None:
+        with contextlib.suppress(Exception):  # where the scheduler is gone, so are the tasks
+            self.client.cancel(futures)
+
+    def release(self) -> None:
+        """Give up what was sent: the scheduler keeps it no longer."""
+        self._models.clear()
+        self._setting = self._shared = None
+
+    # -- what goes along -------------------------------------------------------------------------
+    def _submit(self, function: Callable[[Item], Found], task: Item) -> Future:
+        call = _pickled((function, task))
+        models = [self._model(key) for key in _keys(call) & self._present]
+        held = frozenset().union(*(model.held for model in models))
+        parcels = [parcel for model in models for parcel in model.parcels]
+        return self._send(answer, self._shared, parcels, held, call)
+
+    def _common(self) -> Future:
+        """What all tasks have in common; extensions may have come."""
+        sources = [sources_of(path) for path in extension_files()]
+        setting = Setting(cluster_worker.versions(), sources)
+        if self._setting is None or self._setting[0] != setting:
+            self._setting = setting, self._send(given, setting)
+        return self._setting[1]
+
+    def _model(self, key: str) -> _Model:
+        """A model that a task names; what workers do not have of it is on its way to them."""
+        model = self._models.pop(key, None) or _Model()
+        self._models[key] = model
+        if key not in self._fresh:
+            self._fresh.add(key)
+            top = prepared_path("")
+            folders = {p.relative_to(top).as_posix(): p for p in folders_of(key)}
+            if new := {n: contents(p) for n, p in folders.items() if n not in model.sent}:
+                model.parcels.append(self._send(given, new))
+            model.sent |= folders.keys()
+            model.held |= folders.keys()
+        while len(self._models) > MOST_MODELS:
+            del self._models[next(iter(self._models))]
+        return model
+
+    def _send(self, function: Callable[..., Any], *arguments: Any) -> Future:
+        self._count += 1
+        key = f"{self._run}-{self._count}"
+        with warnings.catch_warnings():  # of large ones: they are meant to go this way
+            warnings.simplefilter("ignore", UserWarning)
+            return self.client.submit(function, *arguments, key=key, pure=False)
+
+
+def _keys(call: bytes) -> set[str]:
+    """What may be a key among what a pickle holds, in texts or in arrays of them."""
+    found: set[str] = set()
+    for run in KEY.findall(call.replace(b"\0", b"")):
+        found.update(run[i : i + LENGTH].decode() for i in range(len(run) - LENGTH + 1))
+    return found
+
+
+def _pickled(call: Any) -> bytes:
+    """A pickle in which places in the cache are those of the process that reads it."""
+    import cloudpickle
+
+    base = cache_directory()
+
+    class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
+        def reducer_override(self, value: Any) -> Any:
+            if isinstance(value, PurePath) and value.is_relative_to(base):
+                return in_cache, (value.relative_to(base).as_posix(),)
+            return super().reducer_override(value)
+
+    file = io.BytesIO()
+    Pickler(file, protocol=pickle.HIGHEST_PROTOCOL).dump(call)
+    return file.getvalue()
+
+
+@contextlib.contextmanager
+def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Iterator[Cluster]:
+    """The cluster of a client, or of a scheduler by its address or its file.
+
+    Its workers are there, and have the versions of this process.
+
+    Raises
+    ------
+    MachineError
+        Without the library; where no scheduler answers; where a worker has other versions.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise MachineError(
+            "a scheduler needs dask.distributed: pip install 'squealstudy[cluster]'"
+        ) from None
+    if isinstance(client, distributed.Client):
+        with _checked(client, warn) as cluster:
+            yield cluster
+        return
+    with _quiet():
+        own = _client(str(client))
+        try:
+            with _checked(own, warn) as cluster:
+                yield cluster
+        finally:
+            with contextlib.suppress(Exception):  # of a scheduler that is gone
+                own.close(timeout=CLOSE)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the log of the library: what goes wrong is told in one sentence."""
+    names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
+@contextlib.contextmanager
+def _checked(client: Client, warn: Callable[[str], None]) -> Iterator[Cluster]:
+    cluster = Cluster(client, warn)
+    cluster.members = cluster.workers()
+    try:
+        yield cluster
+    finally:
+        cluster.release()
+
+
+def _client(scheduler: str) -> Client:
+    """A client of a scheduler, by its address or its file."""
+    from distributed import Client
+
+    place = Path(scheduler)
+    if "://" not in scheduler and not place.is_file():
+        raise MachineError(
+            f"{scheduler}: expected the address of a scheduler, tcp://host:8786, or its file"
+        )
+    given: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
+    try:
+        return Client(
+            **given or {"address": scheduler}, timeout=CONNECT, set_as_default=False, name=NAME
+        )
+    except (OSError, ValueError, KeyError) as error:
+        raise MachineError(f"{scheduler}: no scheduler answers there ({error})") from error

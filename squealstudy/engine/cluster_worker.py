@@ -1,0 +1,178 @@
+"""What a worker of a cluster does: one task at a time, with the caller's models and extensions.
+
+It shares no file system with the process that runs the study: models and source texts come with
+the tasks, into this worker's own cache; what a task adds to the cache goes back with its result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+import squealstudy
+from squealstudy.engine.cache import contents, keep_contents, prepared_path, touched
+from squealstudy.engine.files import write_bytes
+from squealstudy.engine.keys import source_hash
+from squealstudy.errors import MachineError, SquealstudyError
+from squealstudy.extensions import THREADS, load_extension
+from squealstudy.machine import peak_memory_mb
+from squealstudy.paths import cache_directory
+
+PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # that numbers, and how they travel, rest on
+SAME = "install the same versions there as here"
+Parcel = Mapping[str, Mapping[str, bytes]]  # files by name, of places in the folder of models
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all tasks of a run have in common.
+
+    Attributes
+    ----------
+    versions : mapping of str -> str
+        Of the process that runs the study.
+    extensions : sequence of mapping of str -> bytes
+        Of each file outside the package: its source, then those of its folder that it may import.
+    """
+
+    versions: Mapping[str, str]
+    extensions: Sequence[Mapping[str, bytes]]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Result of a task, and what it added to the cache that the caller did not have."""
+
+    found: Any
+    made: Parcel = field(default_factory=dict)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions on which numbers rest; of squealstudy the hash of its source as well."""
+    python = ".".join(platform.python_version_tuple()[:2])
+    own = f"{squealstudy.__version__} (source {source_hash(('.',))})"
+    return {"squealstudy": own, "python": python} | {name: version(name) for name in PACKAGES}
+
+
+def facts(dask_worker: Any) -> dict[str, Any]:
+    """Versions, and MB of memory that a worker may use; 0 without a limit."""
+    limit = getattr(dask_worker.memory_manager, "memory_limit", None) or 0
+    return {"versions": versions(), "limit_mb": limit / 2**20, "used_mb": peak_memory_mb()}
+
+
+def given(value: Any) -> Any:
+    """A value that others need, as a task: what is lost with a worker is made again."""
+    return value
+
+
+def in_cache(name: str) -> Path:
+    """A place in this process's cache."""
+    return cache_directory() / name
+
+
+_one_at_a_time = Lock()  # caches, warnings and threads of libraries are those of a process
+
+
+def answer(
+    setting: Setting, parcels: Sequence[Parcel], held: frozenset[str], call: bytes
+) -> Answer:
+    """Do a task: `call` is a pickled function with its argument.
+
+    Parameters
+    ----------
+    setting : Setting
+    parcels : sequence of Parcel
+        Models that the task needs.
+    held : frozenset of str
+        Places in the cache that the caller has, of the models that the task names.
+    call : bytes
+    """
+    with _one_at_a_time:
+        _enter(setting)
+        for parcel in parcels:
+            _unpack(parcel)
+        function, task = pickle.loads(call)
+        with threadpool_limits(1), touched() as places:
+            try:
+                found = function(task)
+            except Exception as error:
+                if _portable(error):
+                    raise
+                raise MachineError(f"{type(error).__name__}: {error}") from None
+        models = prepared_path("")
+        names = {place.relative_to(models).as_posix(): place for place in places}
+        return Answer(found, {name: contents(names[name]) for name in names.keys() - held})
+
+
+def _portable(error: Exception) -> bool:
+    """Whether an error can be read on the other side."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return False
+    return True
+
+
+_entered: list[Setting] = []  # the last one
+
+
+def _enter(setting: Setting) -> None:
+    """See to versions, threads and extensions, once a run."""
+    if setting in _entered:
+        return
+    if text := difference(setting.versions, versions()):
+        raise MachineError(f"a worker has {text}: {SAME}")
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    for files in setting.extensions:
+        path = _written(files)
+        try:
+            load_extension(path)
+        except SquealstudyError as error:
+            raise MachineError(
+                f"a worker cannot read the extension {path.name} ({error}); where that was "
+                "changed, it knows the former version: start the workers anew"
+            ) from error
+    _entered[:] = [setting]
+
+
+def _written(files: Mapping[str, bytes]) -> Path:
+    """An extension in a folder of its own, named by its content; the path of its file."""
+    digest = hashlib.sha256(repr(list(files.items())).encode()).hexdigest()
+    folder = cache_directory() / "extensions" / digest
+    for name, text in files.items():
+        if not (folder / name).is_file():
+            write_bytes(folder / name, text)
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
+    return folder / next(iter(files))
+
+
+def difference(wanted: Mapping[str, str], got: Mapping[str, str]) -> str:
+    """In which packages a worker differs from the caller; empty where in none."""
+    others = {name: got.get(name, "none") for name in wanted if got.get(name) != wanted[name]}
+    return ", ".join(f"{name} {text}, not {wanted[name]}" for name, text in others.items())
+
+
+_unpacked: set[str] = set()
+
+
+def _unpack(parcel: Parcel) -> None:
+    """Keep in this worker's cache what came from that of the caller."""
+    for name, files in parcel.items():
+        place = prepared_path(name)
+        if name not in _unpacked or not place.exists():
+            keep_contents(place, files)
+            _unpacked.add(name)

@@ -1,0 +1,119 @@
+"""What handing out work costs: processes of this machine against a cluster on the loopback device.
+
+A study of a model of two degrees of freedom is run by each, with one worker and with two. Of the
+time of its points, what no worker spent on a point is overhead; the last line is that of tasks that
+do nothing. Scheduler and workers are processes of this machine, each worker with its own cache.
+
+    python studies/benchmarks/cluster.py --points 4000
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import squealstudy as sq
+from squealstudy.engine import model_kind
+from squealstudy.engine.cluster import connected
+from squealstudy.engine.workers import Workers
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from clusters import Loopback
+
+STUDY = """
+[study]
+name = "points"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.6
+num = {points}
+[design]
+limit = 10000000
+[modes]
+band = [1.0, 1000.0]
+track = false
+reference_points = 0
+"""
+EMPTY = 2000  # tasks that do nothing
+
+
+@contextmanager
+def cluster_of(workers: int) -> Iterator[Any]:
+    """A client of a cluster on this machine."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Loopback(Path(folder))
+        try:
+            made.add(*"abcdefgh"[:workers])
+            yield made.client
+        finally:
+            made.close()
+
+
+def measured(points: int, jobs: int, client: Any = None) -> tuple[float, float]:
+    """Seconds of the points of a run, and those that workers spent on them."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "points.toml"
+        path.write_text(STUDY.format(points=points))
+        found = sq.run(path, Path(folder) / "out", jobs=jobs, client=client).manifest["timings"]
+    return found["points_s"], found["points_worker_s"]
+
+
+def per_task(workers: Workers) -> float:
+    """Seconds of a task that does nothing."""
+    list(workers.each(abs, range(10)))  # they start
+    began = time.perf_counter()
+    list(workers.each(abs, range(EMPTY)))
+    return (time.perf_counter() - began) / EMPTY
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--points", type=int, default=4000)
+    points = parser.parse_args().points
+    model_kind.PATIENCE = 0.0  # s: all points by workers
+    found: dict[tuple[str, int], tuple[float, float]] = {}
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["SQUEALSTUDY_CACHE"] = cache
+        print(f"{'':10} workers  points s  at work s  overhead ms a point  ms an empty task")
+        for workers in (1, 2):
+            measured(10, workers)
+            found["processes", workers] = measured(points, workers)
+            show("processes", workers, points, found, per_task(Workers(workers)))
+        for workers in (1, 2):
+            with cluster_of(workers) as client:
+                measured(10, workers, client)
+                found["cluster", workers] = measured(points, workers, client)
+                with connected(client, print) as place:
+                    empty = per_task(Workers(workers, cluster=place))
+            show("cluster", workers, points, found, empty)
+    for name in ("processes", "cluster"):
+        gain = found[name, 1][0] / found[name, 2][0] / 2
+        print(f"{name}: efficiency of two workers against one {100 * gain:.0f} %")
+
+
+def show(
+    name: str, workers: int, points: int, found: dict[tuple[str, int], Any], empty: float
+) -> None:
+    """Print a line."""
+    spent, busy = found[name, workers]
+    overhead = 1e3 * (spent * workers - busy) / points
+    print(
+        f"{name:10} {workers:7} {spent:9.2f} {busy:10.2f} {overhead:20.3f} {1e3 * empty:17.2f}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
