@@ -304,6 +304,28 @@ def compare(
 
 
 @app.command()
+def export(
+    study: StudyPath,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
+    jobs: Jobs = None,
+) -> None:
+    """Write the model at a study's [parameters] for other tools: reduced matrices (.npz, .mat).
+
+    The generated disc brake is written as a model file with its meshes, too.
+    """
+    from squealstudy import face, screen
+    from squealstudy.engine.export import GENERATED, export_model, export_reduced
+    from squealstudy.paths import usable_cache
+
+    plan = face.read_study(study).plan()
+    with usable_cache(screen.warning):
+        written = export_reduced(plan, output, jobs or 1)
+    if plan.study.model.name == GENERATED:
+        written += export_model(plan.study, output)
+    screen.show(screen.facts([("written", f"in {output}: {', '.join(p.name for p in written)}")]))
+
+
+@app.command()
 def warmup(
     single: Annotated[bool, typer.Option("--single", help="Single-precision storage too.")] = False,
 ) -> None:

@@ -1,0 +1,104 @@
+"""Models for other programs: the generated brake as a model file, and reduced matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import savemat
+
+from squealstudy.engine.cache import is_prepared, load_prepared
+from squealstudy.engine.model_kind import build_structure, build_task
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import SquealstudyError
+from squealstudy.faults import named
+from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.reduction.working_point import working_point
+from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.toml_text import toml_text
+from squealstudy.system.linearise import linearise
+
+GENERATED = "disc_brake"
+MODEL_FILE = "brake.toml"
+REDUCED = "reduced"  # .npz, .mat
+
+
+def export_model(study: ResolvedStudy, folder: Path) -> list[Path]:
+    """Write the generated brake of a study's [parameters] as a model file with its meshes.
+
+    Raises
+    ------
+    SquealstudyError
+        A study of another model.
+    """
+    from squealstudy.models.catalogue.disc_brake.as_files import brake_meshes, brake_tables
+
+    if study.model.name != GENERATED:
+        raise SquealstudyError(
+            f"{study.source.path}: only the model {GENERATED} can be written as a model file"
+        )
+    values = {name: float(study.values[name]) for name in study.model.defaults()}
+    with named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        written = []
+        for name, mesh in brake_meshes(study.options, values).items():
+            written.append(folder / f"{name}.inp")
+            write_inp(mesh, written[-1])
+        files = {path.stem: path.name for path in written}
+        written.append(folder / MODEL_FILE)
+        text = toml_text(brake_tables(study.options, values, files))
+        written[-1].write_text(text, encoding="utf-8")
+    return written
+
+
+def export_reduced(plan: Plan, folder: Path, threads: int = 1) -> list[Path]:
+    """Write the reduced model of the [parameters] for other tools, as .npz and .mat.
+
+    Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
+    observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
+    ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction``; names and values of the
+    parameters; the contact law by name with its parameters. The basis is that of a run before it
+    enriches it where its tolerance asks for that.
+
+    Raises
+    ------
+    SquealstudyError
+        A family of matrices, which has no reduction; no working point.
+    """
+    if isinstance(plan.study.model, FamilyDefinition):
+        raise SquealstudyError(f"{plan.study.source.path}: its matrices are files already")
+    design = plan.design(plan.nominal_values)
+    key = plan.structure_key(design)
+    if not is_prepared(key):
+        _, reason = build_structure(build_task(plan, replace(design, structure=key), threads))
+        if reason:
+            raise SquealstudyError(f"{plan.study.source.path}: {reason}")
+    prepared, state = load_prepared(key), design.state()
+    point = working_point(prepared.space, state.operating)
+    pencil = linearise(prepared.model, point, state).pencil
+    model, law = prepared.model, state.operating.law
+    content: dict[str, Any] = {
+        "M": np.eye(len(pencil.K)),
+        "C": pencil.C,
+        "K": pencil.K,
+        "N": model.N,
+        "T": model.T,
+        "T_perp": model.T_perp,
+        "area": model.area,
+        "gap": point.gap,
+        "pressure": point.contact_pressure,
+        "tangent": point.tangent,
+        "friction": float(state.operating.friction),
+        "law": law.kind,
+        "law_parameters": np.array(law.parameters),
+    }
+    content = {k: np.asarray(x) for k, x in content.items()}
+    paths = [folder / f"{REDUCED}.npz", folder / f"{REDUCED}.mat"]
+    with named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(paths[0], **content)
+        savemat(paths[1], content, do_compression=True)
+    return paths

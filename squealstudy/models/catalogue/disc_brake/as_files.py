@@ -1,0 +1,134 @@
+"""The generated brake as a model file: its meshes with faces, and what is between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
+from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, effective_radius
+from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
+from squealstudy.models.components.facets import boundary
+from squealstudy.models.components.generated import mesh_of_grid
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.fem.sampling import FacetFilter
+
+EDGE = 1e-6  # m: a facet centre on a plane is found within this
+OPERATING = ("friction", "pressure", "sliding_speed", "damping_ratio", "stiffness_damping")
+PADS = ("inner_pad", "outer_pad")
+
+
+def brake_meshes(
+    options: Mapping[str, str | int], values: Mapping[str, float]
+) -> dict[str, SolidMesh]:
+    """The four meshes of 20-node hexahedra, m, kg, s, with surfaces named in capitals."""
+    mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
+    faces = {name: dict(found) for name, found in brake_faces(mesher).items()}
+    z_in, z_out = mesher.plate_z
+    for component, face, plane in (
+        ("disc", "inner", 0.0),
+        ("disc", "outer", mesher.v("disc.thickness")),
+        ("outer_pad", "back", z_out),
+        ("caliper", "body", z_in),
+    ):
+        faces[component][face] = _on_plane(plane)
+    found = {}
+    for name in COMPONENTS:
+        mesh = mesh_of_grid(name, mesher.component(name).grid, mesher.materials(name), "C3D20R")
+        surfaces = {face.upper(): _kept(mesh, keep) for face, keep in faces[name].items()}
+        found[name] = replace(mesh, surfaces=surfaces)
+    return found
+
+
+def _on_plane(plane: float) -> FacetFilter:
+    return lambda r, t, z: abs(z - plane) < EDGE
+
+
+def _kept(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
+    """Faces (p, 2) of the boundary whose centre (mean of the corners) passes a filter."""
+    faces = boundary(mesh)
+    (block,) = mesh.blocks
+    corners = [[i for i in f if block.kind.shape.is_corner(i)] for f in block.kind.shape.faces]
+    nodes = block.nodes[faces[:, :1], np.array(corners)[faces[:, 1] - 1]]
+    x, y, z = mesh.nodes[nodes].mean(axis=1).T
+    found: np.ndarray = faces[keep(np.hypot(x, y), np.arctan2(y, x), z)]
+    return found
+
+
+def brake_tables(
+    options: Mapping[str, str | int], values: Mapping[str, float], files: Mapping[str, str]
+) -> dict[str, Any]:
+    """What the model file says, SI units; `files` are those of the meshes, by component.
+
+    Contact points are Gauss points, so that the brake is the same as the generated one.
+    """
+    v = values
+    radius = effective_radius(options, values)
+    turning = {"uniform": True} if radius is None else {"effective_radius": radius}
+    ratio = v["layers.tangential_ratio"]
+
+    def layer(name: str, one: str, other: str, **more: Any) -> dict[str, Any]:
+        normal = v[f"{name}.stiffness"]
+        found = {"name": name, "between": [one, other], "quadrature": "gauss"}
+        return found | {"normal": normal, "tangential": ratio * normal} | more
+
+    ears = [2 * v[f"abutment.{d}_stiffness"] for d in ("radial", "tangential", "axial")]
+    guides = [v["guides.stiffness"]] * 2 + [v["guides.axial_stiffness"]]
+    springs = [(f"{pad}_abutment", f"{pad}.EARS", ears) for pad in PADS]
+    springs.append(("guides", "caliper.GUIDES", guides))
+    return {
+        "description": "the generated disc brake, as files",
+        "units": "SI",
+        "rotation": {"axis": [0.0, 0.0, 1.0], "rotor": "disc"} | turning,
+        "components": {name: {"mesh": files[name]} for name in COMPONENTS},
+        "contact": [
+            {
+                "name": f"{side}_contact",
+                "kind": "sliding",
+                "slave": f"{side}_pad.LINING",
+                "master": f"disc.{side.upper()}",
+                "quadrature": "gauss",
+                "points": int(options["contact_points"]),
+                "search": 1e-4,
+            }
+            for side in ("inner", "outer")
+        ],
+        "layer": [
+            layer("hub", "disc.HUB", "ground"),
+            layer("fingers", "caliper.FINGERS", "outer_pad.BACK"),
+            layer("piston", "inner_pad.PISTON", "caliper.BODY", in_static=False),
+        ],
+        "spring": [
+            {"name": name, "between": [face, "ground"], "axes": "cylindrical", "stiffness": k}
+            for name, face, k in springs
+        ],
+        "load": [
+            {
+                "pressure_on": "inner_pad.PISTON",
+                "reaction_on": "caliper.BODY",
+                "reaction": "opposite",
+                "area": v["piston.area"],
+            }
+        ],
+        "parameters": {
+            **{
+                f"{name}.young_modulus": {
+                    "path": f"{name}.materials.iron.E",
+                    "default": v[f"{name}.young_modulus"],
+                }
+                for name in ("disc", "caliper")
+            },
+            "pad.lining_young_modulus_z": {
+                "path": [f"{pad}.materials.lining.E[3]" for pad in PADS],
+                "default": v["pad.lining_young_modulus_z"],
+            },
+            **{
+                f"{name}.stiffness": {"path": f"layer.{name}.normal"}
+                for name in ("hub", "fingers", "piston")
+            },
+            **{name: {"default": v[name]} for name in OPERATING},
+        },
+    }

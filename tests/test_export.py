@@ -1,0 +1,110 @@
+"""The generated brake written as a model file and read again: the same matrices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.io import loadmat
+from study_runs import command
+
+import squealstudy as sq
+from squealstudy.engine.export import export_model
+from squealstudy.study.components import read_model
+from squealstudy.study.definition import parse_study
+
+STUDY = """\
+[study]
+name = "generated"
+kind = "complex_modes"
+
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+kinematics = "rotation"
+
+[parameters]
+"disc.young_modulus" = 1.1e11
+friction = 0.4
+"""
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory):
+    """The assembly of the generated brake, and of its export."""
+    folder = tmp_path_factory.mktemp("export")
+    study = parse_study(STUDY, Path("generated.toml"))
+    export_model(study, folder)
+    model = read_model(folder / "brake.toml")
+    options = {o.name: o.choices[0] for o in model.options}
+    values = {n: study.values[n] for n in study.model.defaults()}
+    return study.model.build(study.options, values), model.build(options, model.defaults())
+
+
+def same(A, B, tolerance):
+    assert A.shape == B.shape
+    assert abs(A - B).max() <= tolerance * abs(A).max()
+
+
+def test_components_are_the_same(both):
+    one, two = both
+    assert one.component_names == two.component_names
+    same(one.M, two.M, 1e-12)
+    same(one.K_el, two.K_el, 1e-11)
+    for a, b in zip(one.components, two.components, strict=True):
+        np.testing.assert_allclose(a.coordinates, b.coordinates, atol=1e-14)
+
+
+def test_contact_layers_springs_and_load_are_the_same(both):
+    """Springs may stand in another order: what they make of motions is compared.
+
+    Points of the fingers lie on an edge of two cells of the pad, which its arc leaves by 1e-6.
+    """
+    one, two = both
+    of_file = {s.name: s for s in two.springs}
+    for spring in one.springs:
+        other = of_file[spring.name]
+        same(spring.matrix(), other.matrix(), 2e-6 if spring.name == "fingers" else 1e-12)
+        assert spring.in_static == other.in_static
+    for left, right in (("N", "N"), ("T", "N"), ("T", "T"), ("T_perp", "T_perp")):
+        A, B = (
+            getattr(x, left).T @ sp.diags(x.area * x.radius * x.speed_factor) @ getattr(x, right)
+            for x in (one.contact, two.contact)
+        )
+        same(A, B, 1e-12)
+    assert one.contact.n_points == two.contact.n_points
+    same(one.load, two.load, 1e-12)
+
+
+def test_the_command_writes_a_model_with_the_same_modes(tmp_path, capsys):
+    few = """
+[reduction]
+enrichment = false
+
+[modes]
+band = [500.0, 2500.0]
+reference_points = 0
+"""
+    (tmp_path / "generated.toml").write_text(STUDY + few)
+    assert command("export", str(tmp_path / "generated.toml"), "-o", str(tmp_path / "out")) == 0
+    assert "brake.toml" in capsys.readouterr().out
+    study = STUDY[: STUDY.index("[model]")] + '[model]\nfile = "brake.toml"\n' + few
+    (tmp_path / "out" / "study.toml").write_text(study)
+    one, two = (
+        sq.run(tmp_path / path, tmp_path / f"r{i}", jobs=1).modes
+        for i, path in enumerate(("generated.toml", "out/study.toml"))
+    )
+    roots = [m["growth_rate"] + 2j * np.pi * m["frequency_hz"] for m in (one, two)]
+    assert len(roots[0]) == len(roots[1]) > 5
+    assert (np.abs(roots[0] - roots[1]) < 1e-8 * np.abs(roots[0])).all()
+    found = np.load(tmp_path / "out" / "reduced.npz")
+    n = len(found["M"])
+    assert found["N"].shape == (len(found["area"]), n)
+    lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-found["K"], -found["C"]]]))
+    for root in roots[0]:
+        assert np.abs(lam - root).min() < 1e-4 * abs(root)  # a run has enriched its basis
+    again = loadmat(tmp_path / "out" / "reduced.mat")
+    np.testing.assert_array_equal(again["K"], found["K"])
