@@ -14,7 +14,9 @@ import psutil
 
 import squealstudy
 
-MODULES = os.pathsep.join(map(str, (Path(squealstudy.__file__).parents[1], Path(__file__).parent)))
+GIVEN = filter(None, [os.environ.get("PYTHONPATH")])
+OWN = map(str, (Path(squealstudy.__file__).parents[1], Path(__file__).parent))
+MODULES = os.pathsep.join([*GIVEN, *OWN])
 LONGEST = 60.0  # s, on a machine in use
 SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
 WORKER = "from distributed.cli.dask_worker import main; main()"

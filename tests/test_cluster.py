@@ -35,7 +35,7 @@ from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
 
 pytest.importorskip("distributed", reason="NOT TRIED: distributed is not installed")
 
-from clusters import LONGEST, Loopback
+from clusters import LONGEST, MODULES, Loopback
 
 from squealstudy.engine.cluster import _keys, _pickled, connected
 
@@ -218,7 +218,7 @@ def started(*arguments: object, folder: Path) -> subprocess.Popen:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        env=os.environ | {"PYTHONPATH": str(Path(sq.__file__).parents[1])},
+        env=os.environ | {"PYTHONPATH": MODULES},
     )
 
 
