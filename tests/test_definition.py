@@ -673,7 +673,8 @@ def test_schema_names_every_table_and_model():
     tables |= {"transient", "sensitivity", "fidelity"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
-    assert model["name"]["enum"] == ["belt", "disc_brake", "hoffmann", "hulten", "matrices"]
+    known = ["belt", "disc_brake", "hoffmann", "hulten", "matrices", "components"]
+    assert model["name"]["enum"] == known
     assert model["mesh"]["enum"] == ["medium", "coarse", "fine"]
     text = json.dumps(schema)
     assert "null" not in text

@@ -11,9 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
+from scipy.spatial import cKDTree
 
 from squealstudy.engine.pictures import plots, save_figure
 from squealstudy.errors import ResultsError
+from squealstudy.plots import stability_diagram as diagram
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.ranking_bars import mean_energies
 from squealstudy.plots.stability_diagram import Label, place_labels
@@ -115,6 +117,19 @@ def dots(axes):
 
 
 # -- what all pictures share
+
+
+def test_very_many_dots_leave_none_out_that_could_be_seen():
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=(2, 400_000))
+    chosen = np.flatnonzero(x + y > -1)
+    kept = diagram._last_of_each_cell(x, y, chosen)
+    assert len(kept) < len(chosen) / 2
+    assert np.isin(kept, chosen).all()
+    width, height = np.ptp(x[chosen]) / (450 - 1), np.ptp(y[chosen]) / (300 - 1)
+    scaled = np.column_stack([x / width, y / height])
+    assert cKDTree(scaled[kept]).query(scaled[chosen])[0].max() <= 2**0.5
+    assert (kept[-1], len(diagram._last_of_each_cell(x, y, chosen[:1000]))) == (chosen[-1], 1000)
 
 
 @pytest.mark.parametrize(

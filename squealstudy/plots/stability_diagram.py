@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 LABELS = 10  # tracks named in one picture
 LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
+CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
 
 
 def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -134,7 +135,21 @@ def _all_points(
     size = np.clip(8000 / max(len(modes), 1), 7, 24)
     axes.scatter(x[stable], y[stable], c=colour[stable], s=size, alpha=0.6, linewidth=0, **style)
     style |= {"edgecolor": "0.2", "linewidth": 0.3, "s": 13 + size}
-    return axes.scatter(x[unstable], y[unstable], c=colour[unstable], **style)
+    last = _last_of_each_cell(x, y, np.flatnonzero(unstable))
+    return axes.scatter(x[last], y[last], c=colour[last], **style)
+
+
+def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Of dots that would cover one another the one on top, where there are very many."""
+    if len(chosen) <= CELLS[0] * CELLS[1]:
+        return chosen
+    cells = np.zeros(len(chosen), dtype=np.int64)
+    for values, count in zip((x[chosen], y[chosen]), CELLS, strict=True):
+        low, span = values.min(), np.ptp(values)
+        place = (values - low) / (span if span > 0 else 1.0) * (count - 1)
+        cells = cells * count + np.rint(place).astype(np.int64)
+    _, first = np.unique(cells[::-1], return_index=True)  # the last one is drawn on top
+    return np.sort(chosen[::-1][first])
 
 
 def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
