@@ -81,7 +81,7 @@ def stability_diagram(
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
         raise ResultsError(f"'{colour_by}' is no parameter of this study")
-    table = modes[modes["point_id"].isin(shown["point_id"])]
+    table = modes if point_id is None else modes[modes["point_id"] == point_id]
     drawn = oscillating(table)
     figure = new_figure()
     axes = figure.add_subplot()
@@ -134,8 +134,9 @@ def _all_points(
     style: dict[str, Any] = {"cmap": "viridis", "norm": norm}
     size = np.clip(8000 / max(len(modes), 1), 7, 24)
     axes.scatter(x[stable], y[stable], c=colour[stable], s=size, alpha=0.6, linewidth=0, **style)
-    style |= {"edgecolor": "0.2", "linewidth": 0.3, "s": 13 + size}
     last = _last_of_each_cell(x, y, np.flatnonzero(unstable))
+    dense = len(last) < unstable.sum()  # rims would hide the colours
+    style |= {"edgecolor": "0.2", "linewidth": 0.0 if dense else 0.3, "s": 13 + size}
     return axes.scatter(x[last], y[last], c=colour[last], **style)
 
 
