@@ -89,6 +89,8 @@ def test_contact_slides_about_the_axis(blocks):
     assert along == pytest.approx(-1.0, abs=1e-3)
     assert lifted == pytest.approx(0.0, abs=1e-12)
     assert 0.1005 < contact.radius.min() < contact.radius.max() < 0.1026
+    assert set(contact.pairs) == {"contact_1"}
+    assert contact.points[:, 2] == pytest.approx(2e-3)
     middle = np.average(contact.radius, weights=contact.area)
     assert contact.speed_factor == pytest.approx(contact.radius / middle, rel=1e-14)
 
@@ -168,9 +170,9 @@ def test_matrices_in_place_of_a_mesh(blocks, tmp_path):
 SLIDER_OF_MATRICES = 'K = "K.npz"\nM = "M.npz"\ndof = "slider.dof"\nnodes = "slider.inp"'
 
 
-def write_slider_matrices(folder: Path) -> list[str]:
+def write_slider_matrices(folder: Path, size: float = 1.0) -> list[str]:
     """K, M in t-mm-s and the map of their rows, whose lines are returned."""
-    mesh = block("slider", (3, 1, 2), (5.0, 2.0, 2.0), "LINING")
+    mesh = block("slider", (3, 1, 2), (5.0 * size, 2.0 * size, 2.0 * size), "LINING")
     order = np.random.default_rng(1).permutation(3 * len(mesh.nodes))
     for name, A in (("K", stiffness_matrix(mesh)), ("M", mass_matrix(mesh))):
         sp.save_npz(folder / f"{name}.npz", A[order][:, order].tocsr())
@@ -388,3 +390,21 @@ def test_the_python_face_takes_a_model_file(blocks):
     assert (table.groupby("component")["rigid"].sum() == 6).all()
     study = model.study()
     assert study.resolved.values["bed.normal"] == 5e11
+
+
+def test_cells_have_the_energy_of_the_component(blocks, tmp_path):
+    """So that shapes are drawn; held nodes stand still in them."""
+    _, assembly = blocks
+    rng = np.random.default_rng(0)
+    for component in assembly.components:
+        u = rng.standard_normal(component.n_dof) + 1j * rng.standard_normal(component.n_dof)
+        energies = component.cells.energies(u)
+        assert energies.sum() == pytest.approx(np.vdot(u, component.K @ u).real, rel=1e-12)
+        assert (energies > 0).all()
+    assert assembly.components[0].cells.volumes.sum() == pytest.approx(48e-9, rel=1e-12)
+    assert len(assembly.components[0].cells.facets) == 28
+    held = assembled(tmp_path, ("[parameters]", '[[fixed]]\nset = "plate.BOTTOM"\n\n[parameters]'))
+    moved = held.at_nodes(np.ones(held.n_dof))
+    low = held.components[0].coordinates[:, 2] < 1e-9
+    np.testing.assert_array_equal(moved[: len(low)].all(axis=1), ~low)
+    np.testing.assert_array_equal(moved[len(low) :], 1.0)

@@ -13,6 +13,7 @@ from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.modes.point import solve_point
+from squealstudy.study.components import inspected
 from squealstudy.study.definition import load_any
 
 SHIPPED = Path(__file__).parents[1] / "studies"
@@ -64,6 +65,18 @@ def test_no_other_study_needs_outside_data() -> None:
     assert {path.stem for path in OUTSIDE} == {"m0_speed", "reanalysis_m0"}
     for path in STUDIES:
         assert not {"matrices", "m0"} & set(re.findall(r"\w+", path.read_text())), path
+
+
+def test_own_brake() -> None:
+    """Its files are understood without a doubt, and are small."""
+    study = load_any(SHIPPED / "own_brake" / "own_brake.toml")
+    assert study.definition.study.name == "own_brake"
+    found, _ = inspected(study.model)
+    assert not found.doubts
+    texts = [text for _, text in found.facts]
+    assert sum("6 rigid modes" in text for text in texts) == 4
+    assert sum("100.0 % of the slave" in text for text in texts) == 2
+    assert sum(p.stat().st_size for p in (SHIPPED / "own_brake").iterdir()) < 3e6
 
 
 def test_hulten_flutter(tmp_path: Path) -> None:

@@ -304,6 +304,38 @@ def compare(
 
 
 @app.command()
+def inspect(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file (TOML).")],
+    picture: Annotated[
+        Path | None, typer.Option("--picture", "-p", help="Picture to draw, .png or .svg.")
+    ] = None,
+) -> None:
+    """What a model file was understood as: parts, contact, rotation, loads, and doubts.
+
+    Exit code 1 where something is in doubt.
+    """
+    from squealstudy import screen
+    from squealstudy.cli.inspect import shown
+    from squealstudy.study.components import inspected, read_model
+
+    read = read_model(model)
+    found, geometry = inspected(read)
+    facts, parameters = shown(read, found)
+    screen.show(screen.facts(facts))
+    if parameters:
+        screen.show("\nparameters", screen.facts(parameters))
+    if picture is not None:
+        from squealstudy.cli.inspect import draw
+
+        draw(geometry, picture)
+        screen.show(f"\npicture: {picture}")
+    for text in found.doubts:
+        screen.warning(text)
+    if found.doubts:
+        raise typer.Exit(FAULT)
+
+
+@app.command()
 def export(
     study: StudyPath,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],

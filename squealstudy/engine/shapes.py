@@ -30,13 +30,14 @@ from squealstudy.engine.store import MANIFEST
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import cores
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.full_order.modes import FULL
 from squealstudy.modes.point import band_modes, state_working_point
 from squealstudy.progress import Progress, progress
 from squealstudy.reduction.cmt import Expansion
 from squealstudy.shapes.shape import Label, Shape, shape_of
 from squealstudy.study.definition import read_tables
-from squealstudy.study.source import SourceText
+from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
 
 if TYPE_CHECKING:
@@ -227,7 +228,18 @@ class PointShapes:
 def plan_of(results: Results) -> Plan:
     """The design points of results, as their run had them."""
     source = SourceText(results.directory / MANIFEST, str(results.manifest["study"]))
-    study = read_tables(source, source.tables)
+    tables = source.tables
+    if "model_file" in results.manifest:  # it is where it was, the results may be elsewhere
+        tables = changed(source, tables, {"model.file": results.manifest["model_file"]["path"]})
+    study = read_tables(source, tables)
+    if (
+        isinstance(study.model, FileDefinition)
+        and list(study.model.files) != (results.manifest["model_file"]["files"])
+    ):
+        raise ResultsError(
+            f"{results.directory}: {study.model.path}, or a file that it reads, has changed since: "
+            "run the study again"
+        )
     names = [sweep.name for sweep in study.sweeps]
     swept = results.points[names].to_numpy(dtype=float)
     return Plan(study, swept, bool(results.manifest.get("basis_enriched", False)))

@@ -312,6 +312,25 @@ class Assembly:
         """Component.seen of all components, block by block: (rows, n_dof)."""
         return sp.block_diag([c.seen for c in self.components], format="csr")
 
+    @cached_property
+    def node_slices(self) -> dict[str, slice]:
+        """Nodes of each component that has any, among all nodes."""
+        ends = np.cumsum([0, *(len(c.coordinates) for c in self.components)])
+        return {
+            c.name: slice(int(a), int(b))
+            for c, a, b in zip(self.components, ends, ends[1:], strict=False)
+        }
+
+    def at_nodes(self, u: np.ndarray) -> np.ndarray:
+        """Displacements (n_nodes, 3) of all nodes, held ones too, from those of freedoms (n_dof,).
+
+        Every component needs coordinates.
+        """
+        moved = np.zeros(3 * sum(len(c.coordinates) for c in self.components), dtype=u.dtype)
+        for c in self.components:
+            moved[3 * self.node_slices[c.name].start + c.places] = u[self.slices[c.name]]
+        return moved.reshape(-1, 3)
+
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
         """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""
         kept = [s.matrix() for s in self.springs if s.in_static or not static]

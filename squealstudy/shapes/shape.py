@@ -260,7 +260,7 @@ def shape_of(
         raise ModelError("this model has no mesh, and so no shape to show")
     if not lam.imag:
         raise ModelError("an overdamped mode does not oscillate: it has no shape to show")
-    u = expansion.expand(psi).reshape(-1, 3)
+    u = assembly.at_nodes(expansion.expand(psi))
     factor = turned(u)
     u, x = u * factor, psi * factor
     elastic = float(np.vdot(x, system.K_sym @ x).real)
@@ -318,8 +318,7 @@ def _parts(
     parts = []
     energy, volume = np.zeros(len(u)), np.zeros(len(u))
     for component in assembly.components:
-        span = assembly.slices[component.name]
-        nodes = slice(span.start // 3, span.stop // 3)
+        nodes = assembly.node_slices[component.name]
         parts.append(part := _part(component, nodes, u[nodes], elastic))
         first = 0
         for _, cells in part.blocks:

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.laws import ContactLaw
@@ -40,6 +41,10 @@ from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.units import Unit
+
+if TYPE_CHECKING:
+    from squealstudy.models.components.geometry import Geometry
+    from squealstudy.models.components.inspection import Inspection
 
 OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
@@ -84,9 +89,24 @@ def read_model(path: Path) -> FileDefinition:
         assumptions=ASSUMPTIONS,
         torque_unit="N m",
         effective_radius=build.effective_radius,
-        path=str(path),
+        path=str(path.resolve()),
         files=digests,
     )
+
+
+def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
+    """What a model file was understood as, and its geometry; StudyFileError about what is wrong."""
+    from squealstudy.models.components.geometry import geometry_of
+    from squealstudy.models.components.inspection import inspect
+
+    build, values = model.build, model.defaults()
+    assert isinstance(build, _Build)
+    assembly = build({option.name: option.choices[0] for option in model.options}, values)
+    try:
+        found = inspect(build.brake, assembly, values[PRESSURE.name])
+        return found, geometry_of(build.brake)
+    except PlacedError as error:
+        raise placed(error, build.source) from error
 
 
 @dataclass(frozen=True)

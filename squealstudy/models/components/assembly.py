@@ -96,6 +96,20 @@ def stiffness_matrix(mesh: SolidMesh) -> sp.csr_matrix:
     return total.tocsr()
 
 
+def element_stiffnesses(mesh: SolidMesh) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Some elements at a time: their places (e,), nodes (e, k), stiffness (e, 3 k, 3 k)."""
+    for name in used_materials(mesh):
+        factors = _factors(_material(mesh, name).stiffness())
+        for part, rows, X in _chunks(mesh, _parts(mesh, name)):
+            K = _products(*_strains(mesh, part, rows, X), factors)
+            m = 3 * X.shape[1]
+            yield (
+                part.start + rows,
+                part.block.nodes[rows],
+                _condensed(K, m) if part.block.kind.condensed else K,
+            )
+
+
 def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
     """Consistent mass (3 n, 3 n).
 

@@ -226,8 +226,12 @@ def body_matrices(
     ModelError
         Values that no material can have.
     """
-    own = tuple((k, v) for k, v in given.items() if k[:2] == ("components", name))
-    return _body_matrices(brake, name, own)
+    return _body_matrices(brake, name, own_numbers(name, given))
+
+
+def own_numbers(name: str, given: Mapping[KeyPath, float]) -> tuple[tuple[KeyPath, float], ...]:
+    """Those of a component."""
+    return tuple((k, v) for k, v in given.items() if k[:2] == ("components", name))
 
 
 @lru_cache(maxsize=16)
@@ -237,17 +241,21 @@ def _body_matrices(
     body = body_of(brake, name)
     if body.matrices is not None:
         return body.matrices
-    mesh = body.mesh
-    materials = dict(mesh.materials)
-    for label in dict.fromkeys(str(k[3]) for k, _ in given):
-        if label not in materials:
-            listed = ", ".join(materials)
-            raise ModelError(f"component {name} has no material '{label}'; it has {listed}")
-        values = {k[4:]: v for k, v in given if k[3] == label}
-        materials[label] = changed_material(materials[label], values, label)
-    mesh = replace(mesh, materials=materials)
+    mesh = changed_mesh(body, given)
     try:
         K, M = stiffness_matrix(mesh), mass_matrix(mesh, brake.file.components[name].mass)
     except ModelError as error:
         raise PlacedError(("components", name), str(error)) from error
     return symmetric(K), symmetric(M)
+
+
+def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
+    """The mesh with values of its materials in SI; ModelError for a material that it has not."""
+    materials = dict(body.mesh.materials)
+    for label in dict.fromkeys(str(k[3]) for k, _ in given):
+        if label not in materials:
+            listed = ", ".join(materials)
+            raise ModelError(f"component {body.name} has no material '{label}'; it has {listed}")
+        values = {k[4:]: v for k, v in given if k[3] == label}
+        materials[label] = changed_material(materials[label], values, label)
+    return replace(body.mesh, materials=materials)

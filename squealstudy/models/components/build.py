@@ -17,7 +17,13 @@ from squealstudy.models.assembly import (
     SpringInterface,
     expand_rows,
 )
-from squealstudy.models.components.bodies import Body, Brake, body_matrices
+from squealstudy.models.components.bodies import (
+    Body,
+    Brake,
+    body_matrices,
+    changed_mesh,
+    own_numbers,
+)
 from squealstudy.models.components.contact_rows import (
     ContactRows,
     contact_interface,
@@ -26,6 +32,8 @@ from squealstudy.models.components.contact_rows import (
 )
 from squealstudy.models.components.facets import facets
 from squealstudy.models.components.geometry import LAYER_POINTS, Geometry, between, geometry_of
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_cells import mesh_cells
 from squealstudy.models.components.model_file import (
     GROUND,
     KeyPath,
@@ -61,7 +69,8 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     matrices = {name: body_matrices(brake, name, given) for name in geometry.bodies}
     kept = {name: np.flatnonzero(~held) for name, held in geometry.held.items()}
     components = tuple(
-        _component(geometry.bodies[name], *matrices[name], kept[name]) for name in geometry.bodies
+        _component(body, changed_mesh(body, own_numbers(name, given)), *matrices[name], kept[name])
+        for name, body in geometry.bodies.items()
     )
     columns = np.concatenate([geometry.spans[n].start + kept[n] for n in geometry.bodies])
     interfaces = _Interfaces(geometry, numbers, columns)
@@ -70,7 +79,9 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     return Assembly(components, contact, (*interfaces.springs(), *ties), load, np.zeros_like(load))
 
 
-def _component(body: Body, K: sp.csr_matrix, M: sp.csr_matrix, kept: np.ndarray) -> Component:
+def _component(
+    body: Body, mesh: SolidMesh, K: sp.csr_matrix, M: sp.csr_matrix, kept: np.ndarray
+) -> Component:
     whole = len(kept) == K.shape[0]
     K, M = (A if whole else A[kept][:, kept].tocsr() for A in (K, M))
     if (M.diagonal() <= 0).any():
@@ -85,6 +96,7 @@ def _component(body: Body, K: sp.csr_matrix, M: sp.csr_matrix, kept: np.ndarray)
         coordinates=body.nodes,
         correspondence=_compared(M),
         dofs=None if whole else kept,
+        cells=None if body.matrices else mesh_cells(mesh),
     )
 
 
@@ -160,7 +172,19 @@ class _Interfaces:
         speed, middle = whole.speed_factor, self._g.effective_radius
         if middle is not None:
             speed = np.where(whole.frictional > 0, whole.radius / middle, 1.0)
-        interface = replace(whole, N=N, T=T, T_perp=T_perp, gap0=gap, speed_factor=speed)
+        pairs = tuple(
+            self._g.file.name_of("contact", i) for i, p in enumerate(parts) for _ in p.area
+        )
+        interface = replace(
+            whole,
+            N=N,
+            T=T,
+            T_perp=T_perp,
+            gap0=gap,
+            speed_factor=speed,
+            points=np.vstack([p.points for p in parts]),
+            pairs=pairs,
+        )
         return interface, ties
 
     # -- layers and springs ----------------------------------------------------------------------

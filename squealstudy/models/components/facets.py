@@ -53,10 +53,10 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
                 f"surface '{name}': {len(inside)} of its {len(faces)} faces lie between elements, "
                 f"not on the boundary, such as of {named}"
             )
-        return _groups(mesh, faces)
+        return facet_groups(mesh, faces)
     chosen = np.zeros(len(mesh.nodes), dtype=bool)
     chosen[mesh.node_set(name)] = True
-    groups = [(g, chosen[g.nodes].all(axis=1)) for g in _groups(mesh, outer)]
+    groups = [(g, chosen[g.nodes].all(axis=1)) for g in facet_groups(mesh, outer)]
     found = tuple(FacetGroup(g.nodes[k], g.faces[k]) for g, k in groups if k.any())
     if not found:
         raise mesh.error(f"no facet of the boundary has all its nodes in the node set '{name}'")
@@ -128,7 +128,7 @@ def _among(faces: np.ndarray, of: np.ndarray) -> np.ndarray:
     return np.isin(8 * faces[:, 0] + faces[:, 1], 8 * of[:, 0] + of[:, 1])
 
 
-def _groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
+def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
     """The facets by their number of nodes."""
     parts: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):

@@ -1,0 +1,116 @@
+"""A picture of an assembly from files, with its contact faces coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from squealstudy.models.cells import NONE
+from squealstudy.shapes.picture import COLUMNS, SAMPLES, VIEW
+from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
+
+GREYS = ("#cfd6da", "#b9c3c9", "#dcdcd4", "#c3bfb4", "#aab4ba", "#d4cdd6")
+APART = 0.35  # of the assembly's diagonal, between neighbours
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is drawn of a component.
+
+    Attributes
+    ----------
+    nodes : ndarray (n, 3)
+        m.
+    facets : ndarray (m, 8) of int
+        Its surface, as `ComponentCells.facets`.
+    faces : dict of str -> ndarray (p, k) of int
+        Nodes of the facets of each coloured face, k = 3, 4, 6 or 8.
+    """
+
+    nodes: np.ndarray
+    facets: np.ndarray
+    faces: Mapping[str, Sequence[np.ndarray]]
+
+
+def eight(nodes: np.ndarray) -> np.ndarray:
+    """Facets of 3, 4, 6 or 8 nodes (p, k) with places for eight: corners, middles, NONE."""
+    n, k = nodes.shape
+    corners = 3 if k in (3, 6) else 4
+    found = np.full((n, 8), NONE)
+    found[:, :corners] = nodes[:, :corners]
+    if k > corners:
+        found[:, 4 : 4 + corners] = nodes[:, corners:]
+    return found
+
+
+def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
+    """The assembly, and from below its components apart along an axis; faces in their colours."""
+    names = list(dict.fromkeys(face for body in bodies.values() for face in body.faces))
+    bright = [mpl.colormaps["tab10"](i % 10) for i in range(len(names))]
+    greys = [GREYS[i % len(GREYS)] for i in range(len(bodies))]
+    colours = ListedColormap([*greys, *bright])
+    mapped = ScalarMappable(
+        BoundaryNorm(np.arange(len(greys) + len(names) + 1), colours.N), colours
+    )
+    figure: Any = Figure(figsize=(14.0, 7.0), layout="constrained")
+    together = np.vstack([b.nodes for b in bodies.values()])
+    diagonal = float(np.linalg.norm(np.ptp(together, axis=0)))
+    order = sorted(bodies, key=lambda name: float(bodies[name].nodes.mean(axis=0) @ axis))
+    below = (VIEW[0], -VIEW[1])
+    views = ((0.0, VIEW), (APART * diagonal, below))
+    for axes, (apart, view) in zip(figure.subplots(1, 2), views, strict=True):
+        points, values, facets = [], [], []
+        start = 0
+        for number, (name, body) in enumerate(bodies.items()):
+            moved = body.nodes + apart * order.index(name) * axis
+            coloured = [
+                (eight(nodes), len(greys) + names.index(face))
+                for face, groups in body.faces.items()
+                for nodes in groups
+            ]
+            rest = _without(body.facets, [f for f, _ in coloured])
+            for own, colour in [(rest, number), *coloured]:
+                used = np.where(own == NONE, NONE, own + start)
+                facets.append(used)
+                points.append(moved)
+                values.append(np.full(len(moved), colour + 0.5))
+                start += len(moved)
+        _draw(axes, np.vstack(points), np.concatenate(values), np.vstack(facets), mapped, view)
+    handles = [Patch(color=c, label=n) for c, n in zip([*greys, *bright], [*bodies, *names])]  # noqa: B905
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9)
+    return figure
+
+
+def _without(facets: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
+    """Facets that are not among others, by their corners."""
+    taken = {tuple(sorted(corners)) for other in others for corners in other[:, :4].tolist()}
+    kept = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
+    return facets[np.array(kept, dtype=bool)]
+
+
+def _draw(
+    axes: Any,
+    points: np.ndarray,
+    values: np.ndarray,
+    facets: np.ndarray,
+    colours: ScalarMappable,
+    view: tuple[float, float],
+) -> None:
+    surface = triangles(facets, len(points))
+    points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
+    camera = Camera.at(*view)
+    seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    edge = 0.02 * float((high - low).max())
+    window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
+    image = picture(points, surface, values, camera, window, SAMPLES * COLUMNS)
+    axes.imshow(image.colours(colours), extent=window, interpolation="antialiased")
+    axes.set_axis_off()

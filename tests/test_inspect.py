@@ -1,0 +1,170 @@
+"""What `squealstudy inspect` says of a model file, and of ten that are broken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from own_blocks import block, write_blocks
+from study_runs import command
+from test_model_file import SLIDER_OF_MATRICES, write_slider_matrices
+
+from squealstudy.models.components.inp_writer import write_inp
+
+PARTS = {"plate": ((4, 2, 1), (80.0, 30.0, 20.0), "STEEL"),
+         "slider": ((3, 1, 2), (50.0, 20.0, 20.0), "LINING")}  # fmt: skip
+# ten times as large: a part of a brake weighs more than some grams
+LARGER = (
+    ("[4.0, -100.0, 0.0]", "[40.0, -100.0, 0.0]"),
+    ("[1.5, 0.5, 2.0]", "[15.0, 5.0, 20.0]"),
+)
+
+
+def mesh(name):
+    return block(name, *PARTS[name])
+
+
+def model(folder: Path, *changes: tuple[str, str]) -> Path:
+    """The model file of two blocks of the size of a pad."""
+    write_blocks(folder, *LARGER, *changes)
+    for name in PARTS:
+        write_inp(mesh(name), folder / f"{name}.inp")
+    return folder / "blocks.toml"
+
+
+def said(capsys, path: Path, *more: str) -> tuple[int, str, str]:
+    """Exit code, facts, and messages, each on one line."""
+    code = command("inspect", str(path), *more)
+    out, err = capsys.readouterr()
+    return code, " ".join(out.split()), " ".join(err.split())
+
+
+def test_what_was_read(tmp_path, capsys):
+    picture = tmp_path / "blocks.png"
+    code, facts, messages = said(capsys, model(tmp_path), "--picture", str(picture))
+    assert (code, messages) == (0, "")
+    assert "plate.inp: 89 nodes, 8 C3D20; materials STEEL" in facts
+    assert "80 x 30 x 20 mm, 0.0003744 t (0.3744 kg), inertia 0.0406, 0.212, 0.228 t mm2" in facts
+    assert facts.count("6 rigid modes, first free modes") == 2
+    assert "sliding: slider.BOTTOM on plate.TOP, 27 points, 1000 mm2, 100.0 % of the slave" in facts
+    assert "normal of the slave [0, 0, -1]; gap" in facts
+    assert "plate turns about [0, 0, 1] through [40, -100, 0]" in facts
+    assert "pressure pushes slider.TOP along [0, 0, -1]; no reaction" in facts
+    assert "lining.E3 2e+09 Pa slider.materials.LINING.E[3]" in facts
+    assert "477 degrees of freedom, 27 contact points" in facts
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_first_free_modes_are_those_of_the_component(tmp_path, capsys):
+    """A beam of steel, 80 x 30 x 20 mm: bending at about 16 kHz (Timoshenko)."""
+    _, facts, _ = said(capsys, model(tmp_path))
+    first = float(facts.split("first free modes ")[1].split(",")[0])
+    E, rho, length, height = 2.1e11, 7800.0, 0.08, 0.02
+    slender = 22.37 / (2 * np.pi * length**2) * np.sqrt(E * height**2 / (12 * rho))
+    assert 0.75 * slender < first < slender
+
+
+def other_units(folder):
+    return model(folder, ('"t-mm-s"', '"SI"'), (', unit = "MPa"', "")), (
+        "plate weighs 0.000374 kg and is 8e+04 mm long", "are its numbers in SI?")  # fmt: skip
+
+
+def placed_wrongly(folder):
+    return model(folder, ("[15.0, 5.0, 20.0]", "[15.0, 5.0, 32.0]")), (
+        "line 15, key 'contact[1]'", "nothing lies within", "placed wrongly")  # fmt: skip
+
+
+def normals(folder):
+    return model(folder, ('"plate.TOP"', '"plate.BOTTOM"'), ("search = 0.1", "search = 30.0")), (
+        "key 'contact[1]'", "point the same way")  # fmt: skip
+
+
+def missing_set(folder):
+    return model(folder, ('"plate.TOP"', '"plate.TIP"')), (
+        "key 'contact[1].master'", "plate (plate.inp) has no surface or node set 'TIP'",
+        "did you mean 'TOP'?")  # fmt: skip
+
+
+def wrong_map(folder):
+    """A map in the order of the mesh for matrices in another."""
+    path = model(folder, ('mesh = "slider.inp"', SLIDER_OF_MATRICES))
+    lines = write_slider_matrices(folder, 10.0)
+    (folder / "slider.dof").write_text("\n".join(sorted(lines)))
+    return path, ("slider: ", "of six, for motions", "are its rows those of other nodes?")
+
+
+def unsupported(folder):
+    path = model(folder)
+    text = (folder / "plate.inp").read_text().replace("TYPE=C3D20", "TYPE=C3D20H")
+    (folder / "plate.inp").write_text(text)
+    return path, ("key 'components.plate.mesh'", "plate.inp, line ", "C3D20H")
+
+
+def nothing_holds(folder):
+    """Without its guides the slider can turn and slide."""
+    path = model(folder, ("stiffness = [2e4, 1.5e4, 1e3]", "stiffness = [0, 1.5e4, 1e3]"))
+    return path, ("1 motion of components that nothing holds, of slider along x",)
+
+
+def doubled(folder):
+    """The plate as two halves that only touch."""
+    path, whole = model(folder), mesh("plate")
+    half = np.flatnonzero(whole.nodes[whole.blocks[0].nodes].mean(axis=1)[:, 0] > 40.0)
+    nodes = whole.blocks[0].nodes.copy()
+    moved = np.unique(nodes[half])
+    shared = np.intersect1d(moved, np.delete(nodes, half, axis=0))
+    place = {int(n): len(whole.nodes) + i for i, n in enumerate(shared)}
+    nodes[half] = np.vectorize(lambda n: place.get(int(n), n))(nodes[half])
+    numbers = np.append(whole.numbers, whole.numbers.max() + 1 + np.arange(len(shared)))
+    cut = replace(
+        whole,
+        nodes=np.vstack([whole.nodes, whole.nodes[shared]]),
+        numbers=numbers,
+        blocks=(replace(whole.blocks[0], nodes=nodes),),
+    )
+    write_inp(cut, folder / "plate.inp")
+    return path, ("key 'components.plate.mesh'", "lie at one place", "merge the nodes")
+
+
+def negative(folder):
+    path, whole = model(folder), mesh("plate")
+    nodes = whole.blocks[0].nodes.copy()
+    nodes[3] = nodes[3][[4, 5, 6, 7, 0, 1, 2, 3, *range(12, 16), *range(8, 12), *range(16, 20)]]
+    write_inp(replace(whole, blocks=(replace(whole.blocks[0], nodes=nodes),)), folder / "plate.inp")
+    return path, ("key 'components.plate.mesh'", "element 104: a negative Jacobian")
+
+
+def empty_contact(folder):
+    return model(folder, ('"slider.BOTTOM"', '"slider.CORNER"')), (
+        "key 'contact[1].slave'", "no facet of the boundary")  # fmt: skip
+
+
+BROKEN = [other_units, placed_wrongly, normals, missing_set, wrong_map, unsupported, nothing_holds,
+          doubled, negative, empty_contact]  # fmt: skip
+
+
+@pytest.mark.parametrize("broken", BROKEN, ids=lambda f: f.__name__)
+def test_a_broken_model_gets_a_message_that_says_what_to_change(broken, tmp_path, capsys):
+    path, parts = broken(tmp_path)
+    code, _, messages = said(capsys, path)
+    assert code != 0
+    for part in parts:
+        assert part in messages
+
+
+def test_a_support_left_in_the_matrix(tmp_path, capsys):
+    """A spring to ground in K: motions along x strain it."""
+    path = model(tmp_path, ('mesh = "slider.inp"', SLIDER_OF_MATRICES))
+    write_slider_matrices(tmp_path, 10.0)
+    K = sp.load_npz(tmp_path / "K.npz").tolil()
+    lines = (tmp_path / "slider.dof").read_text().split()
+    row = next(i for i, text in enumerate(lines) if text.endswith(".1"))
+    K[row, row] += 1e4
+    sp.save_npz(tmp_path / "K.npz", K.tocsr())
+    code, _, messages = said(capsys, path)
+    assert code == 1
+    assert "slider: 5 rigid modes of six" in messages
+    assert "is a support still in the matrix" in messages
