@@ -351,7 +351,7 @@ def export(
 
     plan = face.read_study(study).plan()
     with usable_cache(screen.warning):
-        written = export_reduced(plan, output, jobs or 1)
+        written = export_reduced(plan, output, jobs or 1, screen.warning)
     if plan.study.model.name == GENERATED:
         written += export_model(plan.study, output)
     screen.show(screen.facts([("written", f"in {output}: {', '.join(p.name for p in written)}")]))

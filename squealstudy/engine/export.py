@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,9 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.io import savemat
 
-from squealstudy.engine.cache import is_prepared, load_prepared
+from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.model_kind import build_structure, build_task
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.faults import named
 from squealstudy.models.components.inp_writer import write_inp
@@ -54,14 +57,16 @@ def export_model(study: ResolvedStudy, folder: Path) -> list[Path]:
     return written
 
 
-def export_reduced(plan: Plan, folder: Path, threads: int = 1) -> list[Path]:
+def export_reduced(
+    plan: Plan, folder: Path, jobs: int = 1, warn: Callable[[str], None] = warnings.warn
+) -> list[Path]:
     """Write the reduced model of the [parameters] for other tools, as .npz and .mat.
 
     Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
     observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
     ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction``; names and values of the
-    parameters; the contact law by name with its parameters. The basis is that of a run before it
-    enriches it where its tolerance asks for that.
+    parameters; the contact law by name with its parameters. The basis is that of a run:
+    enriched where its tolerance asks for that. `jobs` processes make it; `warn` is as of a run.
 
     Raises
     ------
@@ -70,12 +75,12 @@ def export_reduced(plan: Plan, folder: Path, threads: int = 1) -> list[Path]:
     """
     if isinstance(plan.study.model, FamilyDefinition):
         raise SquealstudyError(f"{plan.study.source.path}: its matrices are files already")
+    plan, _ = plan.kind.ready(plan, Workers(jobs), warn)
     design = plan.design(plan.nominal_values)
-    key = plan.structure_key(design)
-    if not is_prepared(key):
-        _, reason = build_structure(build_task(plan, replace(design, structure=key), threads))
-        if reason:
-            raise SquealstudyError(f"{plan.study.source.path}: {reason}")
+    design = replace(design, structure=plan.structure_key(design))
+    key, reason = build_structure(build_task(plan, design, jobs))
+    if reason:
+        raise SquealstudyError(f"{plan.study.source.path}: {reason}")
     prepared, state = load_prepared(key), design.state()
     point = working_point(prepared.space, state.operating)
     pencil = linearise(prepared.model, point, state).pencil
