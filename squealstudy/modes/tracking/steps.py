@@ -131,7 +131,8 @@ class Stepper:
     def pair(self, found: Pairings, points: np.ndarray, known: np.ndarray) -> None:
         """Pair the steps to points, and those after them again where the pairing has changed."""
         while len(points):
-            changed = [found.enter(*batch) for batch in self._paired(found, points)]
+            batches = self._paired(found, points)
+            changed = [batch[found.enter(batch, *own)] for batch, *own in batches]
             points = np.setdiff1d(self._followers(np.concatenate(changed)), known)
 
     def expected(self, found: Pairings, points: np.ndarray) -> np.ndarray:
