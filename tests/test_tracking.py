@@ -432,6 +432,10 @@ def test_labels_are_those_of_pairing_in_order(seed):
         x += [[j, i] for j in range(n)]
     for i in rng.integers(0, len(lams), int(rng.integers(0, 3))):
         lams[i], shapes[i] = lams[i][:0], shapes[i][:0]
+    order = rng.permutation(len(lams))  # lines may begin at any point
+    place = np.append(np.argsort(order), -1)
+    lams, shapes, x, parents = ([part[i] for i in order] for part in (lams, shapes, x, parents))
+    parents = [int(place[p]) for p in parents]
     found = track(parents, lams, shapes, np.array(x, dtype=float))
     labels, macs, ambiguous = labels_in_order(parents, lams, shapes, np.array(x, dtype=float))
     for i in range(len(parents)):
