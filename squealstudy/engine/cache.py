@@ -52,7 +52,9 @@ CLASSES = {
         "reduction.cmt.Expansion",
         "reduction.cmt.ReducedModel",
         "reduction.contact_space.ContactSpace",
+        "reduction.hybrid.HybridBasis",
         "reduction.hybrid.HybridModel",
+        "reduction.hybrid.Superelement",
         "reduction.prepared.PreparedFamily",
         "reduction.prepared.PreparedModel",
     )
