@@ -19,6 +19,7 @@ import pytest
 import scipy.io
 
 import squealstudy as sq
+from squealstudy import extensions
 from squealstudy.engine.cache import (
     contents,
     is_whole,
@@ -167,6 +168,15 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache-here"))
     return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def _as_a_new_process(monkeypatch):
+    """Other tests' extensions are none of ours; a shell in the background ignores interrupts."""
+    monkeypatch.setattr(extensions, "_read", {})
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)
