@@ -132,7 +132,7 @@ class Stepper:
         """Pair the steps to points, and those after them again where the pairing has changed."""
         while len(points):
             batches = self._paired(found, points)
-            changed = [batch[found.enter(batch, *own)] for batch, *own in batches]
+            changed = [batch[found.enter(batch, own, count)] for batch, own, count in batches]
             points = np.setdiff1d(self._followers(np.concatenate(changed)), known)
 
     def expected(self, found: Pairings, points: np.ndarray) -> np.ndarray:
