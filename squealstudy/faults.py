@@ -33,6 +33,7 @@ REFUSED = LIMITS | {
     errno.EIO: "the disk does not answer",
 }
 SPEAKING = (OSError, RuntimeError, ImportError)  # of libraries, whose texts are looked at
+NO_TEXT = "its name is no text in UTF-8 here: set PYTHONUTF8=1 or choose another place"
 NO_TEMPORARY = "no directory for temporary files can be written: name one in TMPDIR"
 NO_DIRECTORY = "the current directory was removed: change to another"
 TEXTS = {os.strerror(code): code for code in LIMITS} | {
@@ -72,6 +73,9 @@ def sentence(error: Exception) -> str | None:
         return str(error)
     if isinstance(error, SquealstudyError | BrokenPipeError):  # a pipe: a reader such as `head`
         return None
+    if isinstance(error, UnicodeEncodeError) and error.reason == "surrogates not allowed":
+        # bytes of a path that the locale does not know; ASCII, so that any console shows it
+        return f"{ascii(error.object)[1:-1]}: {NO_TEXT}"
     code = _code(error)
     if code is None:
         return str(error) if isinstance(error, OSError) else None

@@ -91,6 +91,9 @@ reference_points = 0
     (tmp_path / "generated.toml").write_text(STUDY + few)
     assert command("export", str(tmp_path / "generated.toml"), "-o", str(tmp_path / "out")) == 0
     assert "brake.toml" in capsys.readouterr().out
+    here = str(tmp_path / "generated.toml")
+    assert command("export", here, "-o", here) == 2
+    assert "found a file" in capsys.readouterr().err
     study = STUDY[: STUDY.index("[model]")] + '[model]\nfile = "brake.toml"\n' + few
     (tmp_path / "out" / "study.toml").write_text(study)
     one, two = (

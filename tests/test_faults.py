@@ -157,6 +157,8 @@ def test_a_current_directory_that_was_removed(folder: Path) -> None:
         (ImportError("x.so: failed to map segment from shared object"), "memory ran out"),
         (RuntimeError("a mistake of ours"), None),
         (ValueError("10 requested and 8 found"), None),
+        (UnicodeEncodeError("utf-8", "a\udcc3b", 1, 2, "surrogates not allowed"), r"a\udcc3b: its"),
+        (UnicodeEncodeError("ascii", "é", 0, 1, "ordinal not in range(128)"), None),
         (BrokenPipeError(errno.EPIPE, "x"), None),
         (SquealstudyError("told already: Too many open files"), None),
     ],

@@ -15,7 +15,7 @@ import typer
 from typer.main import get_command
 
 from squealstudy import faults
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
 
 NAME, DEBUG = "squealstudy", "SQUEALSTUDY_DEBUG"
@@ -350,6 +350,8 @@ def export(
     from squealstudy.paths import usable_cache
 
     plan = face.read_study(study).plan()
+    if output.exists() and not output.is_dir():
+        raise ResultsError(f"{output}: expected a folder to write to, found a file")
     with usable_cache(screen.warning):
         written = export_reduced(plan, output, jobs or 1, screen.warning)
     if plan.study.model.name == GENERATED:

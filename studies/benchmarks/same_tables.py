@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import fnmatch
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -136,9 +137,8 @@ def _keep_tables(folder: Path | None, tables: dict[str, pd.DataFrame]) -> None:
 
 
 def copy_studies(folder: Path) -> None:
-    """Study files, and the matrices of one: a chain of six masses, unsymmetric by friction."""
-    for path in STUDIES.glob("*.toml"):
-        (folder / path.name).write_text(path.read_text())
+    """Study files, the files of a model, and matrices: a chain of six masses with friction."""
+    shutil.copytree(STUDIES, folder, dirs_exist_ok=True)
     n, stiffness = 6, 1e6
     K = sp.diags([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]) * stiffness
     coupling = sp.coo_array(([stiffness, -stiffness], ([1, 2], [2, 1])), shape=(n, n))

@@ -26,7 +26,7 @@ GONE_S = 2.0  # a run's processes must have ended by then
 SCENES = (
     *("hulten_modes", "hulten_latin_windows", "hulten_boundary", "hulten_sensitivity"),
     *("hulten_fidelity", "hulten_work_precision", "matrices_modes", "stability_impact_energy"),
-    *("belt_newmark", "brake_run", "brake_geometry"),
+    *("belt_newmark", "brake_run", "brake_geometry", "own_blocks"),
 )
 # what no user should ever read
 UNWANTED = ("Traceback", "Exception ignored", "resource_tracker", "Process SpawnProcess")
