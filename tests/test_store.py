@@ -234,6 +234,14 @@ def test_check_says_what_a_directory_holds_and_whether_it_is_whole(results, caps
     assert files(results) == before
 
 
+def test_check_counts_lines_of_the_journal_that_cannot_be_read(results, capsys):
+    with (results / JOURNAL).open("ab") as journal:
+        journal.write(TORN)  # what only it names was never finished: all is whole
+    assert command("check", str(results)) == 0
+    assert "1 line cannot be read" in capsys.readouterr().out
+    assert Store(results).journal.unreadable == 1
+
+
 def test_check_of_a_lost_journal_and_of_no_results(results, tmp_path, capsys):
     (results / JOURNAL).write_text("")
     assert command("check", str(results)) == 1

@@ -53,6 +53,9 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     for fault, names in _in_no_journal(store, manifest).items():
         faults.setdefault(fault, []).extend(names)
     rows += [(fault, one) for fault, names in faults.items() for one in sorted(names)]
+    if lost := store.journal.unreadable:
+        text = f"{plural(lost, 'line')} cannot be read, after a kill or by damage"
+        rows.append((JOURNAL, f"{text}: what only such a line names is made anew"))
     harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
     whole = faults.keys() <= harmless
     verdict = "yes" if whole else "no: run the study again, which makes anew what is not"

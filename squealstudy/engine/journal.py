@@ -7,7 +7,6 @@ line that cannot be read, as the last one of a killed run, counts for nothing.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -49,14 +48,20 @@ class Journal:
     owner : tuple of str or None
         The study that began it; None without a journal, or where that line is lost.
     entries : dict of str -> Entry
+    unreadable : int
+        Lines that cannot be read: what they said counts for nothing.
     """
 
     def __init__(self, directory: Path) -> None:
         self._directory, self._path = directory, directory / JOURNAL
         self.owner: Owner | None = None
         self.entries: dict[str, Entry] = {}
+        self.unreadable = 0
         for line in _read(self._path):
-            self._take(line)
+            if line is None:
+                self.unreadable += 1
+            else:
+                self._take(line)
 
     def _take(self, line: Line) -> None:
         self.owner = line.owner or self.owner
@@ -78,7 +83,7 @@ class Journal:
     def restart(self, owner: Owner) -> None:
         """Begin anew, with no file."""
         write_text(self._path, _text(Line(owner=owner)))
-        self.owner, self.entries = owner, {}
+        self.owner, self.entries, self.unreadable = owner, {}, 0
 
     def add(self, names: Sequence[str]) -> None:
         """Files that are whole on disk, and belong together."""
@@ -138,8 +143,10 @@ def _text(line: Line) -> str:
     return line.model_dump_json(exclude_defaults=True) + "\n"
 
 
-def _read(path: Path) -> Iterator[Line]:
-    """Lines that can be read."""
-    for line in path.read_bytes().split(b"\n") if path.is_file() else ():
-        with contextlib.suppress(ValueError):
+def _read(path: Path) -> Iterator[Line | None]:
+    """Lines of a journal; None for one that cannot be read."""
+    for line in filter(None, path.read_bytes().split(b"\n") if path.is_file() else ()):
+        try:
             yield Line.model_validate_json(line, strict=True)
+        except ValueError:
+            yield None
