@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         read_study,
         run,
     )
+    from squealstudy.tables.other_codes import other_codes
 
 __version__ = "0.2.0"
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "model",
     "new_study",
     "open_results",
+    "other_codes",
     "read_study",
     "register_plot",
     "run",
@@ -42,6 +44,7 @@ FACE = "squealstudy.face"  # where the names are that are not elsewhere
 ELSEWHERE = {
     "Results": "squealstudy.engine.results",
     "new_study": "squealstudy.engine.template",
+    "other_codes": "squealstudy.tables.other_codes",
     "register_plot": "squealstudy.engine.pictures",
 }
 

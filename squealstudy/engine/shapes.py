@@ -39,6 +39,7 @@ from squealstudy.shapes.shape import Label, Shape, shape_of
 from squealstudy.study.definition import read_tables
 from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
+from squealstudy.tables.other_codes import roots_of
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -201,14 +202,13 @@ class PointShapes:
     def _partner(self, mode: int) -> int:
         """Which of the roots found now is that of the table."""
         table = self._modes
-        size, growth = 2 * np.pi * table["frequency_hz"].to_numpy(), table["growth_rate"].to_numpy()
-        roots = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
+        roots = roots_of(table)
         i = int(np.flatnonzero(table["mode"] == mode)[0])
         row = table.iloc[i]
         if row["overdamped"]:
             raise _no_mode(table, self._row, mode, None)
         share = UNREDUCED if row["method"] == FULL else SAME
-        allowed = share * size[i] + ERRORS * np.nan_to_num(row["error_rung"])
+        allowed = share * abs(roots[i]) + ERRORS * np.nan_to_num(row["error_rung"])
         distance = np.abs(self._lam - roots[i])
         found = int(distance.argmin()) if len(distance) else -1
         if found < 0 or distance[found] > allowed or self._other(roots, found) != i:
