@@ -140,19 +140,29 @@ def rank(
             "first time a structure is expanded for it.",
         ),
     ] = False,
+    why: Annotated[
+        bool,
+        typer.Option(
+            "--why",
+            help="Split the growth of each mode, where it grows fastest, into friction by pad and "
+            "damping by component and layer.",
+        ),
+    ] = False,
 ) -> None:
     """Which modes are unstable: how widely, how strongly, from where on, in which component."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
 
     found = face.open_results(results)
-    if names:
+    if names or why:
         from squealstudy.cli.shape import names as named
+        from squealstudy.cli.shape import reasons
         from squealstudy.engine.kind import LISTED
         from squealstudy.paths import usable_cache
 
         with usable_cache(screen.warning):
-            told = named(found, found.rank(by, top or LISTED, where)["track"])
+            tracks = found.rank(by, top or LISTED, where)["track"]
+            told = (reasons if why else named)(found, tracks)
         screen.show(screen.facts(told))
         return
     if csv:

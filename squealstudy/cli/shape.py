@@ -14,11 +14,13 @@ from squealstudy.screen import Rows
 from squealstudy.shapes.files import write_uff, write_vtu
 from squealstudy.shapes.names import figures_of, name_of
 from squealstudy.shapes.page import page
-from squealstudy.shapes.picture import draw, sources, title
+from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
+from squealstudy.shapes.sources import ASSEMBLY, CONTACT
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
+MICRON = 1e-6  # m
 
 
 def shapes(
@@ -111,9 +113,56 @@ def _told(shape: Shape) -> Rows:
         ("mode", first),
         *(("at", text) for text in values),
         (energy[0], energy[1]),
+        ("in interfaces", _shares(shape)),
         (growth[0], growth[1]),
+        *_why(shape),
         ("name", f"{name_of(shape).text} ({figures_of(shape)})"),
     ]
+
+
+def _shares(shape: Shape) -> str:
+    """Elastic energy of layers and contacts, the largest first."""
+    ordered = sorted(shape.interfaces.items(), key=lambda item: -item[1])
+    return ", ".join(f"{_place(*key)} {100 * share:.1f} %" for key, share in ordered if share)
+
+
+def _why(shape: Shape) -> Rows:
+    """Friction by kind and pair, what damps, and the power of both."""
+    friction = [s for s in shape.sources if s.of_friction]
+    damping = sorted((s for s in shape.sources if not s.of_friction), key=lambda s: s.growth_rate)
+    by_kind = ", ".join(f"{s.growth_rate:+.4g} {s.kind} at {words(s.where)}" for s in friction)
+    by_place = ", ".join(f"{s.growth_rate:+.4g} in {_place(s.kind, s.where)}" for s in damping)
+    fed, taken = (MICRON**2 * sum(s.power for s in kind) for kind in (friction, damping))
+    return [
+        ("friction 1/s", by_kind or "none"),
+        ("damping 1/s", by_place or "none"),
+        ("power at 1 um", f"{fed:+.3g} W of friction, {taken:+.3g} W of damping"),
+    ]
+
+
+def _place(kind: str, where: str) -> str:
+    """Where damping or energy is, in words; components and layers by their names alone."""
+    if kind == ASSEMBLY:
+        return "all modes of the assembly"
+    return f"contact of {words(where)}" if kind == CONTACT else words(where)
+
+
+def reasons(results: Results, tracks: Iterable[int]) -> Rows:
+    """Why ranked modes grow, each at the design point where it grows fastest of all.
+
+    Raises
+    ------
+    ResultsError
+        As `Results.shape`.
+    """
+    rows: Rows = []
+    for track in tracks:
+        if track >= 0:
+            shape = results.shape(track=int(track))
+            growth = f"growth {shape.growth_rate:+.4g} 1/s at design point {shape.label.row}"
+            name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
+            rows += [(f"mode {track}", f"{name}; {growth}"), *_why(shape)]
+    return rows
 
 
 def names(results: Results, tracks: Iterable[int]) -> Rows:

@@ -14,6 +14,7 @@ from squealstudy.models.cells import CellBlock
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.shapes.sources import Balance, Source, interface_energies, point_growth, sources_of
 from squealstudy.system.linearise import LinearisedModel, reduced_energy_shares, squared
 
 INTERFACES = "interfaces"
@@ -99,6 +100,9 @@ class ContactMotion:
     growth : ndarray (nc,)
         What the friction at each point adds to the growth rate, 1/s (THEORY.md eq. (108)): positive
         where it feeds energy into the mode.
+    power : ndarray (nc,)
+        Mean power of the friction at each point in a vibration of constant amplitude, W, where the
+        largest displacement is 1 m: 1e-12 of it at 1 um.
     """
 
     points: np.ndarray
@@ -108,6 +112,7 @@ class ContactMotion:
     pressure: np.ndarray
     slip: np.ndarray
     growth: np.ndarray
+    power: np.ndarray
 
     @property
     def slip_amplitude(self) -> np.ndarray:
@@ -147,9 +152,12 @@ class Shape:
         Elastic energy per volume about a node, of all of the mode's, 1/m3: the energy of the cells
         that meet there over their volume; NaN where a component has no cells.
     contact : ContactMotion
-    growth_from : mapping of name -> float
-        Parts of the growth rate, 1/s, which add up to it (THEORY.md eq. (108)): friction of each
-        pair of surfaces, under its name, and ``damping``, all that is not friction.
+    sources : tuple of Source
+        Parts of the growth rate, which add up to it (THEORY.md eq. (108)): kinds of friction by
+        pair of surfaces, damping by component, layer and contact. Parts that are zero are left out.
+    interfaces : mapping of (kind, name) -> float
+        Share of each ``layer`` (or spring) and each ``contact`` in the elastic energy; they add up
+        to ``interfaces`` of `energies`.
     kinetic : mapping of name -> float
         Share of each component in psi^H M psi; they add up to 1.
     participation : mapping of (component, mode) -> float
@@ -167,7 +175,8 @@ class Shape:
     energies: Mapping[str, float]
     density: np.ndarray
     contact: ContactMotion
-    growth_from: Mapping[str, float]
+    sources: tuple[Source, ...]
+    interfaces: Mapping[tuple[str, str], float] = field(default_factory=dict)
     kinetic: Mapping[str, float] = field(default_factory=dict)
     participation: Mapping[ModeKey, float] = field(default_factory=dict)
     rotor: str | None = None
@@ -186,6 +195,15 @@ class Shape:
     def damping_ratio(self) -> float:
         """-Re lam / |lam|."""
         return float(-self.lam.real / abs(self.lam))
+
+    @property
+    def growth_from(self) -> dict[str, float]:
+        """Parts of the growth rate, 1/s: friction of each pair of surfaces, and ``damping``."""
+        fed = dict.fromkeys(self.contact.pairs, 0.0)
+        for name in fed:
+            own = (s for s in self.sources if s.of_friction and s.where == name)
+            fed[name] = sum(s.growth_rate for s in own)
+        return fed | {DAMPING: sum(s.growth_rate for s in self.sources if not s.of_friction)}
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -267,11 +285,11 @@ def shape_of(
     parts, density = _parts(assembly, u, elastic)
     names = (*assembly.component_names, INTERFACES)
     shares = reduced_energy_shares(expansion.model, system.weights, x[:, None])[:, 0]
-    contact = _contact(assembly, expansion, point, system, lam, x)
-    fed = dict.fromkeys(dict.fromkeys(contact.pairs), 0.0)
-    for name, growth in zip(contact.pairs, contact.growth, strict=True):
-        fed[name] += float(growth)
-    fed[DAMPING] = float(_growth(lam, system, x, _damping(expansion, system, x)))
+    model, pairs, dofs = expansion.model, _pairs(assembly), expansion.expand(x)
+    balance = Balance(system, lam, x)
+    friction = point_growth(model, system, balance, x)
+    growth = np.asarray(sum(friction.values()))
+    contact = _contact(assembly, expansion, point, growth, balance.power(growth), x)
     return Shape(
         label=label,
         lam=lam,
@@ -281,7 +299,8 @@ def shape_of(
         energies=dict(zip(names, map(float, shares), strict=True)),
         density=density,
         contact=contact,
-        growth_from=fed,
+        sources=sources_of(assembly, model, system, balance, friction, pairs, x, dofs),
+        interfaces=interface_energies(assembly, model, system, pairs, x, dofs),
         rotor=_rotor(assembly, contact.pairs),
         **_kinetic(expansion.model, x),
     )
@@ -350,35 +369,25 @@ def _contact(
     assembly: Assembly,
     expansion: Expansion,
     point: WorkingPoint,
-    system: LinearisedModel,
-    lam: complex,
+    growth: np.ndarray,
+    power: np.ndarray,
     x: np.ndarray,
 ) -> ContactMotion:
     """The motion at the contact points of a shape x (n,) in the coordinates of the model."""
-    model, weights, contact = expansion.model, system.weights, assembly.contact
+    model, contact = expansion.model, assembly.contact
     opening, along, across = (rows @ x for rows in (model.N, model.T, model.T_perp))
-    omega = lam.imag
-    coupling = weights.coupling * (along.conj() * opening).imag
-    damping = weights.across * squared(across) + weights.along * squared(along)
     return ContactMotion(
         points=contact.points,
         area=contact.area,
-        pairs=contact.pairs or (UNNAMED,) * contact.n_points,
+        pairs=_pairs(assembly),
         static_pressure=point.contact_pressure,
         pressure=-point.tangent * opening,
         slip=np.column_stack([along, across]),
-        growth=_growth(lam, system, x, damping + coupling / omega),
+        growth=growth,
+        power=power,
     )
 
 
-def _damping(expansion: Expansion, system: LinearisedModel, x: np.ndarray) -> float:
-    """x^H C x of a shape x (n,) without the damping of friction."""
-    model, weights = expansion.model, system.weights
-    along, across = model.T @ x, model.T_perp @ x
-    rubbing = weights.across * squared(across) + weights.along * squared(along)
-    return float(np.vdot(x, system.C @ x).real - rubbing.sum())
-
-
-def _growth(lam: complex, system: LinearisedModel, x: np.ndarray, parts: Any) -> Any:
-    """Parts c_i + Im k_i / omega of a shape x (n,) as parts of its growth rate [1/s]."""
-    return -lam.imag * parts / (2 * lam.imag * squared(x).sum() + np.vdot(x, system.C @ x).imag)
+def _pairs(assembly: Assembly) -> tuple[str, ...]:
+    contact = assembly.contact
+    return contact.pairs or (UNNAMED,) * contact.n_points

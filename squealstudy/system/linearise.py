@@ -266,12 +266,15 @@ class LinearisedModel:
     K_sym : ndarray (n, n)
         Symmetric part without friction: elastic, springs and contact.
     weights : StructureWeights
+    C_modal : ndarray (n, n) or float
+        The part of C that is modal damping of the assembly; 0 where it has none.
     """
 
     C: np.ndarray
     K: np.ndarray
     K_sym: np.ndarray
     weights: StructureWeights
+    C_modal: np.ndarray | float = 0.0
 
     @property
     def pencil(self) -> QuadraticPencil:
@@ -293,8 +296,9 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     coupling = StructureWeights._fields.index("coupling")
     K = K_sym + structure.system.summed(weights, [coupling])
     C = structure.system.summed(weights, structure.system.numbers(DAMPING))
-    C += assembly_damping(K_sym, state, model.damped_to)
-    return LinearisedModel(C=C, K=K, K_sym=K_sym, weights=weights)
+    modal = assembly_damping(K_sym, state, model.damped_to)
+    C += modal
+    return LinearisedModel(C=C, K=K, K_sym=K_sym, weights=weights, C_modal=modal)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:

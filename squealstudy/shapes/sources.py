@@ -1,0 +1,188 @@
+"""Where a mode's growth and its elastic energy come from: friction, damping, interfaces.
+
+What psi^H Q(lambda) psi = 0 says of its imaginary part splits the growth rate over any parts of
+C and K (THEORY.md eq. (108)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from squealstudy.models.assembly import Assembly
+from squealstudy.reduction.cmt import ReducedModel
+from squealstudy.system.linearise import LinearisedModel, squared
+
+# kinds of sources; friction first
+COUPLING, ALONG, ACROSS = "coupling", "along", "across"
+FRICTION = (COUPLING, ALONG, ACROSS)
+COMPONENT, LAYER, CONTACT, ASSEMBLY = "component", "layer", "contact", "assembly"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A part of the growth rate.
+
+    Attributes
+    ----------
+    kind : str
+        Of friction ``coupling`` (it follows the pressure), ``along`` (its change with the sliding
+        speed) and ``across`` the sliding direction; of damping ``component`` (dampers of component
+        modes and stiffness damping), ``layer`` (stiffness damping of springs and layers),
+        ``contact`` (stiffness damping of the contact's normal stiffness), ``assembly`` (modal
+        damping).
+    where : str
+        Pair of surfaces, component, or layer; empty of the assembly.
+    growth_rate : float
+        1/s; positive where energy is fed into the mode.
+    power : float
+        Mean power fed into a vibration of constant amplitude, W, where the largest displacement of
+        the shape is 1 m; it goes with the square of the amplitude.
+    """
+
+    kind: str
+    where: str
+    growth_rate: float
+    power: float
+
+    @property
+    def of_friction(self) -> bool:
+        """Whether it is friction, not damping."""
+        return self.kind in FRICTION
+
+
+class Balance:
+    """Parts of the growth rate and of the power of one mode.
+
+    Parameters
+    ----------
+    system : LinearisedModel
+    lam : complex
+        rad/s; oscillating.
+    x : ndarray (n,) complex
+        Right vector, whose largest displacement is 1 m.
+    """
+
+    def __init__(self, system: LinearisedModel, lam: complex, x: np.ndarray) -> None:
+        self.omega = lam.imag
+        self._scale = 2 * self.omega * squared(x).sum() + np.vdot(x, system.C @ x).imag
+
+    def growth(self, damping: Any, stiffness: Any = 0.0) -> Any:
+        """Growth rates [1/s] of parts Re x^H C_i x and Im x^H K_i x, numbers or arrays."""
+        return -(self.omega * damping + stiffness) / self._scale
+
+    def power(self, growth: Any) -> Any:
+        """Mean power [W] at constant amplitude of parts of the growth rate [1/s]."""
+        return growth * self.omega * self._scale / 2
+
+
+def point_growth(
+    model: ReducedModel, system: LinearisedModel, balance: Balance, x: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What friction at each contact point adds to the growth rate [1/s], (nc,) of each kind."""
+    weights = system.weights
+    opening, along, across = (rows @ x for rows in (model.N, model.T, model.T_perp))
+    return {
+        COUPLING: balance.growth(0.0, weights.coupling * (along.conj() * opening).imag),
+        ALONG: balance.growth(weights.along * squared(along)),
+        ACROSS: balance.growth(weights.across * squared(across)),
+    }
+
+
+def sources_of(
+    assembly: Assembly,
+    model: ReducedModel,
+    system: LinearisedModel,
+    balance: Balance,
+    friction: Mapping[str, np.ndarray],
+    pairs: tuple[str, ...],
+    x: np.ndarray,
+    u: np.ndarray,
+) -> tuple[Source, ...]:
+    """All parts of the growth rate of a mode that are not zero.
+
+    Parameters
+    ----------
+    friction : mapping of kind -> ndarray (nc,)
+        `point_growth`.
+    pairs : tuple of str (nc,)
+        Pair of surfaces of each contact point.
+    x : ndarray (n,) complex
+        In the coordinates of the model.
+    u : ndarray (n_dof,) complex
+        On the assembly.
+    """
+    weights, opening = system.weights, squared(model.N @ x)
+    found = [
+        (kind, where, growth)
+        for where in dict.fromkeys(pairs)
+        for kind, of_points in friction.items()
+        for growth in [float(of_points[_mask(pairs, where)].sum())]
+    ]
+    own = np.broadcast_to(weights.elastic_damping, model.n) * squared(x)
+    damping = [
+        *(
+            (COMPONENT, name, part)
+            for name, part in zip(
+                model.components, np.add.reduceat(own, model.offsets[:-1]), strict=True
+            )
+        ),
+        *(
+            (LAYER, name, weights.spring_damping * energy)
+            for name, energy in _layer_energies(assembly, u)
+        ),
+        *(
+            (CONTACT, pair, part)
+            for pair, part in _by_pair(pairs, weights.normal_damping * opening)
+        ),
+        (ASSEMBLY, "", _modal(system, x)),
+    ]
+    found += [(kind, where, float(balance.growth(part))) for kind, where, part in damping]
+    return tuple(
+        Source(kind, where, growth, float(balance.power(growth)))
+        for kind, where, growth in found
+        if growth
+    )
+
+
+def interface_energies(
+    assembly: Assembly,
+    model: ReducedModel,
+    system: LinearisedModel,
+    pairs: tuple[str, ...],
+    x: np.ndarray,
+    u: np.ndarray,
+) -> dict[tuple[str, str], float]:
+    """Shares of layers and contacts, by kind and name, in the elastic energy of a mode."""
+    total = float(np.vdot(x, system.K_sym @ x).real)
+    weights = system.weights
+    contact = _by_pair(pairs, weights.normal * squared(model.N @ x))
+    found = {(CONTACT, pair): part for pair, part in contact}
+    found |= {(LAYER, n): weights.springs * part for n, part in _layer_energies(assembly, u)}
+    return {key: float(part / total) for key, part in found.items()}
+
+
+def _modal(system: LinearisedModel, x: np.ndarray) -> float:
+    """x^H C x of the modal damping of the assembly."""
+    if not np.ndim(system.C_modal):
+        return 0.0
+    return float(np.vdot(x, np.asarray(system.C_modal) @ x).real)
+
+
+def _layer_energies(assembly: Assembly, u: np.ndarray) -> Iterator[tuple[str, float]]:
+    """Name of each spring or layer, and u^H K u of all of that name."""
+    for name in dict.fromkeys(s.name for s in assembly.springs):
+        own = (s for s in assembly.springs if s.name == name)
+        yield name, sum(float(s.stiffness @ squared(s.B @ u)) for s in own)
+
+
+def _by_pair(pairs: tuple[str, ...], values: np.ndarray) -> Iterator[tuple[str, float]]:
+    for pair in dict.fromkeys(pairs):
+        yield pair, float(values[_mask(pairs, pair)].sum())
+
+
+def _mask(pairs: tuple[str, ...], pair: str) -> np.ndarray:
+    return np.array([name == pair for name in pairs], dtype=bool)
