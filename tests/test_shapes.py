@@ -11,12 +11,13 @@ from conftest import NOMINAL, TOP, full_order
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.assembly import Rotors
 from squealstudy.models.cells import NONE, CellBlock, ComponentCells
 from squealstudy.models.components.shapes import SHAPES
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import band_modes, linearised_point
 from squealstudy.reduction.cmt import Expansion
-from squealstudy.shapes.names import name_of
+from squealstudy.shapes.names import _most_diameters, name_of
 from squealstudy.shapes.shape import DAMPING, INTERFACES, Label, amplitudes, shape_of, turned
 from squealstudy.shapes.surface import middles, triangles, with_middles
 
@@ -319,7 +320,8 @@ def test_waves_of_the_disc(shape_at, u, text, circles):
 
 def test_kinetic_energy_is_that_of_the_masses(brake, shape_at):
     shape = shape_at(6)
-    assert shape.rotor == "disc"
+    assert list(shape.rubbed) == ["disc"]
+    assert len(shape.rubbed["disc"]) == len(shape.contact.points)
     assert sum(shape.kinetic.values()) == pytest.approx(1.0)
     u, slices = shape.displacement.ravel(), brake.assembly.slices
     own = {
@@ -366,3 +368,91 @@ def test_free_modes_of_the_disc_have_their_diameters(brake, shape_at):
     assert all(share > 0.9 for *_, share in found)
     for (w, n, _), (v, m, _) in pairwise(found):
         assert abs(w - v) > 1e-3 * w or n == m
+
+
+# -- where a name would be false ------------------------------------------------------------------
+def placed(shape, R, shift):
+    """The same shape of a brake that stands elsewhere, about another axis."""
+    contact = replace(shape.contact, points=shape.contact.points @ R.T + shift)
+    return replace(
+        shape,
+        coordinates=shape.coordinates @ R.T + shift,
+        displacement=shape.displacement @ R.T,
+        contact=contact,
+        rotors=Rotors(shape.rotors.names, R @ shape.rotors.point + shift, R[:, 2]),
+    )
+
+
+def test_names_do_not_depend_on_where_the_axis_is(shape_at):
+    R = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
+    R[:, 0] *= np.linalg.det(R)
+    for turn in (R, np.roll(np.eye(3), 1, axis=0)):
+        for i in range(0, 20, 3):
+            shape = shape_at(i)
+            one, other = name_of(shape), name_of(placed(shape, turn, np.array([0.3, -1.0, 2.0])))
+            assert other.text == one.text
+            assert other.waves.share == pytest.approx(one.waves.share, rel=1e-6)
+            assert other.waves.out_of_plane == pytest.approx(one.waves.out_of_plane, rel=1e-6)
+
+
+def test_what_moves_as_a_rigid_body_has_no_diameters(shape_at):
+    """The disc tilts: one wave around, but no mode of 1 ND."""
+    tilted = ring_shape(shape_at(3), lambda r, t: (0, 0, r * np.cos(t)))
+    rigid = {("disc", j): 1 / 6 for j in range(1, 7)}
+    assert name_of(tilted).text == "1 ND out of plane"
+    assert name_of(replace(tilted, participation=rigid)).text == "rigid disc"
+
+
+def test_a_part_that_is_held_has_no_rigid_modes(shape_at):
+    shape = replace(
+        shape_at(3),
+        kinetic={"caliper": 1.0},
+        participation={("caliper", 1): 0.9},
+        frequencies={("caliper", 1): 900.0},
+    )
+    assert name_of(shape).text == "caliper 1"
+
+
+def test_modes_of_one_frequency_are_named_together(shape_at):
+    """Of a symmetric part any two shapes in their plane are its modes."""
+    shape = replace(
+        shape_at(3),
+        kinetic={"caliper": 1.0},
+        participation={("caliper", 8): 0.3, ("caliper", 9): 0.4},
+        frequencies={("caliper", 7): 5e3, ("caliper", 8): 6e3, ("caliper", 9): 6.0001e3},
+    )
+    assert name_of(shape).text == "caliper 8-9"
+    apart = {("caliper", 8): 6e3, ("caliper", 9): 6.1e3}
+    assert name_of(replace(shape, frequencies=apart)).text == "caliper"
+
+
+def test_two_discs_are_told_apart(shape_at):
+    shape = ring_shape(shape_at(3), lambda r, t: (0, 0, np.cos(3 * t)))
+    rotors = replace(shape.rotors, names=("disc", "caliper"))
+    two = replace(shape, rotors=rotors, rubbed={**shape.rubbed, "caliper": np.zeros(0, int)})
+    assert name_of(two).text == "disc 3 ND out of plane"
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_rotor_that_is_no_ring_has_no_diameters(shape_at, known):
+    """A sector, or a model without an axis: the disc is named as any component."""
+    shape = ring_shape(shape_at(3), lambda r, t: (0, 0, np.cos(3 * t)))
+    own = {("disc", 9): 0.7}
+    if known:
+        x, y, z = shape.coordinates.T
+        r, theta = np.hypot(x, y), np.arctan2(y, x) * 0.8
+        sector = np.column_stack([r * np.cos(theta), r * np.sin(theta), z])
+        shape = replace(shape, coordinates=sector)
+    else:
+        shape = replace(shape, rotors=None)
+    name = name_of(replace(shape, participation=own))
+    assert (name.text, name.waves) == ("disc 9", None)
+
+
+def test_few_nodes_tell_few_diameters():
+    theta = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    assert _most_diameters(theta) == 2  # 15 unknowns of 40 nodes
+    assert _most_diameters(np.repeat(theta, 10)) == 9
+    assert _most_diameters(theta[:10]) is None
+    assert _most_diameters(theta[:35]) is None
+    assert _most_diameters(np.linspace(0, 2 * np.pi, 15, endpoint=False)) is None

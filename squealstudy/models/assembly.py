@@ -240,6 +240,25 @@ class SpringInterface:
 
 
 @dataclass(frozen=True)
+class Rotors:
+    """What turns, and about which axis.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Components that turn.
+    point : ndarray (3,)
+        Of the axis, m.
+    direction : ndarray (3,)
+        Of unit length.
+    """
+
+    names: tuple[str, ...]
+    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    direction: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+
+@dataclass(frozen=True)
 class Assembly:
     """Components, interfaces and loads over one numbering: components in order, then their DOFs.
 
@@ -255,6 +274,8 @@ class Assembly:
         Nodal forces of a unit brake pressure, N/Pa.
     constant_load : ndarray (n_dof,)
         Nodal forces that are always there, N.
+    rotors : Rotors or None
+        What turns; None where nothing does, or the axis is not known.
 
     Raises
     ------
@@ -267,6 +288,7 @@ class Assembly:
     springs: tuple[SpringInterface, ...]
     load: np.ndarray
     constant_load: np.ndarray
+    rotors: Rotors | None = None
 
     def __post_init__(self) -> None:
         names = self.component_names

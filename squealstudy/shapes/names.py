@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.shapes.shape import Part, Shape
+from squealstudy.shapes.parts import Part
+from squealstudy.shapes.shape import Shape
 from squealstudy.system.linearise import squared
 
 MIXED = "mixed"  # where no word fits
 TOLD = 0.2  # least share of kinetic energy of a component that is named
 PURE = 0.5  # least share of a harmonic, or of one component mode, that is named
 RIGID = 0.8  # least share of rigid modes of what is called rigid
-RIGID_MODES = 6  # of a free component: its first ones
+ALIKE = 1e-3  # relative: free-free modes nearer in frequency are named together
 MOST_DIAMETERS = 16
 RADIAL = 3  # functions of the radius for each harmonic
 EDGE = 0.02  # of the ring's width: nodes so near to it count as in it
+CLOSED = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
 SMALL = 0.05  # of the largest motion over the radius: below it a sign tells nothing
 
 
@@ -52,7 +54,7 @@ class Name:
     text : str
         As ``3 ND out of plane + caliper 13``; ``mixed`` where no word fits.
     waves : Waves or None
-        None of a model without a rotor.
+        Of the rotor that moves most; None of a model without one, or whose rotor is no ring.
     """
 
     text: str
@@ -62,20 +64,25 @@ class Name:
 def name_of(shape: Shape) -> Name:
     """The name of a mode.
 
-    Components with at least TOLD of the kinetic energy are named, the largest first: the rotor by
-    its nodal diameters, any other as rigid where its rigid modes have at least RIGID of its kinetic
-    energy, or by the free-free mode that has half of it.
+    Components with at least TOLD of the kinetic energy are named, the largest first: rotors by
+    their nodal diameters, any other, or one that is no ring or moves as a rigid body, as rigid
+    where its rigid modes have at least RIGID of its kinetic energy, or by the free-free mode that
+    has half of it. Free-free modes of one frequency, as symmetric parts have them, are named
+    together: which is which is round-off.
     """
-    waves = _waves(shape)
+    names = shape.rotors.names if shape.rotors else ()
+    rotors = sorted(names, key=lambda name: -shape.kinetic.get(name, 0.0))
+    waves = {name: _waves(shape, name) for name in rotors}
     words = []
     for component, share in sorted(shape.kinetic.items(), key=lambda item: -item[1]):
         if share < TOLD:
             break
-        if component == shape.rotor and waves is not None:
-            words.append(_rotor(component, waves))
+        found = waves.get(component)
+        if found and _rigid(shape, component) < RIGID * share:
+            words.append(_rotor(component, found, len(rotors) > 1))
         else:
             words.append(_component(shape, component, share))
-    return Name(" + ".join(words) or MIXED, waves)
+    return Name(" + ".join(words) or MIXED, next(filter(None, waves.values()), None))
 
 
 def figures_of(shape: Shape) -> str:
@@ -94,33 +101,57 @@ def figures_of(shape: Shape) -> str:
     )
 
 
-def _rotor(component: str, waves: Waves) -> str:
+def _rotor(component: str, waves: Waves, several: bool) -> str:
+    """The waves of a rotor; with its name where there are several."""
+    word = component.replace("_", " ")
     plane = "out of plane" if waves.out_of_plane >= PURE else "in plane"
     if waves.share < PURE:
-        return f"{component.replace('_', ' ')} {plane}"
+        return f"{word} {plane}"
     circles = f" {waves.circles} NC" if waves.circles else ""
-    return f"{waves.diameters} ND{circles} {plane}"
+    return f"{word} " * several + f"{waves.diameters} ND{circles} {plane}"
 
 
 def _component(shape: Shape, component: str, share: float) -> str:
     word = component.replace("_", " ")
     own = {mode: part for (name, mode), part in shape.participation.items() if name == component}
-    rigid = sum(part for mode, part in own.items() if mode <= RIGID_MODES)
-    if rigid >= RIGID * share:
+    omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in own}
+    if _rigid(shape, component) >= RIGID * share:
         return f"rigid {word}"
-    mode = max(own, key=lambda j: own[j])
-    return f"{word} {mode}" if own[mode] >= PURE * share else word
+    groups: list[list[int]] = []
+    for mode in sorted(mode for mode in own if omega[mode] != 0):
+        near = bool(groups) and omega[mode] - omega[groups[-1][-1]] < ALIKE * omega[mode]
+        groups = [*groups[:-1], [*groups[-1], mode]] if near else [*groups, [mode]]
+    parts = [sum(own[mode] for mode in group) for group in groups]
+    if not parts or max(parts) < PURE * share:
+        return word
+    first, *more = groups[int(np.argmax(parts))]
+    return f"{word} {first}-{more[-1]}" if more else f"{word} {first}"
 
 
-def _waves(shape: Shape) -> Waves | None:
-    """The waves of the ring that the contact points lie on; None without a rotor or points."""
-    part = next((p for p in shape.parts if p.name == shape.rotor), None)
-    if part is None or not len(shape.contact.points) or not part.blocks:
+def _rigid(shape: Shape, component: str) -> float:
+    """Kinetic energy of rigid motion of a component."""
+    return sum(
+        part
+        for key, part in shape.participation.items()
+        if key[0] == component and shape.frequencies.get(key) == 0
+    )
+
+
+def _waves(shape: Shape, rotor: str) -> Waves | None:
+    """The waves of the ring that is rubbed; None where there is none, or it is not closed."""
+    part = next((p for p in shape.parts if p.name == rotor), None)
+    rubbed = shape.rubbed.get(rotor, np.zeros(0, dtype=int))
+    if shape.rotors is None or part is None or not len(rubbed) or not part.blocks:
         return None
-    nodes, weight = _ring(shape, part)
-    x, y, _ = shape.coordinates[nodes].T
+    axes = _axes(shape.rotors.direction)
+    at = (shape.coordinates - shape.rotors.point) @ axes
+    nodes, weight = _ring(at, (shape.contact.points[rubbed] - shape.rotors.point) @ axes, part)
+    x, y, _ = at[nodes].T
     r, theta = np.hypot(x, y), np.arctan2(y, x)
-    u = shape.displacement[nodes]
+    most = _most_diameters(theta)
+    if most is None:
+        return None
+    u = shape.displacement[nodes] @ axes
     radial = (u[:, 0] * x + u[:, 1] * y) / r
     around = (u[:, 1] * x - u[:, 0] * y) / r
     directions = (u[:, 2], radial, around)
@@ -129,7 +160,6 @@ def _waves(shape: Shape) -> Waves | None:
     used = directions[:1] if out >= PURE else directions[1:]
     scaled = 2 * (r - r.min()) / max(np.ptp(r), 1e-12) - 1
     over_radius = np.polynomial.legendre.legvander(scaled, RADIAL - 1)
-    most = min(MOST_DIAMETERS, (len(np.unique(np.round(theta, 6))) - 1) // 4)
     orders = np.arange(-most, most + 1)
     base = np.exp(1j * theta[:, None] * orders)[:, :, None] * over_radius[:, None, :]
     base = base.reshape(len(r), -1)
@@ -158,18 +188,43 @@ def _circles(one: np.ndarray, other: np.ndarray) -> int:
     return int((np.diff(np.sign(told)) != 0).sum())
 
 
-def _ring(shape: Shape, part: Part) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n,) of the rotor between the radii and heights of the contact, their volumes (n,)."""
-    volume = np.zeros(len(shape.coordinates))
+def _axes(direction: np.ndarray) -> np.ndarray:
+    """Columns (3, 3): two directions across an axis, and the axis, right-handed.
+
+    x and y of an axis along z.
+    """
+    one = np.eye(3)[np.abs(direction).argmin()]
+    one = one - (one @ direction) * direction
+    one /= np.linalg.norm(one)
+    return np.column_stack([one, np.cross(direction, one), direction])
+
+
+def _most_diameters(theta: np.ndarray) -> int | None:
+    """Most waves around that nodes at these angles (n,) can tell; None where they are no ring.
+
+    Least squares have at least twice as many nodes as unknowns, and a wave four nodes.
+    """
+    around = np.unique(np.round(theta, 6))
+    if not len(around) or np.diff(around, append=around[0] + 2 * np.pi).max() > CLOSED:
+        return None
+    most = min(MOST_DIAMETERS, (len(around) - 1) // 4, (len(theta) // (2 * RADIAL) - 1) // 2)
+    return most if most >= 1 else None
+
+
+def _ring(at: np.ndarray, points: np.ndarray, part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n,) of a rotor between the radii and heights of its contact, their volumes (n,).
+
+    Places of nodes and of contact points (k, 3) by the axes of `_axes`.
+    """
+    volume = np.zeros(len(at))
     first = 0
     for _, cells in part.blocks:
         share = part.volumes[first : first + len(cells)] / cells.shape[1]
         np.add.at(volume, cells.ravel(), np.repeat(share, cells.shape[1]))
         first += len(cells)
-    x, y, z = shape.contact.points.T
+    x, y, z = points.T
     r = np.hypot(x, y)
     edge = EDGE * np.ptp(r)
-    at = shape.coordinates
     radius, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
     inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= r.max() + edge)
     inside &= (height >= z.min() - edge) & (height <= z.max() + edge)

@@ -26,7 +26,8 @@ from squealstudy.shapes.picture import (
     title,
     words,
 )
-from squealstudy.shapes.shape import Part, Shape
+from squealstudy.shapes.parts import Part
+from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
 TEMPLATE = Path(__file__).with_name("page.html")

@@ -9,13 +9,19 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.assembly import Assembly, Component
-from squealstudy.models.cells import CellBlock
+from squealstudy.linalg.real_modes import rigid_modes
+from squealstudy.models.assembly import Assembly, Rotors
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.shapes.parts import Part, parts_of
 from squealstudy.shapes.sources import Balance, Source, interface_energies, point_growth, sources_of
-from squealstudy.system.linearise import LinearisedModel, reduced_energy_shares, squared
+from squealstudy.system.linearise import (
+    LinearisedModel,
+    component_frequencies,
+    reduced_energy_shares,
+    squared,
+)
 
 INTERFACES = "interfaces"
 DAMPING = "damping"
@@ -47,34 +53,6 @@ class Label:
     units: Mapping[str, str] = field(default_factory=dict)
     mode: int = 0
     track: int | None = None
-
-
-@dataclass(frozen=True)
-class Part:
-    """A component of a shape.
-
-    Attributes
-    ----------
-    name : str
-    nodes : slice
-        Its nodes among all.
-    facets : ndarray (n, 8) of int
-        Its surface, as of `ComponentCells.facets`, by numbers among all nodes.
-    blocks : tuple of CellBlock
-        Its cells by numbers among all nodes; none where it is not meshed.
-    volumes : ndarray (n_cells,)
-        m3.
-    cell_energy : ndarray (n_cells,)
-        Share of each cell in the elastic energy of the whole mode. They add up to the share of
-        the component but for changes of its component modes, which have no place in it.
-    """
-
-    name: str
-    nodes: slice
-    facets: np.ndarray
-    blocks: tuple[CellBlock, ...]
-    volumes: np.ndarray
-    cell_energy: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -163,8 +141,12 @@ class Shape:
     participation : mapping of (component, mode) -> float
         Share in it of each free-free mode of a component, numbered from 1, rigid ones first; the
         rest of a component is motion that its free-free modes of the basis do not have.
-    rotor : str or None
-        The component that all pairs of surfaces touch, where it is one alone.
+    frequencies : mapping of (component, mode) -> float
+        Free-free frequency of each mode of `participation`, rad/s; 0 of rigid ones.
+    rotors : Rotors or None
+        What turns, and its axis.
+    rubbed : mapping of component -> ndarray of int
+        Contact points with friction on each rotor, by number.
     """
 
     label: Label
@@ -179,7 +161,9 @@ class Shape:
     interfaces: Mapping[tuple[str, str], float] = field(default_factory=dict)
     kinetic: Mapping[str, float] = field(default_factory=dict)
     participation: Mapping[ModeKey, float] = field(default_factory=dict)
-    rotor: str | None = None
+    frequencies: Mapping[ModeKey, float] = field(default_factory=dict)
+    rotors: Rotors | None = None
+    rubbed: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def frequency_hz(self) -> float:
@@ -282,7 +266,7 @@ def shape_of(
     factor = turned(u)
     u, x = u * factor, psi * factor
     elastic = float(np.vdot(x, system.K_sym @ x).real)
-    parts, density = _parts(assembly, u, elastic)
+    parts, density = parts_of(assembly, u, elastic)
     names = (*assembly.component_names, INTERFACES)
     shares = reduced_energy_shares(expansion.model, system.weights, x[:, None])[:, 0]
     model, pairs, dofs = expansion.model, _pairs(assembly), expansion.expand(x)
@@ -301,8 +285,10 @@ def shape_of(
         contact=contact,
         sources=sources_of(assembly, model, system, balance, friction, pairs, x, dofs),
         interfaces=interface_energies(assembly, model, system, pairs, x, dofs),
-        rotor=_rotor(assembly, contact.pairs),
-        **_kinetic(expansion.model, x),
+        frequencies=free_frequencies(assembly, model),
+        rotors=assembly.rotors,
+        rubbed=_rubbed(assembly),
+        **_kinetic(model, x),
     )
 
 
@@ -319,50 +305,21 @@ def _kinetic(model: ReducedModel, x: np.ndarray) -> dict[str, Any]:
     return {"kinetic": kinetic, "participation": modes}
 
 
-def _rotor(assembly: Assembly, pairs: tuple[str, ...]) -> str | None:
-    """The component that the contact points of every pair touch; None unless it is one alone."""
-    N, names = assembly.contact.N, np.array(pairs)
-    touched = [
-        component
-        for component, span in assembly.slices.items()
-        if all(N[np.flatnonzero(names == pair)][:, span].nnz for pair in set(pairs))
-    ]
-    return touched[0] if len(touched) == 1 else None
+def free_frequencies(assembly: Assembly, model: ReducedModel) -> dict[ModeKey, float]:
+    """Frequency [rad/s] of every free-free mode of the basis, 0 of rigid ones."""
+    found = component_frequencies(model)
+    for c in assembly.components:
+        omega = np.array([w for (name, _), w in found.items() if name == c.name])
+        rigid = rigid_modes(c.M, c.K, omega)
+        found |= {(c.name, j + 1): 0.0 for j in range(rigid)}
+    return found
 
 
-def _parts(
-    assembly: Assembly, u: np.ndarray, elastic: float
-) -> tuple[tuple[Part, ...], np.ndarray]:
-    """Components of a shape u (n_nodes, 3) of that elastic energy, and its density at the nodes."""
-    parts = []
-    energy, volume = np.zeros(len(u)), np.zeros(len(u))
-    for component in assembly.components:
-        nodes = assembly.node_slices[component.name]
-        parts.append(part := _part(component, nodes, u[nodes], elastic))
-        first = 0
-        for _, cells in part.blocks:
-            own = slice(first, first + len(cells))
-            for total, values in ((energy, part.cell_energy), (volume, part.volumes)):
-                np.add.at(total, cells.ravel(), np.repeat(values[own], cells.shape[1]))
-            first = own.stop
-    density = np.divide(energy, volume, out=np.full(len(u), np.nan), where=volume > 0)
-    return tuple(parts), density
-
-
-def _part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> Part:
-    cells, start = component.cells, nodes.start
-    if cells is None:
-        none = np.zeros(0)
-        return Part(component.name, nodes, np.zeros((0, 8), dtype=int), (), none, none)
-    facets = cells.facets
-    return Part(
-        name=component.name,
-        nodes=nodes,
-        facets=np.where(facets < 0, facets, facets + start),
-        blocks=tuple(CellBlock(kind, numbers + start) for kind, numbers in cells.blocks),
-        volumes=cells.volumes,
-        cell_energy=cells.energies(u.ravel()) / elastic,
-    )
+def _rubbed(assembly: Assembly) -> dict[str, np.ndarray]:
+    contact, names = assembly.contact, assembly.rotors.names if assembly.rotors else ()
+    rubbing = contact.frictional > 0
+    touching = {name: contact.N[:, assembly.slices[name]].getnnz(axis=1) > 0 for name in names}
+    return {name: np.flatnonzero(rubbing & rows) for name, rows in touching.items()}
 
 
 def _contact(

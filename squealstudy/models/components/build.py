@@ -76,7 +76,8 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     interfaces = _Interfaces(geometry, numbers, columns)
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
-    return Assembly(components, contact, (*interfaces.springs(), *ties), load, np.zeros_like(load))
+    springs = (*interfaces.springs(), *ties)
+    return Assembly(components, contact, springs, load, np.zeros_like(load), geometry.rotors)
 
 
 def _component(

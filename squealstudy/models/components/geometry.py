@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.models.assembly import Rotors
 from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.facet_geometry import Facets
@@ -220,6 +221,15 @@ class Geometry:
     def rotor(self) -> str | None:
         """The component that turns, where the file names it."""
         return None if self.file.rotation is None else self.file.rotation.rotor
+
+    @property
+    def rotors(self) -> Rotors | None:
+        """What turns: the component that the file names, else the masters of sliding contacts."""
+        if self.rotation is None:
+            return None
+        masters = (c.master.partition(".")[0] for c in self.file.contact if c.kind == "sliding")
+        names = dict.fromkeys([self.rotor] if self.rotor else masters)
+        return Rotors(tuple(names), np.asarray(self.rotation.point), self.rotation.direction)
 
 
 @lru_cache(maxsize=4)

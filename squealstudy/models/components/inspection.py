@@ -245,8 +245,7 @@ def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None
     unit = NAMES.get(geometry.file.units, ("m",))[0]
     rubbing = contact.frictional > 0
     radius = contact.radius[rubbing] / size
-    masters = {t.master.partition(".")[0] for t in geometry.file.contact if t.kind == "sliding"}
-    rotor = geometry.rotor or ", ".join(sorted(masters)) or "nothing"
+    rotor = ", ".join(geometry.rotors.names if geometry.rotors else ()) or "nothing"
     text = f"{rotor} turns about {_vector(rotation.direction)} through "
     text += _vector(np.asarray(rotation.point) / size)
     if len(radius):

@@ -12,6 +12,7 @@ from squealstudy.models.assembly import (
     Assembly,
     Component,
     ContactInterface,
+    Rotors,
     SpringInterface,
     component_slices,
     expand_rows,
@@ -250,4 +251,5 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
         interfaces.springs(),
         load,
         np.zeros_like(load),
+        Rotors(("disc",)),
     )

@@ -1,0 +1,73 @@
+"""Components of a shape: their surfaces and cells, and the elastic energy in these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.models.assembly import Assembly, Component
+from squealstudy.models.cells import CellBlock
+
+
+@dataclass(frozen=True)
+class Part:
+    """A component of a shape.
+
+    Attributes
+    ----------
+    name : str
+    nodes : slice
+        Its nodes among all.
+    facets : ndarray (n, 8) of int
+        Its surface, as of `ComponentCells.facets`, by numbers among all nodes.
+    blocks : tuple of CellBlock
+        Its cells by numbers among all nodes; none where it is not meshed.
+    volumes : ndarray (n_cells,)
+        m3.
+    cell_energy : ndarray (n_cells,)
+        Share of each cell in the elastic energy of the whole mode. They add up to the share of
+        the component but for changes of its component modes, which have no place in it.
+    """
+
+    name: str
+    nodes: slice
+    facets: np.ndarray
+    blocks: tuple[CellBlock, ...]
+    volumes: np.ndarray
+    cell_energy: np.ndarray
+
+
+def parts_of(
+    assembly: Assembly, u: np.ndarray, elastic: float
+) -> tuple[tuple[Part, ...], np.ndarray]:
+    """Components of a shape u (n_nodes, 3) of that elastic energy, and its density at the nodes."""
+    parts = []
+    energy, volume = np.zeros(len(u)), np.zeros(len(u))
+    for component in assembly.components:
+        nodes = assembly.node_slices[component.name]
+        parts.append(part := _part(component, nodes, u[nodes], elastic))
+        first = 0
+        for _, cells in part.blocks:
+            own = slice(first, first + len(cells))
+            for total, values in ((energy, part.cell_energy), (volume, part.volumes)):
+                np.add.at(total, cells.ravel(), np.repeat(values[own], cells.shape[1]))
+            first = own.stop
+    density = np.divide(energy, volume, out=np.full(len(u), np.nan), where=volume > 0)
+    return tuple(parts), density
+
+
+def _part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> Part:
+    cells, start = component.cells, nodes.start
+    if cells is None:
+        none = np.zeros(0)
+        return Part(component.name, nodes, np.zeros((0, 8), dtype=int), (), none, none)
+    facets = cells.facets
+    return Part(
+        name=component.name,
+        nodes=nodes,
+        facets=np.where(facets < 0, facets, facets + start),
+        blocks=tuple(CellBlock(kind, numbers + start) for kind, numbers in cells.blocks),
+        volumes=cells.volumes,
+        cell_energy=cells.energies(u.ravel()) / elastic,
+    )
