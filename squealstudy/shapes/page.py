@@ -14,6 +14,7 @@ from matplotlib.colors import Colormap
 from squealstudy.errors import ModelError
 from squealstudy.models.cells import NONE
 from squealstudy.shapes.names import name_of
+from squealstudy.shapes.parts import Part
 from squealstudy.shapes.picture import (
     AMPLITUDE_COLOURS,
     DECADES,
@@ -26,7 +27,6 @@ from squealstudy.shapes.picture import (
     title,
     words,
 )
-from squealstudy.shapes.parts import Part
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
