@@ -93,7 +93,8 @@ def _matlab(path: Path, variable: str | None) -> Any:
     if version is None:  # before 5
         import scipy.io
 
-        content = scipy.io.loadmat(io.BytesIO(data))
+        with np.errstate(invalid="ignore"):  # of indices that are none: refused below
+            content = scipy.io.loadmat(io.BytesIO(data))
         return _chosen({k: v for k, v in content.items() if not k.startswith("__")}, path, variable)
     if version == HDF5:
         raise ModelError(f"{path}: a MATLAB 7.3 file; save it with '-v7'")
