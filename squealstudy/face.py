@@ -34,6 +34,7 @@ from squealstudy.study.laws import expect_acting, law_choices, laws_with
 from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, changed
 from squealstudy.study.toml_text import toml_text
+from squealstudy.study.units import quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -242,7 +243,8 @@ class Model:
     ----------
     definition : ModelDefinition
     given : mapping of str -> value
-        Parameters and options that are not at their defaults.
+        Parameters and options that are not at their defaults; parameters as numbers, whether they
+        came as such or with a unit, "12 bar".
     """
 
     definition: ModelDefinition
@@ -256,6 +258,12 @@ class Model:
     def __post_init__(self) -> None:
         """Check names, bounds, options, and that every parameter acts; ParameterError."""
         options = {option.name: option.choices for option in self.definition.options}
+        numbers = {
+            name: quantity(value, parse_parameter(name, self.definition))
+            for name, value in self.given.items()
+            if name not in options
+        }
+        object.__setattr__(self, "given", {**self.given, **numbers})
         for name, value in self.given.items():
             if name not in options:
                 parse_parameter(name, self.definition).check(value)
@@ -383,7 +391,8 @@ def model(name: str, **values: Any) -> Model:
     name : str
         One of `list_models`, or the path of a model file, which ends in ``.toml``.
     **values
-        Parameters (SI units) and options; names with dots as ``**{"contact.lambda": 1e6}``.
+        Parameters, SI units or with a unit, ``pressure="12 bar"``, and options; names with dots as
+        ``**{"contact.lambda": 1e6}``.
 
     Raises
     ------

@@ -184,6 +184,23 @@ def test_elements_of_two_groups_and_groups_without_name(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ('2 9 "ALL"', r"named 'ALL', of surfaces \(9\) and of volumes \(1\)"),
+        ('1 1 "ALL"', r"named 'ALL', of curves \(1\) and of volumes \(1\)"),
+        ('3 5 "FIRST"', r"named 'FIRST', of volumes \(5\) and of volumes \(2\)"),
+    ],
+)
+def test_two_groups_of_one_name_are_refused(tmp_path, name, message):
+    text = BLOCKS.replace("Names\n3\n", f"Names\n4\n{name}\n")
+    for ends in ("\n", "\r\n"):
+        (tmp_path / "a.msh").write_bytes(text.replace("\n", ends).encode())
+        with pytest.raises(ModelError, match=message) as raised:
+            read_gmsh(tmp_path / "a.msh")
+        assert "give them different names" in str(raised.value)
+
+
+@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("$EndElements", "", r"cannot be read as a mesh of gmsh: .*\$Elements not closed"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from matplotlib.figure import Figure
 
@@ -246,6 +247,19 @@ def test_every_numeric_column_has_its_unit(results, kind):
             assert not missing, (name, missing)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_tables_have_units_in_their_files(results, kind):
+    """As a reader without squealstudy finds them, beside what pandas keeps there."""
+    found = results[kind]
+    for name in found.tables:
+        schema = pq.read_schema(found.directory / f"{name}.parquet")
+        told = {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata}
+        assert told == found.table(name).attrs["units"], name
+    if kind == "transient":
+        (path, *_) = (found.directory / "histories").glob("*.parquet")
+        assert pq.read_schema(path).field("energy").metadata == {b"unit": b"J"}
+
+
 def test_units_are_those_of_the_quantity(results):
     units = results["transient"].points.attrs["units"]
     assert (units["torque_rms"], units["sliding_speed"], units["growth_rate"]) == (
@@ -328,3 +342,19 @@ def test_the_command_does_the_same(results, tmp_path, monkeypatch, capsys):
     cli.new(Path("start.toml"), "hulten")
     cli.check(Path("start.toml"))
     assert "valid" in capsys.readouterr().out
+
+
+def test_values_of_a_model_have_units():
+    model = sq.model("belt", normal_force="2 kN", sliding_speed="-300 mm/s")
+    assert model.given == {"normal_force": 2000.0, "sliding_speed": -0.3}
+    assert model.with_(normal_force="3 N").given["normal_force"] == 3.0
+    for text, message in (
+        ("12 bar", "is in N: got '12 bar'"),
+        ("12", "expected a number and its unit"),
+        ("12 Nm", "whose unit is not known"),
+        ("-2 N", "expected"),
+    ):
+        with pytest.raises(ParameterError, match=message):
+            sq.model("belt", normal_force=text)
+    with pytest.raises(ParameterError, match="expected one of"):
+        sq.model("belt", friction_law="2 kN")

@@ -228,6 +228,24 @@ def test_parameters_change_what_they_point_to(blocks, tmp_path):
     assert all(parameters[n].structural for n in ("lining.E3", "bed.normal", "guides.x"))
 
 
+def test_defaults_have_units(blocks, tmp_path):
+    """A text with its unit, and a bare number with the unit beside it, of the file or not."""
+    pressures = "friction = {default = 0.4}\npressure = "
+    for lining, pressure in (
+        ('default = "2 GPa"', '{default = "12 bar"}'),
+        ('default = 2e9, unit = "Pa"', "{default = 12, unit = 'bar'}"),
+        ('default = 20, unit = "kbar"'.replace("kbar", "hPa"), "{default = 12e5, unit = 'Pa'}"),
+    ):
+        path = write_blocks(
+            tmp_path,
+            ('default = 2e3, unit = "MPa"', lining),
+            ("friction = {default = 0.4}", pressures + pressure),
+        )
+        found = {p.name: p.default for p in read_model(path.parent / "blocks.toml").parameters}
+        assert found["pressure"] == 12e5
+        assert found["lining.E3"] == (2000.0 if "hPa" in lining else 2e9)
+
+
 def test_a_study_of_a_model_file(blocks, tmp_path):
     """It runs like any other, and agrees with the unreduced model."""
     folder, _ = blocks
@@ -292,6 +310,15 @@ def test_the_model_goes_to_workers(blocks):
          "parameters.guides.x.path", "it is a list of 3; lists count from 1"),
         ('unit = "MPa"', 'unit = "mm"', 37, "parameters.lining.E3.unit", "a unit like 'Pa'"),
         (', default = 2e3, unit = "MPa"', "", 37, "parameters.lining.E3", "expected default"),
+        ("default = 2e3", 'default = "2 GPa"', 37, "parameters.lining.E3.unit", "its own unit"),
+        ('default = 2e3, unit = "MPa"', 'default = "2 mm"', 37, "parameters.lining.E3.default",
+         "lining.E3 is in Pa: got '2 mm'"),
+        ('default = 2e3, unit = "MPa"', 'default = "soft"', 37, "parameters.lining.E3.default",
+         "expected a number and its unit"),
+        ("friction = {default = 0.4}", "pressure = {default = 12, unit = 'mm'}", 40,
+         "parameters.pressure.unit", "a unit like 'Pa'"),
+        ("friction = {default = 0.4}", "pressure = {default = '-3 bar'}", 40,
+         "parameters.pressure.default", "expected a value above 0 Pa"),
         ("friction = {default = 0.4}", "frequency_hz = {path = 'load.brake.area'}", 40,
          "parameters.frequency_hz", "another meaning"),
         ("friction = {default = 0.4}", "frictio = {default = 0.4}", 40, "parameters.frictio",

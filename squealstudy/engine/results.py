@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -14,21 +13,20 @@ import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
 from squealstudy.engine.pictures import Plots, draw_pictures, images
-from squealstudy.engine.store import Store, onset_parameter, read_manifest
+from squealstudy.engine.store import Store, column_units, onset_parameter, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import OF_THE_ONSET, plural, units_of
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import KindScreen
     from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
-OWN_UNITS = {"cells": {"cost": ""}}  # iterations or evaluations, elsewhere seconds
 
 
 @dataclass(frozen=True)
@@ -147,14 +145,12 @@ class Results:
             self._loaded[name] = self.store.read_table(f"{name}.parquet").to_pandas()
         table = self._loaded[name]
         if "units" not in table.attrs:
-            self._give_units(table, OWN_UNITS.get(name, {}))
+            self._give_units(table, f"{name}.parquet")
         return table
 
-    def _give_units(self, table: pd.DataFrame, own: Mapping[str, str]) -> pd.DataFrame:
-        """The table with ``attrs["units"]`` of its columns; onsets have that of their parameter."""
-        found = units_of(table.columns, {**self.units, **own})
-        along = self.units.get(self.along or "", "")
-        table.attrs["units"] = {n: along if u == OF_THE_ONSET else u for n, u in found.items()}
+    def _give_units(self, table: pd.DataFrame, file: str = "") -> pd.DataFrame:
+        """The table, of a file of the results where it is one, with ``attrs["units"]``."""
+        table.attrs["units"] = column_units(self.manifest, table.columns, file)
         return table
 
     @property
@@ -241,7 +237,7 @@ class Results:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
         row = self.points.iloc[self.row_of(point)]
         found = self.store.history(str(row["point_id"]), str(row["status"]))
-        return self._give_units(found, {})
+        return self._give_units(found)
 
     def shape(
         self, point: str | int | None = None, mode: int | None = None, track: int | None = None
@@ -351,7 +347,7 @@ class Results:
         """
         table = self.screen.rank(self, by, top, where)
         kept = dict(table.attrs)
-        self._give_units(table, {})
+        self._give_units(table)
         table.attrs |= kept
         return table
 
@@ -404,7 +400,7 @@ class Results:
 
         n, d = len(self.points), len(self.swept)
         drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
-        return self._give_units(robust_table(self.points, self.modes, drawn, confidence), {})
+        return self._give_units(robust_table(self.points, self.modes, drawn, confidence))
 
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
@@ -424,4 +420,4 @@ class Results:
         from squealstudy.tables.sobol import sobol_table
 
         found = sobol_table(self.points, self.modes, self.swept, top, confidence)
-        return self._give_units(found, {})
+        return self._give_units(found)

@@ -32,7 +32,7 @@ from squealstudy.engine.files import (
 from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
 from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
 from squealstudy.errors import MachineError, ResultsError
-from squealstudy.wording import listed
+from squealstudy.wording import OF_THE_ONSET, listed, units_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,6 +57,8 @@ OWN = re.compile(
 )
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
+UNIT = b"unit"  # of a column, in the metadata of its field
+OWN_UNITS = {CELLS: {"cost": ""}}  # iterations or evaluations, elsewhere seconds
 
 
 def onset_parameter(swept: Sequence[str]) -> str | None:
@@ -64,6 +66,19 @@ def onset_parameter(swept: Sequence[str]) -> str | None:
     if ONSET_PARAMETER in swept:
         return ONSET_PARAMETER
     return swept[0] if swept else None
+
+
+def column_units(
+    manifest: Mapping[str, Any], columns: Iterable[str], table: str = ""
+) -> dict[str, str]:
+    """Unit of each column that has one, empty for pure numbers; onsets have their parameter's.
+
+    `table` is the file of the table, where it is one of the results.
+    """
+    known = dict(manifest.get("units", {}))
+    along = known.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
+    found = units_of(columns, {**known, **OWN_UNITS.get(table, {})})
+    return {name: along if unit == OF_THE_ONSET else unit for name, unit in found.items()}
 
 
 def read_manifest(directory: Path) -> dict[str, Any] | None:
@@ -135,8 +150,19 @@ class Store:
         if len(rows) == 1 and folder.is_dir():
             folder.rmdir()
         for path, own in zip(names, rows, strict=True):
-            write_atomic(self.directory / path, _parquet(part(own)))
+            write_atomic(self.directory / path, _parquet(self._with_units(part(own), name)))
         self.journal.add(names)
+
+    def _with_units(self, table: pa.Table, name: str) -> pa.Table:
+        """The table with the unit of each column that has one in the metadata of its field."""
+        units = column_units(read_manifest(self.directory) or {}, table.column_names, name)
+        fields = [
+            field.with_metadata({**(field.metadata or {}), UNIT: units[field.name]})
+            if field.name in units
+            else field
+            for field in table.schema
+        ]
+        return table.cast(pa.schema(fields, metadata=table.schema.metadata))
 
     def parts(self, name: str) -> list[str]:
         """The finished files of a table, in the order of its rows: itself, or those in its folder.
@@ -167,7 +193,8 @@ class Store:
         for name, content in contents.items():
             path = self.directory / name
             if isinstance(content, pa.Table):
-                write_atomic(path, _parquet(content))
+                told = content if name.startswith(CHUNKS) else self._with_units(content, name)
+                write_atomic(path, _parquet(told))
             elif isinstance(content, str):
                 write_text(path, content)
             else:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, read_files
@@ -40,7 +41,7 @@ from squealstudy.study.family import TAKEN
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
-from squealstudy.study.units import Unit
+from squealstudy.study.units import Unit, in_unit_of
 
 if TYPE_CHECKING:
     from squealstudy.models.components.geometry import Geometry
@@ -242,12 +243,41 @@ def _changed(
     """A parameter of the operating point with another default, SI units."""
     if table.paths:
         raise source.error(keys, "it belongs to the operating point: expected no path")
-    if table.unit not in (None, parameter.unit):
-        expected = f"'{parameter.unit}'" if parameter.unit else "none"
-        raise source.error((*keys, "unit"), f"expected the unit {expected}, got '{table.unit}'")
     if table.default is None:
         raise source.error(keys, "expected default = NUMBER")
-    return replace(parameter, default=parameter.check(table.default))
+    factor = 1.0 if table.unit is None else _size(table.unit, parameter.unit, source, keys)
+    default = _default(table, factor, parameter.unit, source, keys)
+    try:
+        return replace(parameter, default=parameter.check(default))
+    except ParameterError as error:
+        raise source.error((*keys, "default"), error.message) from None
+
+
+def _size(unit: str, own: str, source: SourceText, keys: KeyPath) -> float:
+    """Size of a unit in that of a parameter, `own`; StudyFileError for one of something else."""
+    if unit == own:  # some are known to no table of units, such as Pa/m^n
+        return 1.0
+    with contextlib.suppress(KeyError):
+        given, wanted = Unit.named(unit), Unit.named(own or "1")
+        if given.powers == wanted.powers:
+            return float(given.size / wanted.size)
+    expected = f"a unit like '{own}'" if own else "no unit"
+    raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
+
+
+def _default(
+    table: ParameterTable, factor: float, own: str, source: SourceText, keys: KeyPath
+) -> float:
+    """The default in a parameter's own unit, of a bare number by the factor of its unit."""
+    if not isinstance(table.default, str):
+        assert table.default is not None
+        return factor * table.default
+    if table.unit is not None:
+        raise source.error((*keys, "unit"), f"the default has its own unit: '{table.default}'")
+    try:
+        return in_unit_of(table.default, own)
+    except ValueError as error:
+        raise source.error((*keys, "default"), f"{keys[-1]} {error}") from None
 
 
 def _parameter(
@@ -266,17 +296,9 @@ def _parameter(
             raise source.error((*keys, "path"), message)
     factor = dimension.factor(file.units)
     if table.unit is not None:
-        length, mass, duration = dimension.powers
-        try:
-            unit = Unit.named(table.unit)
-        except KeyError:
-            unit = None
-        if unit is None or unit.powers != (mass, length, duration, 0, 0):
-            expected = f"a unit like '{dimension.unit}'" if dimension.unit else "no unit"
-            raise source.error((*keys, "unit"), f"expected {expected}, got '{table.unit}'")
-        factor = float(unit.size)
+        factor = _size(table.unit, dimension.unit, source, keys)
     if table.default is not None:
-        default = factor * table.default
+        default = _default(table, factor, dimension.unit, source, keys)
     elif file.at(places[0]) is None or isinstance(file.at(places[0]), str):
         raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
     else:

@@ -15,7 +15,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
-from squealstudy.study.parameters import did_you_mean, parse_parameter
+from squealstudy.study.parameters import StudyParameter, did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, shown
 from squealstudy.study.toml_text import DEEPEST, KeyPath
 
@@ -166,6 +166,19 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         return float(value / own.size)
     except OverflowError:
         raise ValueError(f"{wanted}: got {shown(text)}, a number too large") from None
+
+
+def quantity(value: Any, parameter: StudyParameter) -> Any:
+    """A value of a parameter, its text with a unit as a number; ParameterError about the unit.
+
+    What is neither stays as it is: the parameter's own check says what is wrong with it.
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return in_unit_of(value, parameter.unit)
+    except ValueError as error:
+        raise ParameterError(parameter.name, str(error)) from None
 
 
 def with_numbers(

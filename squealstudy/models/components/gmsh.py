@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import replace
@@ -26,6 +27,9 @@ SOLIDS = {
 }
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}  # of facets
 LESSER = ("vertex", "line", "line3")
+DIMENSIONS = ("points", "curves", "surfaces", "volumes")
+NAMES = re.compile(rb"\$PhysicalNames\s+(.*?)\$EndPhysicalNames", re.S)
+NAME = re.compile(rb'^[ \t]*([0-3])[ \t]+(\d+)[ \t]+"(.*)"[ \t]*\r?$', re.M)
 ADVICE = {
     "hexahedron27": "set Mesh.SecondOrderIncomplete = 1 for hexahedra with 20 nodes",
     "wedge18": "set Mesh.SecondOrderIncomplete = 1 for wedges with 15 nodes",
@@ -54,7 +58,8 @@ def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> Solid
     Raises
     ------
     ModelError
-        A file that cannot be read; elements that are not supported; no solid elements.
+        A file that cannot be read; elements that are not supported; no solid elements; two groups
+        of one name.
     """
     names = _formulations(path, treat_as or {})
     found = _read(path)
@@ -100,6 +105,7 @@ def _read(path: Path) -> Any:
     meshio._mesh.topological_dimension.setdefault("wedge15", 3)
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
+    _check_names(path)
     said = io.StringIO()
     try:
         with redirect_stderr(said):  # it prints what it overlooks: sections without end
@@ -113,6 +119,22 @@ def _read(path: Path) -> Any:
         if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
             raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")
     return found
+
+
+def _check_names(path: Path) -> None:
+    """Raise ModelError for a name that two groups have: meshio knows groups by name alone."""
+    section = NAMES.search(path.read_bytes())
+    seen: dict[bytes, tuple[int, int]] = {}
+    for dimension, tag, name in NAME.findall(section[1]) if section else ():
+        group = int(dimension), int(tag)
+        other = seen.setdefault(name, group)
+        if other != group:
+            (one, first), (two, second) = other, group
+            raise ModelError(
+                f"{path}: two physical groups are named '{name.decode(errors='replace')}', of "
+                f"{DIMENSIONS[one]} ({first}) and of {DIMENSIONS[two]} ({second}): give them "
+                "different names"
+            )
 
 
 def _groups(found: Any) -> list[dict[str, np.ndarray]]:

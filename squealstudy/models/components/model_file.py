@@ -257,8 +257,10 @@ class ParameterTable(Table):
     path: str | Texts = Field(
         default=(), description="where it is, 'pad.materials.LINING.E[3]'; several for one value"
     )
-    default: float | None = Field(default=None, description="else the file's value")
-    unit: str | None = Field(default=None, description="of the default; else the file's units")
+    default: float | str | None = Field(
+        default=None, description="a number, or one with its unit; else the file's value"
+    )
+    unit: str | None = Field(default=None, description="of a bare default; else the file's units")
     description: str = ""
 
     @property
