@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
 
 # classes of runs in time, as the points table of a transient study has them
 STABLE = "stable"  # decays to steady sliding
@@ -174,7 +177,17 @@ def percent(low: float, high: float) -> str:
     return f"{100 * low:.1f} to {100 * high:.1f}"
 
 
-def failure_counts(status: Iterable[str]) -> str:
+def status_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> dict[str, int]:
+    """How often each status stands among those of rows, the most frequent first."""
+    import pyarrow as pa
+
+    column = status if isinstance(status, pa.ChunkedArray) else pa.array(status, pa.string())
+    found = {str(pair["values"]): int(pair["counts"]) for pair in column.value_counts().to_pylist()}
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def failure_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> str:
     """How often rows are not ok, by status, the most frequent first: ``3 not_converged``."""
-    counts = Counter(name for name in status if name != "ok").most_common()
-    return ", ".join(f"{count} {name}" for name, count in counts)
+    counts = status_counts(status)
+    counts.pop("ok", None)
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from squealstudy.engine.files import TEMPORARY
 from squealstudy.engine.journal import JOURNAL, UNFINISHED
 from squealstudy.engine.store import (
@@ -21,7 +23,7 @@ from squealstudy.engine.store import (
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows
 from squealstudy.study.kinds import kind_named, kind_names
-from squealstudy.wording import failure_counts, plural
+from squealstudy.wording import failure_counts, plural, status_counts
 
 FOREIGN = "of others"
 
@@ -75,9 +77,9 @@ def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
         points = [store.read_table(found.tables[0], ["status"])]
     else:
         points = list(store.chunks(found.schema, ["status"]))
-    statuses = [text for table in points for text in table["status"].to_pylist()]
+    statuses = pa.chunked_array([c for t in points for c in t["status"].chunks], pa.string())
     total = int(manifest.get("n_points", 0))
-    counts = [f"{statuses.count('ok')} ok", failure_counts(statuses)]
+    counts = [f"{status_counts(statuses).get('ok', 0)} ok", failure_counts(statuses)]
     counts.append(f"{max(0, total - len(statuses))} missing")
     return [*rows, (f"{found.row_word}s", f"{total}: {', '.join(filter(None, counts))}")]
 

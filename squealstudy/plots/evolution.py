@@ -38,6 +38,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
 from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.point_rows import point_codes, rows_in
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -61,7 +62,8 @@ def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
     varied = parameter_columns(points, varied=True)
     for name in varied if results.manifest["grid_shape"] else []:
         yield f"_{results.file_word(name)}", {"along": name, "fixed": results.nominal_others(name)}
-    if len(varied) == 2 and set(points[varied[0]]) == set(points[varied[1]]):
+    values = [np.unique(points[name].to_numpy()) for name in varied]
+    if len(varied) == 2 and np.array_equal(values[0], values[1]):
         yield "_together", {"along": tuple(varied)}
 
 
@@ -117,7 +119,9 @@ def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
     """The design points at which two parameters are equal, as one parameter."""
     name, points = f"{first} = {second}", results.points
     points = points[points[first] == points[second]]
-    modes = results.modes[results.modes["point_id"].isin(points["point_id"])]
+    here = np.zeros(len(results.points), dtype=bool)
+    here[rows_in(results.points, points)] = True
+    modes = results.modes[here[point_codes(results.points, results.modes)]]
     points = points.drop(columns=second).rename(columns={first: name})
     facts = results.manifest | {"units": {**results.units, name: results.units.get(first, "")}}
     return replace(results, manifest=facts).with_tables(points=points, modes=modes), name
@@ -274,9 +278,10 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
     line, why = slice_points(points, modes, (along,), fixed)
     line = line.sort_values(along, kind="stable")
     shown = quantity(along, points[along], units)
-    row = pd.Series(np.arange(len(line)), index=line["point_id"].to_numpy())
-    rows = oscillating(modes[modes["point_id"].isin(line["point_id"])])
-    rows = rows.assign(row=rows["point_id"].map(row).astype("int64"))
+    place = np.full(len(points), -1)
+    place[rows_in(points, line)] = np.arange(len(line))
+    row = place[point_codes(points, modes)]
+    rows = oscillating(modes[row >= 0].assign(row=row[row >= 0]))
     tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
 

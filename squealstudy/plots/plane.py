@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,14 +16,17 @@ from matplotlib.tri import Triangulation
 
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_ticks
-from squealstudy.plots.tables import describe, oscillating, slice_points
+from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.mode_ranking import CUBIC, REFINED, parameter_columns
+from squealstudy.tables.point_rows import largest, point_codes, rows_in
 from squealstudy.tables.stability import INTO
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
+MOST_CELLS = (450, 300)  # of a picture, about 2 pixels each
+BINS = (150, 100)  # cells in which scattered points are gathered that would cover one another
 FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid
 ROUNDING = 1e-9  # of the growing mode's damping ratio: below it a stable point has no damping
 Edge = tuple[int, int]  # of the plane's design points: first the stable, then the unstable one
@@ -60,11 +64,39 @@ class Plane:
             set_ticks(axis, shown, table[shown.name])
 
     def draw_cells(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
-        """Cells coloured by values (n,); hatched where there is none."""
+        """Cells coloured by values (n,), of several (`merged`) by the largest; hatched where none.
+
+        An image would show some of very many cells and pass over their neighbours.
+        """
         axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
         x, y, table = self.cells(values)
-        edges = self.across.edges(x), self.up.edges(y)
+        edges = [self.across.edges(x), self.up.edges(y)]
+        for axis, together in enumerate(self.merged):
+            places = np.arange(0, table.shape[1 - axis], together)
+            table = np.fmax.reduceat(table, places, axis=1 - axis)
+            edges[axis] = np.append(edges[axis][places], edges[axis][-1])
         return axes.pcolormesh(*edges, np.ma.masked_invalid(table), **style)
+
+    @cached_property
+    def merged(self) -> tuple[int, int]:
+        """How many columns and rows of a grid are drawn as one: more than pixels show nothing."""
+        counts = (len(np.unique(v)) for v in (self.x, self.y))
+        across, up = (-(-n // most) for n, most in zip(counts, MOST_CELLS, strict=True))
+        return across, up
+
+    def draw_bins(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
+        """Equal cells coloured by the largest of the values (n,) of the points inside."""
+        known = np.isfinite(values)
+        place = np.zeros(int(known.sum()), dtype=np.int64)
+        edges = []
+        for shown, drawn, count in ((self.up, self.y, BINS[1]), (self.across, self.x, BINS[0])):
+            even = shown.even(drawn[known])
+            ends = np.linspace(even.min(), even.max(), count + 1)
+            inside = np.clip(np.searchsorted(ends, even, "right") - 1, 0, count - 1)
+            place = place * count + inside
+            edges.append(shown.uneven(ends))
+        table = largest(values[known], place, BINS[0] * BINS[1]).reshape(BINS[1], BINS[0])
+        return axes.pcolormesh(edges[1], edges[0], np.ma.masked_invalid(table), **style)
 
 
 @dataclass(frozen=True)
@@ -151,12 +183,15 @@ def study_plane(
     if not gridded:
         every = tuple(parameter_columns(points, varied=True))
         plane, why = slice_points(points, modes, every, fixed)
-    rows = modes[modes["point_id"].isin(plane["point_id"])]
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     held = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
-    count = _measured(plane, rows, "count")
+    at = rows_in(results.points, plane)
+    if results.boundary is not None:  # nodes that are not points have another one's id
+        at = pd.Index(results.points["point_id"]).get_indexer(pd.Index(plane["point_id"]))
+    marks = _marks(results.points, modes)
+    count, growth, damping = (values[at] for values in marks)
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
         rows=points.index.get_indexer(plane.index),
@@ -164,31 +199,30 @@ def study_plane(
         up=up,
         x=across.scaled(plane[along[0]]),
         y=up.scaled(plane[along[1]]),
-        value=count if measure == "count" else _measured(plane, rows, measure),
+        value=count if measure == "count" else growth,
         point_ids=plane["point_id"].to_numpy(dtype=object),
         known=np.isfinite(count),
         unstable=count > 0,
-        damping_ratio=_least_damping(plane, rows),
+        damping_ratio=damping,
         gridded=gridded,
         elsewhere=joined(held, why, besides, by=", "),
         others_vary=bool(vary),
     )
 
 
-def _measured(plane: pd.DataFrame, rows: pd.DataFrame, measure: str) -> np.ndarray:
-    if measure == "count":
-        found = rows[rows["unstable"].to_numpy(bool)].groupby("point_id").size()
-        value = plane["point_id"].map(found).fillna(0.0)
-    else:
-        judged = rows[~rows["overdamped"].to_numpy(bool) | rows["unstable"].to_numpy(bool)]
-        value = plane["point_id"].map(judged.groupby("point_id")["growth_rate"].max())
-    return value.where(plane["status"] == "ok").to_numpy(dtype=float)
+def _marks(points: pd.DataFrame, modes: pd.DataFrame) -> tuple[np.ndarray, ...]:
+    """Unstable modes, largest growth and least damping of oscillating modes of each point (n,).
 
-
-def _least_damping(plane: pd.DataFrame, rows: pd.DataFrame) -> np.ndarray:
-    """Of the oscillating modes of each point (n,), NaN where there is none."""
-    least = oscillating(rows).groupby("point_id")["damping_ratio"].min()
-    return plane["point_id"].map(least).to_numpy(dtype=float)
+    NaN where the point failed, or has no such mode.
+    """
+    code, n = point_codes(points, modes), len(points)
+    unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
+    growth, zeta = (modes[name].to_numpy(dtype=float) for name in ("growth_rate", "damping_ratio"))
+    judged = ~real | unstable
+    ok = (points["status"] == "ok").to_numpy(bool)
+    count = np.where(ok, np.bincount(code[unstable], minlength=n), np.nan)
+    fastest = np.where(ok, largest(growth[judged], code[judged], n), np.nan)
+    return count, fastest, -largest(-zeta[~real], code[~real], n)
 
 
 class Boundary(NamedTuple):
@@ -311,8 +345,10 @@ class _Crossings:
         for edge in self.on_lines:
             a, b = own[list(edge)]
             places[other[edge[0]]].append(a + self._part_on_line(edge) * (b - a))
+        order = np.argsort(other, kind="stable")
         for line, found in places.items():
-            here = np.flatnonzero(other == line)
+            first, last = (np.searchsorted(other, line, side, order) for side in ("left", "right"))
+            here = order[first:last]
             distance[here] = np.abs(own[here][:, None] - np.array(found)).min(axis=1)
         return np.where(self._plane.unstable, -distance, distance)
 
@@ -344,12 +380,26 @@ class _Crossings:
 
         -inf where none of them has an oscillating mode.
         """
-        plane, (a, b) = self._plane, edge
-        here = plane.known & ~plane.unstable
-        if plane.gridded:
-            shared = self._xy[a] == self._xy[b]
-            here &= (self._xy[:, shared] == self._xy[a, shared]).all(axis=1)
-        return float(np.nan_to_num(plane.damping_ratio[here], nan=-np.inf).max(initial=-np.inf))
+        a, b = edge
+        if not self._plane.gridded:
+            return float(self._stable_damping.max(initial=-np.inf))
+        axis = 0 if self._xy[a, 0] == self._xy[b, 0] else 1
+        return float(self._highest[axis][a])
+
+    @cached_property
+    def _stable_damping(self) -> np.ndarray:
+        """Least damping ratio of each stable point (n,), -inf of others."""
+        stable = self._plane.known & ~self._plane.unstable & ~np.isnan(self._plane.damping_ratio)
+        return np.where(stable, self._plane.damping_ratio, -np.inf)
+
+    @cached_property
+    def _highest(self) -> list[np.ndarray]:
+        """The largest of these on the line of each point (n,) on which x is the same, then y."""
+        found = []
+        for column in self._xy.T:
+            values, line = np.unique(column, return_inverse=True)
+            found.append(largest(self._stable_damping, line, len(values))[line])
+        return found
 
 
 def _refined(onsets: pd.DataFrame, along: Quantity) -> dict[tuple[str, str], float]:

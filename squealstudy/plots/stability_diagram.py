@@ -32,7 +32,8 @@ from squealstudy.plots.style import (
     track_name,
 )
 from squealstudy.plots.tables import describe, oscillating, worst_tracks
-from squealstudy.tables.mode_ranking import parameter_columns, point_codes
+from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:

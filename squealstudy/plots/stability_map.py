@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
+MOST_DOTS = 20_000  # of scattered points: more cover one another
 MOST_CLASSES = 12  # counts beyond share colours
 TITLE = 90  # characters in a line of the title
 
@@ -106,9 +107,13 @@ def stability_map(
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     failed = int((~plane.known).sum())
+    gathered = _gathered(plane)
     mark = "hatched" if plane.gridded else "x"
+    if gathered:
+        mark = "hatched where no other is in the cell" if plane.gridded else "not shown"
     title = joined(
         plane.elsewhere,
+        gathered,
         _mark_solved(axes, plane, results.nodes[1]),
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
         "" if plane.unstable.any() else "no unstable mode",
@@ -130,9 +135,22 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     return colours.with_extremes(under=STABLE), Normalize(1e-9 * top, top)
 
 
+def _gathered(plane: StudyPlane) -> str:
+    """What a cell shows where points outnumber what can be told apart, in words."""
+    if plane.gridded:
+        across, up = plane.merged
+        return f"a cell: the largest of {across} x {up} points" if across * up > 1 else ""
+    return "a cell: the largest of its points" if len(plane.x) > MOST_DOTS else ""
+
+
 def _scattered(axes: Axes, plane: StudyPlane, style: dict[str, Any]) -> ScalarMappable:
-    """Triangles between the points where that means something, and the points."""
+    """Triangles between the points where that means something, and the points.
+
+    Very many points are gathered in cells.
+    """
     known = np.isfinite(plane.value)
+    if len(plane.x) > MOST_DOTS and known.any():
+        return plane.draw_bins(axes, plane.value, **style)
     triangles = plane.triangles(plane.value)
     if triangles is not None:
         axes.tripcolor(triangles, plane.value[known], alpha=0.6, **style)

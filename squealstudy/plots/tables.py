@@ -10,6 +10,7 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
 from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.point_rows import counts_by_id
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
@@ -63,8 +64,8 @@ def slice_points(
     others = [name for name in varied if name not in along]
     if not others:
         return chosen, ""
-    unstable = modes.loc[modes["unstable"].to_numpy(bool), "point_id"].value_counts()
-    count = chosen["point_id"].map(unstable).fillna(0)
+    unstable = modes.loc[modes["unstable"].to_numpy(bool), "point_id"]
+    count = pd.Series(counts_by_id(unstable, chosen["point_id"]), index=chosen.index)
     group = chosen.groupby(others, dropna=False).ngroup()
     totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
     best = totals == totals.max()

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.mode_ranking import point_codes, unstable_groups
+from squealstudy.tables.mode_ranking import unstable_groups
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.stability import is_uncertain
 
 FILLED = "~"  # between the id of the point that stands for a node and the node's number

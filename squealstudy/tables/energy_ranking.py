@@ -7,6 +7,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables import mode_ranking
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.wording import LASTING, UNDECIDED
 
 CLASS = "class"
@@ -53,7 +54,7 @@ def rank_energy(
         For a query that cannot be used, or tables of another kind of study.
     """
     names = transient_parameters(points)
-    code = mode_ranking.point_codes(points, modes)
+    code = point_codes(points, modes)
     counted, wanted = mode_ranking.selection(points, modes, code, where)
     lasting = counted & points[CLASS].isin(LASTING).to_numpy(bool)
     rows = np.flatnonzero(wanted & lasting[code])

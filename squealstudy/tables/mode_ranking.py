@@ -10,6 +10,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.condition import conditions
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -146,7 +147,17 @@ def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
     columns = [str(c) for c in points.columns]
     end = min((columns.index(c) for c in FIRST_RESULT if c in columns), default=len(columns))
     names = [c for c in columns[:end] if c not in HEAD]
-    return [c for c in names if not varied or (~points[c].duplicated()).sum() > 1]
+    return [c for c in names if not varied or _varies(points[c])]
+
+
+def _varies(column: pd.Series) -> bool:
+    """Whether there is more than one value; all NaN are one."""
+    values = column.to_numpy()
+    if values.dtype.kind != "f":
+        return bool((~column.duplicated()).sum() > 1)
+    first = values[:1]
+    known = first == first
+    return bool(((values != first) & ((values == values) | known)).any())
 
 
 def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
@@ -155,16 +166,6 @@ def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
     if not others:
         return np.zeros(len(points), dtype=int)
     return points.groupby(others, dropna=False).ngroup().to_numpy()
-
-
-def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
-    """Row in `points` of each row of `modes`. ResultsError where one has none."""
-    code, ids = pd.factorize(modes["point_id"])
-    position = pd.Index(points["point_id"]).get_indexer(pd.Index(ids))
-    if (position < 0).any() or (code < 0).any():
-        raise ResultsError("the modes table has points that are not in the points table")
-    rows: np.ndarray = position[code]
-    return rows
 
 
 def unstable_groups(modes: pd.DataFrame) -> np.ndarray:

@@ -11,9 +11,9 @@ from squealstudy.errors import ResultsError
 from squealstudy.tables.mode_ranking import (
     DIVERGENCE,
     parameter_columns,
-    point_codes,
     settings_text,
 )
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.stability import is_uncertain
 
 LARGEST = 0  # in place of a track number

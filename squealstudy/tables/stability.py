@@ -52,10 +52,11 @@ def unstable_bounds(
     sides = {"low": np.where(uncertain, 0, group), "high": np.where(maybe != 0, maybe, group)}
     table = pd.DataFrame(index=pd.Index(groups, name="track"))
     for side, numbers in sides.items():
-        kept = np.isin(numbers, groups)
-        pairs = np.unique(np.column_stack([numbers[kept], code[kept]]), axis=0)
-        found = pd.Series(pairs[:, 0]).value_counts()
-        table[f"unstable_points_{side}"] = found.reindex(groups, fill_value=0).to_numpy()
+        kept = np.flatnonzero(np.isin(numbers, groups))
+        place, point = np.searchsorted(groups, numbers[kept]), code[kept]
+        span = int(point.max(initial=0)) + 1
+        pairs = np.unique(place * span + point)  # one number a group and point
+        table[f"unstable_points_{side}"] = np.bincount(pairs // span, minlength=len(groups))
     return table
 
 

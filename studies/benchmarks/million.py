@@ -1,6 +1,6 @@
 """What a study of many design points costs beside its solving, and how that grows.
 
-    python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--copied] [--png FILE]
+    python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--batched] [--png FILE]
 
 For each number of points a grid of Hulten's model (two degrees of freedom, friction and sliding
 speed) is checked, run, and run again when it is finished, each in a process of its own: seconds and
@@ -8,8 +8,8 @@ peak memory of `check`; seconds until the first point is solved; processor time 
 point until the last one is solved (planning, ids, storing; all points go to workers); peak memory
 of parent and largest worker by phase; seconds after the last point; seconds and memory of the run
 that finds all done. Processor time stands beside seconds, for machines that are not idle. With
-`--copied` most points are copies (million_kind.py), for machines without the time: solving is then
-no part of the figures, which it is not meant to be. `--png` draws the growth.
+`--batched` all points of a task are solved at once (million_kind.py), to save time: solving is no
+part of these figures. `--png` draws the growth.
 """
 
 from __future__ import annotations
@@ -76,13 +76,13 @@ FIGURES = {  # name of a figure -> its title and the limit that is asked for at 
 EVERY = 0.05  # s between looks at memory
 
 
-def study_file(folder: Path, points: int, copied: bool) -> Path:
+def study_file(folder: Path, points: int, batched: bool) -> Path:
     """A study of so many points, in a grid as square as their divisors allow."""
     friction = next(n for n in range(int(points**0.5), 0, -1) if points % n == 0)
     kind = Path(__file__).with_name("million_kind.py")
     text = STUDY.format(
-        kind="copied_modes" if copied else "complex_modes",
-        extensions=f'extensions = ["{kind}"]' if copied else "",
+        kind="batched_modes" if batched else "complex_modes",
+        extensions=f'extensions = ["{kind}"]' if batched else "",
         friction=friction,
         speed=points // friction,
     )
@@ -172,9 +172,9 @@ def check_here(path: Path, directory: Path) -> dict[str, float]:
     }
 
 
-def measure(folder: Path, points: int, jobs: int, copied: bool) -> dict[str, float]:
+def measure(folder: Path, points: int, jobs: int, batched: bool) -> dict[str, float]:
     """All figures of a number of points."""
-    path, directory = study_file(folder, points, copied), folder / f"results_{points}"
+    path, directory = study_file(folder, points, batched), folder / f"results_{points}"
     place = [str(path), str(directory), str(jobs)]
     found = in_child("--child", "check", *place)
     found |= in_child("--child", "run", *place)
@@ -217,7 +217,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--points", type=float, nargs="+", default=[1e4, 1e5, 1e6])
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--copied", action="store_true")
+    parser.add_argument("--batched", action="store_true")
     parser.add_argument("--png", type=Path)
     parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -232,7 +232,7 @@ def main() -> None:
     found: dict[int, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for points in sorted(int(n) for n in given.points):
-            found[points] = measure(Path(folder), points, given.jobs, given.copied)
+            found[points] = measure(Path(folder), points, given.jobs, given.batched)
             print(f"{points:,} points: {found[points]}", flush=True)
     print_table(found)
     if given.png:

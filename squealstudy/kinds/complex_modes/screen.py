@@ -19,11 +19,11 @@ from squealstudy.tables.mode_ranking import (
     UNTRACKED,
     frequency_text,
     group_kind,
-    point_codes,
     rank_modes,
     selection,
     settings_of,
 )
+from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,

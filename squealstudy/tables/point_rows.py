@@ -1,0 +1,70 @@
+"""Which row of the points table each mode belongs to, by arrays.
+
+Ids are texts, and slow to look up. Modes of a point stand together in their table, so that an id is
+looked up once a point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from squealstudy.errors import ResultsError
+
+
+def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
+    """Row in `points` of each row of `modes` (n_modes,). ResultsError where one has none."""
+    if not len(modes):
+        return np.zeros(0, dtype=np.int64)
+    heads, run = _runs(_texts(modes["point_id"]))
+    rows = pc.index_in(heads, value_set=_texts(points["point_id"]))
+    if rows.null_count:
+        raise ResultsError("the modes table has points that are not in the points table")
+    codes: np.ndarray = rows.to_numpy(zero_copy_only=False).astype(np.int64)[run]
+    return codes
+
+
+def counts_by_id(ids: pd.Series, wanted: pd.Series) -> np.ndarray:
+    """How often each of the `wanted` ids (n,) stands among some, which may stand there twice."""
+    if not len(ids):
+        return np.zeros(len(wanted), dtype=np.int64)
+    heads, run = _runs(_texts(ids))
+    unique = heads.unique()
+    place = pc.index_in(heads, value_set=unique).to_numpy(zero_copy_only=False)
+    counts = np.bincount(place[run], minlength=len(unique))
+    found = pc.index_in(_texts(wanted), value_set=unique).fill_null(-1)
+    rows = found.to_numpy(zero_copy_only=False)
+    return np.where(rows >= 0, counts[rows], 0)
+
+
+def rows_in(table: pd.DataFrame, part: pd.DataFrame) -> np.ndarray:
+    """Places in a table of the rows of a part of it (n,)."""
+    rows: np.ndarray = table.index.get_indexer(part.index)
+    return rows
+
+
+def largest(values: np.ndarray, code: np.ndarray, count: int) -> np.ndarray:
+    """Largest value of each of `count` codes, NaN of one that has none."""
+    found = np.full(count, -np.inf)
+    np.maximum.at(found, code, values)
+    seen = np.zeros(count, dtype=bool)
+    seen[code] = True
+    return np.where(seen, found, np.nan)
+
+
+def _texts(column: pd.Series) -> pa.Array:
+    found = pa.array(column)
+    if isinstance(found, pa.ChunkedArray):
+        found = found.combine_chunks()
+    return found.cast(pa.large_string())
+
+
+def _runs(texts: pa.Array) -> tuple[pa.Array, np.ndarray]:
+    """Texts without immediate repetition, and the place of each (n,) among them."""
+    begins = np.ones(len(texts), dtype=bool)
+    if len(texts) > 1:
+        changed = pc.not_equal(texts.slice(1), texts.slice(0, len(texts) - 1))
+        begins[1:] = changed.fill_null(True).to_numpy(zero_copy_only=False)
+    return texts.take(np.flatnonzero(begins)), np.cumsum(begins) - 1
