@@ -15,7 +15,9 @@ from scipy.spatial import cKDTree
 
 from squealstudy.engine.pictures import plots, save_figure
 from squealstudy.errors import ResultsError
+from squealstudy.plots import plane
 from squealstudy.plots import stability_diagram as diagram
+from squealstudy.plots import stability_map as maps
 from squealstudy.plots.plane import study_plane
 from squealstudy.plots.ranking_bars import mean_energies
 from squealstudy.plots.stability_diagram import Label, place_labels
@@ -577,6 +579,35 @@ def test_map_of_scattered_points():
     assert len(mesh(axes, PolyCollection).get_array()) > 59  # more triangles than points
     assert np.allclose(boundary(axes)[:, 0], 0.4)
     assert any("1 point failed (x)" in text for text in drawn(figure))
+
+
+@pytest.mark.parametrize("scattered", [False, True])
+def test_of_points_that_cannot_be_told_apart_the_largest_is_seen(monkeypatch, scattered):
+    monkeypatch.setattr(plane, "MOST_CELLS", (3, 2))
+    monkeypatch.setattr(plane, "BINS", (3, 2))
+    monkeypatch.setattr(maps, "MOST_DOTS", 20)
+    mu, p = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.7, 8), np.linspace(2e5, 30e5, 5)))
+    if scattered:  # each in the same cell as on the grid, no two of one value
+        mu, p = mu + 1e-3 * np.linspace(-1, 1, 40), p + np.linspace(-1, 1, 40)
+    points = points_table(mu, p, failed=(7,))
+    modes = modes_table(points)
+    growth = np.full(40, np.nan)
+    found = modes.groupby("point_id")["growth_rate"].max()
+    growth[:] = points["point_id"].map(found).where(points["status"] == "ok")
+    figure = stability_map(points, modes, "friction", "pressure", measure="growth", units=UNITS)
+    cells = mesh(figure.axes[0]).get_array()
+    assert cells.shape == (2, 3)
+    assert cells.max() == np.nanmax(growth)
+    shown = np.unique(cells.compressed())
+    assert np.isin(shown, growth).all()
+    if not scattered:
+        table = growth.reshape(5, 8)
+        blocks = [[np.nanmax(table[r, c : c + 3]) for c in (0, 3, 6)] for r in ([0, 1, 2], [3, 4])]
+        assert np.array_equal(cells, blocks)
+        edges = mesh(figure.axes[0]).get_coordinates()
+        assert np.allclose(edges[0, [0, -1], 0], [-0.05, 0.75])
+    what = "its points" if scattered else "3 x 3 points"
+    assert any(f"a cell: the largest of {what}" in text for text in drawn(figure))
 
 
 def test_scattered_points_in_three_parameters_are_dots_only():

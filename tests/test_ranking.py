@@ -13,6 +13,7 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     rank_modes,
 )
+from squealstudy.tables.point_rows import counts_by_id, largest, point_codes
 
 SCALE = "caliper.modes[12-14].frequency_scale"
 
@@ -39,6 +40,37 @@ def modes_table(rows):
     table["growth_rate"] = -table["damping_ratio"] * 2 * np.pi * table["frequency_hz"]
     table["unstable"] = table["damping_ratio"] < 0
     return table.assign(mode=1, point_id="p" + table["point"].astype(str)).drop(columns="point")
+
+
+def test_rows_of_modes_whatever_their_order():
+    rng = np.random.default_rng(0)
+    points = pd.DataFrame({"point_id": [f"p{i}" for i in range(50)]})
+    code = rng.integers(0, 50, 300)
+    modes = pd.DataFrame({"point_id": points["point_id"].to_numpy()[code]})
+    assert np.array_equal(point_codes(points, modes), code)
+    assert np.array_equal(point_codes(points, modes.astype(object)), code)
+    assert len(point_codes(points, modes.iloc[:0])) == 0
+    wanted = pd.Series(["p3", "none", "p3", "p49"])
+    counts = [(code == 3).sum(), 0, (code == 3).sum(), (code == 49).sum()]
+    assert counts_by_id(modes["point_id"], wanted).tolist() == counts
+    with pytest.raises(ResultsError, match="not in the points table"):
+        point_codes(points.iloc[1:], pd.DataFrame({"point_id": ["p1", "p0"]}))
+
+
+def test_the_largest_of_each_code_and_nan_of_none():
+    found = largest(np.array([1.0, -3.0, -2.0]), np.array([2, 0, 0]), 4)
+    assert np.array_equal(found, [-2.0, np.nan, 1.0, np.nan], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("values", "varies"),
+    [([1.0, 1.0], False), ([1.0, 2.0], True), ([np.nan, np.nan], False), ([np.nan, 1.0], True),
+     ([1.0, np.nan], True), (["a", "a"], False), (["a", "b"], True), ([], False)],
+)  # fmt: skip
+def test_parameters_that_vary(values, varies):
+    n = len(values)
+    table = points_table({"friction": values}) if n else points_table({"friction": [0.1]}).iloc[:0]
+    assert ("friction" in parameter_columns(table, varied=True)) == varies
 
 
 def grid(mu, p):

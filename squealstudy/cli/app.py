@@ -77,7 +77,8 @@ def run(
     _expect_one_place(jobs, scheduler)
     results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
     screen.show(*results.screen.findings(results), *outside(results), "")
-    screen.show(screen.facts(summary(results, results.draw() if pictures else [])))
+    drawn = (results.drawn or results.draw()) if pictures else []
+    screen.show(screen.facts(summary(results, drawn)))
 
 
 def _expect_one_place(jobs: int | None, scheduler: str | None) -> None:

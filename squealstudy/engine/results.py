@@ -13,7 +13,13 @@ import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
 from squealstudy.engine.pictures import Plots, draw_pictures, images
-from squealstudy.engine.store import Store, column_units, onset_parameter, read_manifest
+from squealstudy.engine.store import (
+    PICTURES,
+    Store,
+    column_units,
+    onset_parameter,
+    read_manifest,
+)
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.kinds import screen_of
@@ -27,6 +33,7 @@ if TYPE_CHECKING:
     from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
+KEEP_PICTURES = 100_000  # points from which on pictures take long enough to be kept
 
 
 @dataclass(frozen=True)
@@ -278,6 +285,17 @@ class Results:
         Those beside them stand in the manifest, so that new tables remove them.
         """
         return draw_pictures(self, directory)
+
+    @property
+    def drawn(self) -> list[Path]:
+        """Pictures of very many points that a run found as it had left them; else none.
+
+        Those of fewer points are drawn anew in seconds.
+        """
+        names = self.manifest.get(PICTURES, [])
+        paths = [self.directory / name for name in names]
+        kept = self.solved == 0 and self.manifest["n_points"] >= KEEP_PICTURES
+        return paths if kept and all(path.is_file() for path in paths) else []
 
     @property
     def kind(self) -> str:
