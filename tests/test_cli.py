@@ -227,6 +227,7 @@ def test_check_counts_and_estimates(study, capsys, tmp_path):
     screen = capsys.readouterr().out
     assert "13 points" in screen
     assert "an exact point takes" in screen
+    assert "up to about 20 points between those of the study" in screen
     assert not (tmp_path / "results").exists()
 
 

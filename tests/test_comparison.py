@@ -14,7 +14,7 @@ from squealstudy.cli.compare import TITLES, comparison, summary
 from squealstudy.engine.results import Results
 from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.complex_modes.onsets import onsets_arrow
+from squealstudy.kinds.complex_modes.tables import onsets_arrow
 from squealstudy.tables.comparison import COLUMNS, _partners, compare
 from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
 

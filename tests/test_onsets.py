@@ -232,7 +232,8 @@ def test_onset_of_hulten_from_its_study(tmp_path, num):
     assert ranking["threshold"].tolist() == pytest.approx([MU_C], abs=1e-4)
     assert ranking["threshold_kind"].tolist() == ["refined"]
     facts = results.manifest["onsets"]
-    assert facts == {"along": "friction", "evaluations": row["evaluations"], "refined": 1}
+    spent = {"evaluations": row["evaluations"], "left": 0}
+    assert facts == {"along": "friction", **spent, "refined": 1}
 
 
 def test_onset_of_hoffmann_from_its_study(tmp_path):
@@ -305,6 +306,27 @@ def test_without_refinement_the_onset_is_read_off_the_grid(tmp_path):
     assert set(run(damped + "refine_onsets = false\n", tmp_path / "d").onsets["status"]) == {
         "interpolated"
     }
+
+
+def test_what_the_budget_of_refinement_leaves_is_told(tmp_path):
+    """A line for each of 4 frequencies; the first two onsets spend what is there."""
+    text = LOCK_IN_MAP + "refine_points = {}\n"
+    every = run(text.format(1000), tmp_path / "all")
+    some = run(text.format(9), tmp_path / "some")
+    none = run(text.format(0), tmp_path / "none")
+    counts = [dict(r.onsets["status"].value_counts()) for r in (every, some, none)]
+    left = [r.manifest["onsets"]["left"] for r in (every, some, none)]
+    assert left[0] == 0 < left[1] < left[2]
+    assert set(counts[0]) == {"refined"}
+    assert set(counts[2]) <= {"bracketed", "interpolated"}
+    assert counts[1]["refined"] + left[1] == len(some.onsets) == left[2]
+    unrefined = some.onsets[some.onsets["status"] != "refined"]
+    assert (unrefined["evaluations"] == 0).all()
+    assert unrefined["error_estimate"].isna().all()
+    told = [dict(r.screen.facts(r)).get("not refined", "") for r in (every, some, none)]
+    assert told[0] == ""
+    assert f"{left[1]} onset" in told[1]
+    assert f"{left[2]} onset" in told[2]
 
 
 def test_structural_sweeps_are_not_refined(tmp_path):

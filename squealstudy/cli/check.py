@@ -129,8 +129,19 @@ def _facts(
             f"{duration(least)} to {duration(longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
+        *_between(plan, cost.point_s, jobs),
         ("memory", _memory((cost.memory_mb or 0) / 1024, workers, members)),
     ]
+
+
+def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
+    """What refinement of tracks and onsets may cost; nothing where there is none."""
+    most = plan.kind.solves(plan).between
+    if not most:
+        return []
+    time = duration(most * point_s / jobs)
+    text = f"of tracks and onsets: up to about {most:,.0f} points between those of the study"
+    return [("refinement", f"{text}, {time}; mostly far fewer (refine_points of [modes])")]
 
 
 def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:

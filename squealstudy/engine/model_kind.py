@@ -55,6 +55,8 @@ class Solves:
         What is made once before them.
     checks : float
         What is solved beside them, by all workers.
+    between : float
+        What may be solved between them at most, once all are there; part of `longest` or not.
     least, longest : float
         Of the time of the points: how far it may be from that of the timed ones.
     """
@@ -62,6 +64,7 @@ class Solves:
     point: float = 1.0
     shared: float = 0.0
     checks: float = 0.0
+    between: float = 0.0
     least: float = 0.8
     longest: float = 1.6
 

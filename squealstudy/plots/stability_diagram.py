@@ -40,6 +40,10 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
+DRAWN = (  # columns of modes: copies of very many rows with all of them would fill the memory
+    *("point_id", "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable"),
+    "overdamped",
+)
 LABELS = 10  # tracks named in one picture
 LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
@@ -75,7 +79,7 @@ def stability_diagram(
     ResultsError
         For an unknown point or parameter.
     """
-    points, modes, units = results.points, results.modes, results.units
+    points, modes, units = results.points, results.modes[list(DRAWN)], results.units
     shown = points if point_id is None else points[points["point_id"] == point_id]
     if not len(shown):
         raise ResultsError(f"the study has no design point '{point_id}'")

@@ -14,8 +14,9 @@ from squealstudy.tables.point_rows import counts_by_id
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
-    """Modes that are not overdamped."""
-    return modes[~modes["overdamped"].to_numpy(bool)]
+    """Modes that are not overdamped; no copy where none is."""
+    overdamped = modes["overdamped"].to_numpy(bool)
+    return modes[~overdamped] if overdamped.any() else modes
 
 
 def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:

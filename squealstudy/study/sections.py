@@ -316,6 +316,13 @@ class ModesSection(Section):
         default=True,
         description="find the values at which modes turn unstable by root finding, to 1e-4",
     )
+    refine_points: int | None = Field(
+        default=None,
+        ge=0,
+        description="about how many design points both may solve between those of the study; "
+        "without it 500 for tracks, 1,000 for onsets, and for onsets that bound stability a fifth "
+        "of the design points or 20,000",
+    )
     reference_points: int = Field(
         default=2,
         ge=0,

@@ -27,6 +27,7 @@ from squealstudy.kinds.complex_modes.problems import (
     swept_structures,
 )
 from squealstudy.kinds.complex_modes.reduction_errors import is_reduced, sample_points
+from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import read_roots
 from squealstudy.kinds.complex_modes.solve_tasks import (
     SolveTask,
@@ -241,8 +242,11 @@ def mode_solves(plan: Plan) -> Solves:
     least, longest = EXACT if share is None else REANALYSIS
     modes = plan.study.definition.modes
     refines = modes.track and (modes.refine_tracking or modes.refine_onsets)
-    if share is None and plan.study.sweeps and refines:
-        longest += BETWEEN
+    between = 0.0
+    if plan.study.sweeps and refines:
+        count = len(plan.tasks)
+        between = min(BETWEEN * count, RefinementBudget.of(modes, count).total)
+        longest += between / count if share is None else 0.0
     bases = 0
     if rung.over_a_basis:
         bases = sum(not structure.has_basis for structure in swept_structures(plan))
@@ -253,6 +257,7 @@ def mode_solves(plan: Plan) -> Solves:
         point=1.0 if share is None else share,
         shared=bases * rung.setup_solves,
         checks=checks + samples * SAMPLE,
+        between=between,
         least=least,
         longest=longest,
     )

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import ONSET_PARAMETER
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
+from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import damping_ratios
-from squealstudy.kinds.complex_modes.study_tracks import LEAST_BUDGET, MOST_BUDGET, Follower
+from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
@@ -38,9 +38,7 @@ PRECISION = 1e-4
 INTERPOLATED = "interpolated"
 WITHIN_ERROR = "within_error"
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
-EVALUATIONS = 2  # design points solved for onsets, times those of the study or the bounds below
 EXPECTED = 8  # evaluations an onset
-REAL = pa.float64()
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
 
 
@@ -99,8 +97,13 @@ class OnsetSearch:
         self._line = line_codes(points, along)
         self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
 
-    def table(self, refine: bool, workers: Workers) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def table(
+        self, refine: bool, budget: RefinementBudget, spent: int, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """The table of onsets, and how they came about.
+
+        Of the `budget` so many points are `spent` already. The summary counts onsets that it
+        ``left`` unrefined: their status tells it by the row.
 
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
         ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
@@ -120,10 +123,11 @@ class OnsetSearch:
         events = self._events()
         table = self._unrefined(events)
         self._place_neutral(events, table)
+        left = 0
         if refine and len(events):
             self._interpolate(events, table)
             started = time.perf_counter()
-            self._refine(events, table, workers)
+            left = self._refine(events, table, budget, spent, workers)
             self.seconds += time.perf_counter() - started
             renumbered = events[table["status"] == RENUMBERED]
             self._ambiguous[renumbered[["before", "after"]].to_numpy().ravel()] = True
@@ -132,6 +136,7 @@ class OnsetSearch:
         summary = {
             "along": self._along,
             "evaluations": int(table["evaluations"].sum()),
+            "left": left,
             **{str(names[k]): int(counts[k]) for k in often},
         }
         return pd.DataFrame(table), summary
@@ -257,18 +262,28 @@ class OnsetSearch:
         table["onset"][rows] = value
         table["error_estimate"][rows] = error * value if log else error
 
-    def _refine(self, events: pd.DataFrame, table: Cells, workers: Workers) -> None:
+    def _refine(
+        self,
+        events: pd.DataFrame,
+        table: Cells,
+        budget: RefinementBudget,
+        spent: int,
+        workers: Workers,
+    ) -> int:
         """Refine crossings in place: those where the first mode turns unstable on a line, or the
         last one stable, which bound stability; of others the first of each track first, within the
-        budget.
+        budget. The number of those that it leaves.
         """
         brackets = self._brackets(events, table)
         bounding = self._bounding(events)
         bounds = [rows for rows in brackets if rows[0] in bounding]
         others = [rows for rows in brackets if rows[0] not in bounding]
-        budget = EVALUATIONS * max(min(len(self._points), MOST_BUDGET), LEAST_BUDGET)
-        self._refine_within(np.inf, bounds, events, table, workers)
-        self._refine_within(budget, others, events, table, workers)
+        left = 0
+        for most, rows in ((budget.bounds, bounds), (budget.onsets, others)):
+            most = min(most, budget.total - spent)
+            used, unrefined = self._refine_within(most, rows, events, table, workers)
+            spent, left = spent + used, left + unrefined
+        return left
 
     def _bounding(self, events: pd.DataFrame) -> set[int]:
         """Rows of crossings at one end of which no mode is unstable."""
@@ -278,13 +293,16 @@ class OnsetSearch:
 
     def _refine_within(
         self,
-        budget: float,
+        budget: int,
         brackets: list[list[int]],
         events: pd.DataFrame,
         table: Cells,
         workers: Workers,
-    ) -> None:
-        """Refine these in their order, until so many design points are solved for it."""
+    ) -> tuple[int, int]:
+        """Refine these in their order, until so many design points are solved for it.
+
+        How many were, and the rows that are left.
+        """
         spent = done = 0
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
@@ -300,6 +318,7 @@ class OnsetSearch:
             done += len(batch)
         if done:
             workers.report("onsets", done, done)
+        return spent, sum(map(len, brackets[done:]))
 
     def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
@@ -372,24 +391,3 @@ def _part(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> np.ndarray:
     apart = end != start
     part: np.ndarray = np.where(apart, (value - start) / np.where(apart, end - start, 1.0), 1.0)
     return part
-
-
-def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:
-    """The table of onsets with its explicit schema; an empty one where there is none."""
-    types = {
-        "track": pa.int32(),
-        "onset": REAL,
-        "bracket_low": REAL,
-        "bracket_high": REAL,
-        "frequency_hz": REAL,
-        "direction": pa.string(),
-        "status": pa.string(),
-        "error_estimate": REAL,
-        "evaluations": pa.int32(),
-        "point_before": pa.string(),
-        "point_after": pa.string(),
-    }
-    if table is None:
-        return pa.schema(types).empty_table()
-    schema = pa.schema([(name, types.get(name, REAL)) for name in table.columns])
-    return pa.Table.from_pandas(table, schema=schema, preserve_index=False)

@@ -112,7 +112,18 @@ class ComplexModesScreen(KindScreen):
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
         error = _full_order_error(manifest) + _unseen(results)
-        return [*_method(manifest), ("error", error)]
+        return [*_method(manifest), *_unrefined(manifest), ("error", error)]
+
+
+def _unrefined(manifest: Mapping[str, Any]) -> Rows:
+    """What refinement left, for its budget was spent; nothing where it left nothing."""
+    steps, onsets = (manifest.get(of, {}).get("left", 0) for of in ("tracking", "onsets"))
+    told = [
+        f"{plural(steps, 'step')} of tracks, ambiguous in modes" if steps else "",
+        f"{plural(onsets, 'onset')}, interpolated or bracketed in onsets" if onsets else "",
+    ]
+    text = " and ".join(part for part in told if part)
+    return [("not refined", f"{text}: see refine_points of [modes]")] if text else []
 
 
 def _nothing(results: Results, where: str | None) -> str:

@@ -28,7 +28,6 @@ from squealstudy.modes.tracking.steps import Pairings
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 ROUNDS = 4  # a refined step may put its followers in doubt
-LEAST_BUDGET, MOST_BUDGET = 30, 500  # extra points: as many as design points, within these
 BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
 
 
@@ -67,8 +66,14 @@ class Follower:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
         return self._shapes.raw(point)
 
-    def follow(self, refine: bool) -> tuple[Tracks, dict[str, Any]]:
+    def follow(self, refine: bool, budget: int = 0) -> tuple[Tracks, dict[str, Any]]:
         """Labels of all modes, and how they came about.
+
+        Parameters
+        ----------
+        refine : bool
+        budget : int
+            Design points that may be solved for it within a structure.
 
         Returns
         -------
@@ -76,14 +81,14 @@ class Follower:
         dict
             ``ambiguous_pairs`` before refinement, steps ``refined``, ``extra_points`` solved for
             it within a structure, ``interpolated_points`` between structures, which cost far less
-            than a reduction and are not limited, and pairs ``still_ambiguous``.
+            than a reduction and are not limited, steps in doubt that were ``left``, for the budget
+            or the rounds were spent, and pairs ``still_ambiguous``, those of these steps too.
         """
         pairings = self._stepper.all()
         before = pairings.count_unresolved()
         started = time.perf_counter()
         known = np.zeros(0, dtype=int)
         points = interpolated = 0
-        budget = max(min(len(self._plan.tasks), MOST_BUDGET), LEAST_BUDGET)
         for _ in range(ROUNDS if refine else 0):
             joined, crossing = self._doubtful(pairings, known)
             between, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
@@ -97,12 +102,14 @@ class Follower:
             changed = [i for i, pairing in refined.items() if self._enter(pairings, i, pairing)]
             self._stepper.again(pairings, np.array(changed, dtype=int), known)
         self.seconds += time.perf_counter() - started
+        left = len(self._doubtful(pairings, known)[0]) if refine else 0
         pairings.unresolved(known)
         summary = {
             "ambiguous_pairs": before,
             "refined": len(known),
             "extra_points": points,
             "interpolated_points": interpolated,
+            "left": left,
             "still_ambiguous": int(pairings.ambiguous.flat.sum()),
         }
         low, high = self._plan.band_hz

@@ -16,7 +16,6 @@ from squealstudy.engine.store import MODES, ONSETS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
-from squealstudy.kinds.complex_modes.onsets import onsets_arrow
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import (
     POINT_FIELDS,
@@ -171,3 +170,24 @@ def _findings(
     names = [name for name, _ in (*HEAD, *POINT_COLUMNS)]
     schema = pa.schema([*HEAD, *POINT_COLUMNS])
     return pa.Table.from_arrays([found[name] for name in names], schema=schema)
+
+
+def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:
+    """The table of onsets with its explicit schema; an empty one where there is none."""
+    types = {
+        "track": pa.int32(),
+        "onset": REAL,
+        "bracket_low": REAL,
+        "bracket_high": REAL,
+        "frequency_hz": REAL,
+        "direction": pa.string(),
+        "status": pa.string(),
+        "error_estimate": REAL,
+        "evaluations": pa.int32(),
+        "point_before": pa.string(),
+        "point_after": pa.string(),
+    }
+    if table is None:
+        return pa.schema(types).empty_table()
+    schema = pa.schema([(name, types.get(name, REAL)) for name in table.columns])
+    return pa.Table.from_pandas(table, schema=schema, preserve_index=False)

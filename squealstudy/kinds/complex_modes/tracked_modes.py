@@ -11,6 +11,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import onset_parameter
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.onsets import OnsetSearch
+from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.modes.tracking.labels import Tracks
@@ -54,7 +55,8 @@ def follow_modes(
     section = plan.study.definition.modes
     follower = Follower(plan, columns, workers)
     summary: dict[str, Any] = {}
-    tracks, summary["tracking"] = follower.follow(section.refine_tracking)
+    budget = RefinementBudget.of(section, len(plan.tasks))
+    tracks, summary["tracking"] = follower.follow(section.refine_tracking, budget.tracks)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
     seconds = {"tracking_refinement_s": follower.seconds}
     if along is None:
@@ -69,6 +71,8 @@ def follow_modes(
         lam=judged[kept],
         error=error[kept],
     )
-    onsets, summary["onsets"] = search.table(section.refine_onsets, workers)
+    onsets, summary["onsets"] = search.table(
+        section.refine_onsets, budget, summary["tracking"]["extra_points"], workers
+    )
     seconds["onset_refinement_s"] = search.seconds
     return Followed(tracks, onsets, seconds, summary)

@@ -1,0 +1,46 @@
+"""How many design points between those of a study tracks and onsets may solve.
+
+A number of points, not of seconds: tables must not depend on the machine. What is left unrefined is
+counted, and told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from squealstudy.study.sections import ModesSection
+
+LEAST, MOST = 30, 500  # for doubtful steps of tracks: as many as design points, within these
+ONSETS = 2  # for onsets that bound no stability, times that
+LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
+
+
+@dataclass(frozen=True)
+class RefinementBudget:
+    """Design points that may be solved, at most.
+
+    Attributes
+    ----------
+    tracks : int
+        For steps of tracks in doubt.
+    bounds : int
+        For onsets at which the first mode turns unstable on a line, or the last one stable.
+    onsets : int
+        For other onsets.
+    total : int
+        In all.
+    """
+
+    tracks: int
+    bounds: int
+    onsets: int
+    total: int
+
+    @classmethod
+    def of(cls, section: ModesSection, points: int) -> RefinementBudget:
+        """Of a study of so many design points."""
+        if (chosen := section.refine_points) is not None:
+            return cls(chosen, chosen, chosen, chosen)
+        tracks = max(min(points, MOST), LEAST)
+        bounds = max(LEAST_BOUNDS, int(BOUNDS_SHARE * points))
+        return cls(tracks, bounds, ONSETS * tracks, tracks + bounds + ONSETS * tracks)
