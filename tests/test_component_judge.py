@@ -13,6 +13,8 @@ import pytest
 import scipy.sparse as sp
 from calculix import AXES, CCX, apart, judged, ragged, run
 from component_meshes import LINING, STEEL, box
+from own_blocks import block, write_blocks
+from test_model_file import built
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.catalogue import MODELS
@@ -101,3 +103,27 @@ def test_free_frequencies_of_a_generated_pad(tmp_path, pad):
     assert len(hz) == 14, said
     omega, _ = real_modes(mass_matrix(pad), stiffness_matrix(pad), 1.05 * hz[-1])
     np.testing.assert_allclose(omega[6:14] / (2 * np.pi), hz[6:14], rtol=1e-6)
+
+
+def test_matrices_that_calculix_has_stored_are_a_component(tmp_path):
+    """Rows of what is held are not in them: it is held in the model too."""
+    slider = block("slider", (3, 1, 2), (5.0, 2.0, 2.0), "LINING")
+    held = [f"{n}, 1, 1" for n in slider.numbers[slider.node_set("ENDS")]]
+    step = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "1", "*END STEP"]
+    of_mesh = ('mesh = "slider.inp"', 'mass = "as_stiffness"\nmesh = "slider.inp"')
+    table = 'K = "job.sti"\nM = "job.mas"\ndof = "job.dof"\nnodes = "slider.inp"'
+    fixed = ("[parameters]", '[[fixed]]\nset = "slider.ENDS"\ndofs = [1]\n[parameters]')
+    for name, lines, changes in (
+        ("free", step, [of_mesh]),
+        ("held", ["*BOUNDARY", *held, *step], [of_mesh, fixed]),
+    ):
+        write_blocks(tmp_path / name, *changes)
+        expected = built(tmp_path / name / "blocks.toml")
+        write_blocks(tmp_path / name, (of_mesh[0], table))
+        said = run(tmp_path / name, slider, *lines)
+        assert (tmp_path / name / "job.sti").is_file(), said
+        found = built(tmp_path / name / "blocks.toml")
+        for A, B in zip(expected.components, found.components, strict=True):
+            assert A.n_dof == B.n_dof
+            assert apart(B.K, A.K) < 1e-10
+            assert apart(B.M, A.M) < 1e-10

@@ -92,7 +92,7 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     """All files that a model file reads, included ones too, with the keys that name them."""
     for name, table in file.components.items():
         for key in ("mesh", "nodes", "K", "M", "dof"):
-            given = getattr(table, key)
+            given = table.file_of(key)
             if given is not None:
                 found = path.parent / given
                 for one in (found, *_included(found, found.parent, ())):

@@ -102,10 +102,12 @@ class Geometry:
         used = np.unique(np.concatenate([b.ravel() for b in blocks]))
         lost = used[body.held.reshape(-1, 3)[used].all(axis=1)]
         if len(lost):
+            map_file = self.file.components[name].dof
+            asked = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
             raise PlacedError(
                 keys,
                 f"the matrices of {name} have no rows for {body.mesh.nodes_named(lost)} of "
-                f"{reference}: is {self.file.components[name].dof} their DOF map?",
+                f"{reference}: {asked}",
             )
         return name, found
 

@@ -148,6 +148,13 @@ class MaterialTable(Table):
         return self
 
 
+class MatrixTable(Table):
+    """One of several matrices of a file."""
+
+    file: str = Field(description="file of the matrix")
+    name: str = Field(description="which: a variable, or the name of a DMIG matrix")
+
+
 class ComponentTable(Table):
     """A component: a mesh with materials, or matrices with a mesh that names their nodes."""
 
@@ -160,10 +167,11 @@ class ComponentTable(Table):
     pass_over: Texts = Field(default=(), description="keywords of an .inp to pass over")
     mass: MassRule = Field(default="full", description="integration of the mass")
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
-    K: str | None = Field(default=None, description="file of the stiffness matrix")
-    M: str | None = Field(default=None, description="file of the mass matrix")
+    K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
+    M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
     dof: str | None = Field(
-        default=None, description="file with 'node.direction' of each row of the matrices"
+        default=None,
+        description="file with 'node.direction' of each row of the matrices, or .mapping of ANSYS",
     )
     nodes: str | None = Field(
         default=None, description="mesh with coordinates and faces of the matrices' nodes"
@@ -181,6 +189,16 @@ class ComponentTable(Table):
         if self.mesh is None and self.materials:
             raise ValueError("expected no materials: the matrices hold them")
         return self
+
+    def file_of(self, key: str) -> str | None:
+        """The file that a key names."""
+        given = getattr(self, key)
+        return given.file if isinstance(given, MatrixTable) else given
+
+    def name_of(self, key: str) -> str | None:
+        """Which matrix of its file."""
+        given = getattr(self, key)
+        return given.name if isinstance(given, MatrixTable) else None
 
 
 class ContactTable(Table):

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 
+UNEQUAL = 1e-8  # of the largest entry: two triangles of a file may differ by their digits
 MOST_ROWS = 10_000_000  # more are a damaged header, or beyond any solver here
 
 Symmetry = Literal["general", "symmetric", "skew-symmetric"]
@@ -70,3 +71,54 @@ def matrix_of_entries(
         i, j = np.append(i, columns[off] - 1), np.append(j, rows[off] - 1)
         values = np.append(values, sign * values[off])
     return sp.coo_matrix((values, (i, j)), shape=(n, n)).tocsr()
+
+
+def symmetric_of_pairs(
+    rows: np.ndarray,
+    columns: np.ndarray,
+    values: np.ndarray,
+    n: int,
+    refused: Refusal,
+    whole: bool = False,
+) -> sp.csr_matrix:
+    """The symmetric matrix (n, n) of entries of either triangle, or of both alike.
+
+    Parameters
+    ----------
+    rows, columns : ndarray (m,) of int
+        From 0.
+    values : ndarray (m,)
+    refused : callable
+        Makes the error about an entry.
+    whole : bool
+        Whether both triangles must be there.
+
+    Raises
+    ------
+    ModelError
+        An entry that is there twice, that differs from its partner in the other triangle, or that
+        lacks it where others have theirs.
+    """
+    size = np.abs(values).max(initial=0.0)
+    check_size(n, n)
+    order = np.lexsort((columns, rows))
+    same = (np.diff(rows[order]) == 0) & (np.diff(columns[order]) == 0)
+    if same.any():
+        pairs = np.column_stack([order[:-1], order[1:]])[same]
+        k = int(pairs.max(axis=1).min())
+        raise refused(k, "this entry is there twice")
+    A = sp.coo_matrix((values, (rows, columns)), shape=(n, n)).tocsr()
+    there = sp.coo_matrix((np.ones(len(values)), (rows, columns)), shape=(n, n)).tocsr()
+    partner = np.asarray(there.T.tocsr()[rows, columns]).ravel() > 0
+    other = np.asarray(A.T.tocsr()[rows, columns]).ravel()
+    off = rows != columns
+    if not whole and not (partner & off).any():  # one triangle, or of each pair one
+        diagonal = sp.diags(A.diagonal())
+        return (A + A.T - diagonal).tocsr()
+    wrong = off & (np.abs(values - other) > UNEQUAL * size)
+    if wrong.any():
+        k = int(wrong.argmax())
+        if partner[k]:
+            raise refused(k, f"{values[k]:g}, in the other triangle {other[k]:g}: not symmetric")
+        raise refused(k, "not symmetric: it is not in the other triangle, where others are")
+    return ((A + A.T) / 2).tocsr()

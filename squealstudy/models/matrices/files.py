@@ -7,18 +7,22 @@ import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.models.matrices.dmig import read_dmig
 from squealstudy.models.matrices.entries import check_size
 from squealstudy.models.matrices.harwell_boeing import read_harwell_boeing
+from squealstudy.models.matrices.labelled import LabelledMatrix, read_abaqus, read_calculix
 from squealstudy.models.matrices.matlab import HDF5, MATLAB_5, Variable, variables, version_of
 from squealstudy.models.matrices.matrix_market import read_matrix_market
 
 Reader = Callable[[Path, str | None], Any]
+Found = TypeVar("Found")
+ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
 LISTED = 12  # variables of a file that a message names
 
@@ -27,8 +31,9 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
     """A square real matrix from a file; its ending says the format.
 
     ``.mtx`` (also ``.mtx.gz``, ``.mtx.bz2``) Matrix Market, ``.mat`` MATLAB up to version 7,
-    ``.rb .hb .rsa .rua .psa`` and the like Harwell-Boeing, ``.npz`` SciPy's `save_npz` or arrays
-    by NumPy's `savez`. Symmetric storage is expanded, entries of one place are added up.
+    ``.rb .hb .rsa .rua .psa .matrix`` and the like Harwell-Boeing, ``.sti .mas`` CalculiX,
+    ``.npz`` SciPy's `save_npz` or arrays by NumPy's `savez`. Symmetric storage is expanded, entries
+    of one place are added up.
 
     Parameters
     ----------
@@ -46,13 +51,42 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
         An absent or damaged file, an unknown ending or variable, a matrix that is not square, has
         complex or non-finite values, or none.
     """
-    if not path.is_file():
-        raise ModelError(f"there is no file {path}")
     reader = _reader(path)
-    try:
+
+    def matrix() -> sp.csr_matrix:
         with warnings.catch_warnings():  # SciPy's of sparse arrays to come: `_checked` takes both
             warnings.simplefilter("ignore", DeprecationWarning)
             return _checked(reader(path, variable))
+
+    return _guarded(path, matrix)
+
+
+def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | LabelledMatrix:
+    """A symmetric matrix of a component: as `read_matrix`, or with nodes named in the file.
+
+    Those are ``.mtx`` of Abaqus, known by what they begin with, and the DMIG cards in ``.pch``,
+    ``.bdf``, ``.dat``, ``.nas`` and ``.blk`` of Nastran; `name` is which of several.
+    """
+    ending = path.suffix.lower()
+    if ending in NASTRAN:
+        return _guarded(path, lambda: read_dmig(path, name))
+    if ending == ABAQUS and not _guarded(path, lambda: _is_matrix_market(path)):
+        _only_one(path, name)
+        return _guarded(path, lambda: read_abaqus(path))
+    return read_matrix(path, name)
+
+
+def _is_matrix_market(path: Path) -> bool:
+    with path.open("rb") as handle:
+        return handle.read(1) == b"%"
+
+
+def _guarded(path: Path, read: Callable[[], Found]) -> Found:
+    """What a reader makes of a file; ModelError for whatever it runs into."""
+    if not path.is_file():
+        raise ModelError(f"there is no file {path}")
+    try:
+        return read()
     except ModelError:
         raise
     except MemoryError:
@@ -85,6 +119,11 @@ def _matrix_market(path: Path, variable: str | None) -> Any:
 def _harwell_boeing(path: Path, variable: str | None) -> Any:
     _only_one(path, variable)
     return read_harwell_boeing(path)
+
+
+def _calculix(path: Path, variable: str | None) -> Any:
+    _only_one(path, variable)
+    return read_calculix(path)
 
 
 def _matlab(path: Path, variable: str | None) -> Any:
@@ -130,7 +169,8 @@ READERS: dict[tuple[str, ...], Reader] = {
     (".mtx", ".mtx.gz", ".mtx.bz2"): _matrix_market,
     (".mat",): _matlab,
     (".npz",): _npz,
-    (".rb", ".hb", ".rsa", ".rua", ".rza", ".psa", ".pua"): _harwell_boeing,
+    (".rb", ".hb", ".rsa", ".rua", ".rza", ".psa", ".pua", ".matrix"): _harwell_boeing,
+    (".sti", ".mas"): _calculix,
 }
 
 

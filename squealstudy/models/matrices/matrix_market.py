@@ -6,7 +6,6 @@ SciPy's own reader takes "1,5" and "1.5D2" for 1 and 1.5 without a word.
 from __future__ import annotations
 
 import re
-import warnings
 from pathlib import Path
 from typing import cast
 
@@ -15,13 +14,12 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_entries
-from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
+from squealstudy.models.matrices.text import TextFile, shortened
+from squealstudy.models.matrices.text_table import read_table
 
 BANNER = re.compile(r"%%?matrixmarket\s+matrix\s+(\S+)\s+(\S+)\s+(\S+)\s*", re.IGNORECASE)
-FORTRAN = str.maketrans("dD", "eE")  # its double exponents
 PLACES = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value
 TYPES = ("real", "double", "integer", "unsigned-integer")
-WHOLE = r"[+-]?\d+"
 
 
 def read_matrix_market(path: Path) -> sp.csr_matrix:
@@ -50,7 +48,7 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
     if len(places) != stored:
         what = f"{stored:,} entries" if entries else f"{stored:,} values"
         raise text.error(at, f"the header says {what}, {len(places):,} lines follow")
-    table = _table(text, places, layout, kind)
+    table = read_table(text, places, PLACES[layout], whole="integer" in kind)
 
     def refused(k: int, message: str) -> ModelError:
         return text.error(places[k], message)
@@ -82,29 +80,6 @@ def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
         if word not in known:
             raise text.error(0, f"expected {' or '.join(known)}, found '{shortened(word)}'")
     return layout, kind, cast("Symmetry", symmetry)
-
-
-def _table(text: TextFile, places: list[int], layout: str, kind: str) -> np.ndarray:
-    """The numbers of the lines at `places`, by field; ModelError about a line."""
-    whole = "integer" in kind
-    before = PLACES[layout]
-    fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
-    if not places:
-        return np.zeros(0, fields)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # such as an integer read by way of a float
-            lines = (text.lines[i].translate(FORTRAN) for i in places)
-            return np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
-    except (ValueError, DeprecationWarning, OverflowError) as error:
-        words = [*(WHOLE for _ in before), WHOLE if whole else NUMBER]
-        pattern = re.compile(r"\s+".join(words), re.ASCII)
-        wanted = " and ".join([*before, "an integer" if whole else "a value"])
-        for place in places:
-            if not pattern.fullmatch(text.lines[place].strip()):
-                found = shortened(text.lines[place])
-                raise text.error(place, f"expected {wanted}, found '{found}'") from error
-        raise
 
 
 def _stored(n: int, symmetry: Symmetry) -> int:

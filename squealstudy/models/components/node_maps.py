@@ -1,0 +1,118 @@
+"""Which node and direction each row of a matrix is: maps that solvers write beside matrices."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.mesh import SolidMesh
+
+MAPPING = ".mapping"  # of ANSYS; all others have lines node.direction, as CalculiX's .dof
+LINE = re.compile(r"\s*([0-9]{1,18})\.([0-9]{1,18})\s*", re.ASCII)
+EQUATION = re.compile(r"\s*([0-9]{1,18})\s+([0-9]{1,18})\s+([A-Za-z]\w*)\s*", re.ASCII)
+NUMBERED = re.compile(r"\s*[0-9]")
+DISPLACEMENTS = ("UX", "UY", "UZ")
+
+
+class FreedomsOf:
+    """Degrees of freedom 3 * node + axis of a mesh by numbers of nodes and directions.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    name : str
+        Of its file, for messages.
+    """
+
+    def __init__(self, mesh: SolidMesh, name: str) -> None:
+        self._name, self._numbers = name, mesh.numbers
+        self._order = np.argsort(mesh.numbers)
+
+    def at(self, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Of nodes (m,) and directions (m,) from 1 to 3; -1 where the mesh has no such node."""
+        ordered = self._numbers[self._order]
+        place = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
+        found = np.where(ordered[place] == nodes, 3 * self._order[place] + directions - 1, -1)
+        return found.astype(np.int64)
+
+    def unknown(self, node: int) -> str:
+        """What to say of a node that the mesh has not."""
+        return (
+            f"{self._name} has no node {node}; its nodes are {self._numbers.min()} to "
+            f"{self._numbers.max()}: is it the mesh of these matrices?"
+        )
+
+
+def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
+    """Degree of freedom 3 * node + axis of each row (n,) of the matrices.
+
+    Parameters
+    ----------
+    path : Path
+        A line ``node.direction`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY or UZ.
+    freedoms : FreedomsOf
+
+    Raises
+    ------
+    ModelError
+        With the line of what is malformed, has no node in the mesh, or is there twice.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")
+    except OSError as error:
+        raise ModelError(f"{path} cannot be read: {error.strerror or error}") from None
+    ansys = path.suffix.lower() == MAPPING
+    rows: dict[int, int] = {}
+    seen: dict[int, int] = {}
+    for at, row, node, direction in _equations(path, lines) if ansys else _lines(path, lines):
+        where = f"{path.name}, line {at}"
+        if direction not in (1, 2, 3):
+            raise ModelError(f"{where}: direction {direction}: expected 1, 2 or 3 (no rotations)")
+        (freedom,) = freedoms.at(np.array([node]), np.array([direction]))
+        if freedom < 0:
+            raise ModelError(f"{where}: {freedoms.unknown(node)}")
+        if freedom in seen:
+            raise ModelError(f"{where}: {node}.{direction} is in line {seen[freedom]} already")
+        if row in rows:
+            raise ModelError(f"{where}: equation {row} is there already")
+        seen[int(freedom)], rows[row] = at, int(freedom)
+    missing = next((i for i in range(1, len(rows) + 1) if i not in rows), None)
+    if missing is not None:
+        raise ModelError(f"{path.name} has {len(rows)} equations, but none with number {missing}")
+    return np.array([rows[i] for i in range(1, len(rows) + 1)], dtype=np.int64)
+
+
+def _lines(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
+    """Line, row, node and direction of lines node.direction."""
+    row = 0
+    for at, text in enumerate(lines, start=1):
+        if text.strip():
+            row += 1
+            found = LINE.fullmatch(text)
+            if found is None:
+                given = text.strip()[:40]
+                raise ModelError(
+                    f"{path.name}, line {at}: expected 'node.direction', got '{given}'"
+                )
+            yield at, row, int(found[1]), int(found[2])
+
+
+def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
+    """The same of lines with equation, node and name of the displacement, behind titles."""
+    titles = True
+    for at, text in enumerate(lines, start=1):
+        titles = titles and not NUMBERED.match(text)
+        if titles or not text.strip():
+            continue
+        found, given = EQUATION.fullmatch(text), text.strip()[:40]
+        where = f"{path.name}, line {at}"
+        if found is None:
+            raise ModelError(f"{where}: expected equation, node and UX, UY or UZ, got '{given}'")
+        label = found[3].upper()
+        if label not in DISPLACEMENTS:
+            raise ModelError(f"{where}: {label}: expected UX, UY or UZ (no rotations)")
+        yield at, int(found[1]), int(found[2]), DISPLACEMENTS.index(label) + 1

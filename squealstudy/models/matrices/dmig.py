@@ -1,0 +1,179 @@
+"""Symmetric matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
+
+Small, large and free fields (MSC Nastran Quick Reference Guide, DMIG). All other cards are passed
+over: the file may be a whole deck.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.labelled import LabelledMatrix, labelled_matrix
+from squealstudy.models.matrices.text import COUNT, TextFile, shortened
+
+CARD = "DMIG"
+FIELDS, LARGE_FIELDS = 8, 4  # of a line, behind its first
+WIDTH, LARGE_WIDTH, FIRST = 8, 16, 8
+GROUP = 4  # fields of an entry: node, direction, real and imaginary part
+SQUARE, SYMMETRIC = 1, 6  # forms
+REAL_TYPES = (1, 2)
+NUMBER = re.compile(
+    r"(?P<digits>[+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd](?P<power>[+-]?\d+)|(?P<bare>[+-]\d+))?",
+    re.ASCII,
+)
+
+
+@dataclass
+class _Card:
+    """Fields of a card behind its name, with the line that each is on."""
+
+    fields: list[str]
+    lines: list[int]
+
+    def at(self, place: int) -> str:
+        return self.fields[place] if place < len(self.fields) else ""
+
+    def line(self, place: int) -> int:
+        return self.lines[min(place, len(self.lines) - 1)]
+
+
+@dataclass
+class _Matrix:
+    """Entries of a matrix as its cards give them."""
+
+    symmetric: bool
+    places: list[tuple[int, int, int, int]] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
+    """The matrix of a name, or the only one.
+
+    Raises
+    ------
+    ModelError
+        With the line of what is not as the card has it; rectangular and complex matrices; scalar
+        points; what `labelled_matrix` refuses; no such matrix, or several where none is named.
+    """
+    text = TextFile.read(path)
+    found: dict[str, _Matrix] = {}
+    for card in _cards(text):
+        _add(text, card, found)
+    listed = ", ".join(found) or "none"
+    if not found:
+        raise ModelError(f"{path} has no DMIG card")
+    if name is None and len(found) > 1:
+        raise ModelError(f"{path} holds the matrices {listed}: expected the name of one")
+    chosen = next(iter(found)) if name is None else name.upper()
+    if chosen not in found:
+        raise ModelError(f"{path} has no matrix '{name}'; its matrices are {listed}")
+    matrix = found[chosen]
+
+    def refused(k: int, message: str) -> ModelError:
+        return text.error(matrix.lines[k], message)
+
+    if not matrix.values:
+        raise ModelError(f"{path}: the matrix {chosen} has no entries")
+    places = np.array(matrix.places, dtype=np.int64)
+    return labelled_matrix(places, np.array(matrix.values), refused, whole=not matrix.symmetric)
+
+
+def _cards(text: TextFile) -> Iterator[_Card]:
+    """The DMIG cards of a file, continuations joined."""
+    card: _Card | None = None
+    for number, line in enumerate(text.lines):
+        plain = line.split("$", 1)[0].rstrip()
+        if not plain.strip():
+            continue
+        first, fields = _fields(plain)
+        if first.upper().rstrip("*") == CARD:
+            if card is not None:
+                yield card
+            card = _Card([], [])
+        elif first and first[0] not in "+*":
+            if card is not None:
+                yield card
+            card = None
+        if card is not None:
+            card.fields += fields
+            card.lines += [number] * len(fields)
+    if card is not None:
+        yield card
+
+
+def _fields(line: str) -> tuple[str, list[str]]:
+    """The first field of a line, and those behind it: 8, or 4 large ones."""
+    if "," in line:
+        first, *rest = (word.strip() for word in line.split(","))
+    else:
+        line = line.expandtabs(WIDTH)
+        first = line[:FIRST].strip()
+        rest = []
+    count = LARGE_FIELDS if "*" in first else FIELDS
+    if not rest and "," not in line:
+        width = LARGE_WIDTH if "*" in first else WIDTH
+        rest = [line[FIRST + k * width : FIRST + (k + 1) * width].strip() for k in range(count)]
+    return first, (rest + [""] * count)[:count]
+
+
+def _add(text: TextFile, card: _Card, found: dict[str, _Matrix]) -> None:
+    """Take in a card: the head of a matrix, or entries of one of its columns."""
+    name = card.at(0).upper()
+    if not name:
+        raise text.error(card.line(0), "expected the name of a matrix")
+    if card.at(1) == "0":
+        _check_head(text, card)
+        if name in found:
+            raise text.error(card.line(0), f"the matrix {name} has a head already")
+        found[name] = _Matrix(symmetric=card.at(2) == str(SYMMETRIC))
+        return
+    if name not in found:
+        what = f"expected a card with 0 in field 3 before the columns of {name}"
+        raise text.error(card.line(0), what)
+    matrix = found[name]
+    column = _whole(text, card, 1, "a node"), _whole(text, card, 2, "a direction")
+    for start in range(GROUP, len(card.fields), GROUP):
+        if not any(card.fields[start : start + GROUP]):
+            continue
+        row = _whole(text, card, start, "a node"), _whole(text, card, start + 1, "a direction")
+        if card.at(start + 3) and _real(text, card, start + 3):
+            raise text.error(card.line(start + 3), "expected real values, found an imaginary part")
+        matrix.places.append((*row, *column))
+        matrix.values.append(_real(text, card, start + 2))
+        matrix.lines.append(card.line(start))
+
+
+def _check_head(text: TextFile, card: _Card) -> None:
+    form, kind = (_whole(text, card, k, "a whole number") for k in (2, 3))
+    if form not in (SQUARE, SYMMETRIC):
+        what = f"expected a square or symmetric matrix (form 1 or 6), found form {form}"
+        raise text.error(card.line(2), what)
+    if kind not in REAL_TYPES:
+        raise text.error(card.line(3), f"expected real values (type 1 or 2), found type {kind}")
+
+
+def _whole(text: TextFile, card: _Card, place: int, expected: str) -> int:
+    """A whole number; of an empty direction 0, which a scalar point has."""
+    word = card.at(place) or ("0" if expected == "a direction" else "")
+    if not COUNT.fullmatch(word):
+        raise text.error(card.line(place), f"expected {expected}, found '{shortened(word)}'")
+    return int(word)
+
+
+def _real(text: TextFile, card: _Card, place: int) -> float:
+    """A number as Nastran writes it: 1.5-3 and 1.5D-3 are 0.0015."""
+    word = card.at(place)
+    found = NUMBER.fullmatch(word)
+    if found is None:
+        raise text.error(card.line(place), f"expected a number, found '{shortened(word)}'")
+    value = float(f"{found['digits']}e{found['power'] or found['bare'] or 0}")
+    if not np.isfinite(value):
+        raise text.error(card.line(place), f"a number too large: '{shortened(word)}'")
+    return value

@@ -1,0 +1,158 @@
+"""Symmetric matrices whose entries name nodes and directions: of Abaqus and of Nastran (DMIG)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.entries import Refusal, symmetric_of_pairs
+from squealstudy.models.matrices.text import TextFile, shortened
+from squealstudy.models.matrices.text_table import read_table
+
+PLACES = ("row node", "row direction", "column node", "column direction")
+HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a boundary condition holds
+DIRECTIONS = (1, 2, 3)
+
+
+@dataclass(frozen=True)
+class LabelledMatrix:
+    """A symmetric matrix with a node and a direction of each row.
+
+    Attributes
+    ----------
+    nodes, directions : ndarray (n,) of int
+        Numbers of nodes as in the file, ascending; directions 1 to 3.
+    matrix : csr_matrix (n, n)
+    """
+
+    nodes: np.ndarray
+    directions: np.ndarray
+    matrix: sp.csr_matrix
+
+
+def labelled_matrix(
+    places: np.ndarray, values: np.ndarray, refused: Refusal, whole: bool = False
+) -> LabelledMatrix:
+    """The matrix of entries, each pair of freedoms in one triangle or alike in both.
+
+    Parameters
+    ----------
+    places : ndarray (m, 4) of int
+        Node and direction of the row, then of the column.
+    values : ndarray (m,)
+    refused : callable
+        Makes the error about an entry.
+    whole : bool
+        Whether an entry without a partner in the other triangle is refused.
+
+    Raises
+    ------
+    ModelError
+        Nodes and directions that are none of a solid, supports, an entry that is there twice, a
+        matrix that is not symmetric, no entries.
+    """
+    for node, direction in ((0, 1), (2, 3)):
+        _check(places[:, node] < 1, refused, places[:, node], "a node of the mesh (internal ones "
+               "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
+        _check(~np.isin(places[:, direction], DIRECTIONS), refused, places[:, direction],
+               "a direction 1, 2 or 3 (neither rotations nor modal coordinates)")  # fmt: skip
+    held = np.abs(values) >= HELD
+    if held.any():
+        k = int(held.argmax())
+        raise refused(
+            k,
+            f"{values[k]:g} stands for a boundary condition: write the matrices without, and hold "
+            "the nodes by [[fixed]]",
+        )
+    if not len(values):
+        raise ValueError("it has no entries")
+    numbers, place = np.unique(places[:, [0, 2]], return_inverse=True)
+    freedom = len(DIRECTIONS) * place.reshape(-1, 2) + places[:, [1, 3]] - 1
+    found, number = np.unique(freedom, return_inverse=True)
+    row, column = number.reshape(-1, 2).T
+    matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
+    nodes, directions = np.divmod(found, len(DIRECTIONS))
+    return LabelledMatrix(numbers[nodes], directions + 1, matrix)
+
+
+def _check(wrong: np.ndarray, refused: Refusal, given: np.ndarray, expected: str) -> None:
+    if wrong.any():
+        k = int(wrong.argmax())
+        raise refused(k, f"expected {expected}, found {given[k]}")
+
+
+def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
+    """A matrix of Abaqus's ``*MATRIX GENERATE``, of any of its text formats.
+
+    MATRIX INPUT and LABELS name nodes and directions, COORDINATE numbers of rows and columns.
+
+    Raises
+    ------
+    ModelError
+        With the line of what is not as the format has it; what `labelled_matrix` refuses.
+    """
+    text = TextFile.read(path)
+    places = [i for i, line in enumerate(text.lines) if line.strip() and not line.startswith("**")]
+    if not places:
+        raise text.error(0, "expected entries of a matrix, the file has none")
+    for i in places:
+        if text.lines[i].lstrip().startswith("*"):
+            found = shortened(text.lines[i])
+            raise text.error(i, f"expected entries of a matrix alone, found '{found}'")
+    words = len(text.lines[places[0]].replace(",", " ").split())
+    names = PLACES if words == len(PLACES) + 1 else ("row", "column")
+    table = read_table(text, places, names, commas=True)
+    at = np.column_stack([table[name] for name in names])
+
+    def refused(k: int, message: str) -> ModelError:
+        return text.error(places[k], message)
+
+    if names is PLACES:
+        return labelled_matrix(at, table["value"], refused)
+    return numbered_matrix(at, table["value"], refused)
+
+
+def read_calculix(path: Path) -> sp.csr_matrix:
+    """A matrix of CalculiX's ``SOLVER=MATRIXSTORAGE`` (``.sti``, ``.mas``): row, column, value.
+
+    Raises
+    ------
+    ModelError
+        With the line of what is not as the format has it.
+    """
+    text = TextFile.read(path)
+    places = [i for i, line in enumerate(text.lines) if line.strip()]
+    if not places:
+        raise text.error(0, "expected entries of a matrix, the file has none")
+    table = read_table(text, places, ("row", "column"))
+
+    def refused(k: int, message: str) -> ModelError:
+        return text.error(places[k], message)
+
+    at = np.column_stack([table["row"], table["column"]])
+    return numbered_matrix(at, table["value"], refused)
+
+
+def numbered_matrix(at: np.ndarray, values: np.ndarray, refused: Refusal) -> sp.csr_matrix:
+    """The symmetric matrix of entries (m, 2) of rows and columns, from 1 to the largest.
+
+    Raises
+    ------
+    ModelError
+        A number below 1, more rows than entries, an entry that is there twice, no symmetry.
+    """
+    most = len(at)  # every row has an entry of its own: the diagonal
+    for wrong, expected in (
+        (at < 1, "at least 1"),
+        (at > most, f"at most {most}, for there are {most} entries"),
+    ):
+        if wrong.any():
+            k, side = (int(i) for i in np.argwhere(wrong)[0])
+            what = ("row", "column")[side]
+            raise refused(k, f"expected a {what} {expected}, found {at[k, side]}")
+    n = int(at.max(initial=0))
+    return symmetric_of_pairs(at[:, 0] - 1, at[:, 1] - 1, values, n, refused)
