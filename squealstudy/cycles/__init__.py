@@ -1,0 +1,1 @@
+"""Periodic motions without time stepping: harmonic balance, continuation, Floquet multipliers."""

@@ -1,0 +1,112 @@
+"""Harmonic balance by alternating frequency and time, with its analytic Jacobian.
+
+Forces are evaluated at samples of a period and projected on the harmonics (Cameron & Griffin
+1989). With the Fourier coefficients of their derivatives D(theta) the Jacobian is exact for these
+samples: products of two harmonics are sums of harmonics at every sample.
+
+The added damping xi of `C + xi I` is an unknown: with it every amplitude is periodic (extended
+periodic motion concept, Krack 2015, doi 10.1016/j.compstruc.2015.03.008), and xi = 0 is a cycle.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.cycles.harmonics import Sampling, sampling
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
+
+
+class Balanced(NamedTuple):
+    """Imbalance of a series, and its derivatives.
+
+    Attributes
+    ----------
+    R : ndarray (2 H + 1, n)
+    J : ndarray ((2 H + 1) n, (2 H + 1) n)
+        By the series.
+    by_omega, by_xi : ndarray (2 H + 1, n)
+    """
+
+    R: np.ndarray
+    J: np.ndarray
+    by_omega: np.ndarray
+    by_xi: np.ndarray
+
+
+def imbalance(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> np.ndarray:
+    """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics."""
+    rule = sampling((len(Q) - 1) // 2)
+    local = osc.evaluate(rule.synthesis @ Q, omega * (rule.slope @ Q))
+    C = osc.C + xi * np.eye(osc.n)
+    return _linear(rule, C, osc.K, Q, omega) - rule.analysis @ osc.spread(local.f)
+
+
+def balanced(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> Balanced:
+    """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives."""
+    H = (len(Q) - 1) // 2
+    rule = sampling(H)
+    turn = rule.slope @ Q
+    local = osc.evaluate(rule.synthesis @ Q, omega * turn)
+    C = osc.C + xi * np.eye(osc.n)
+    R = _linear(rule, C, osc.K, Q, omega) - rule.analysis @ osc.spread(local.f)
+    rates = (turn @ osc.rows.T).reshape(local.f.shape)
+    pushed = np.einsum("sgbc,sgc->sgb", local.by_w, rates)
+    h = rule.order[:, None]
+    swapped = _quarter(Q)
+    by_omega = -2.0 * omega * h**2 * Q + h * (swapped @ C.T) - rule.analysis @ osc.spread(pushed)
+    J = _linear_jacobian(H, C, osc.K, omega) - _force_jacobian(osc, rule, local, H, omega)
+    return Balanced(R, J, by_omega, omega * h * swapped)
+
+
+def _quarter(Q: np.ndarray) -> np.ndarray:
+    """Sines in place of cosines, minus cosines in place of sines: d/dtheta over the harmonic."""
+    H = (len(Q) - 1) // 2
+    return np.vstack([np.zeros_like(Q[:1]), Q[H + 1 :], -Q[1 : H + 1]])
+
+
+def _linear(
+    rule: Sampling, C: np.ndarray, K: np.ndarray, Q: np.ndarray, omega: float
+) -> np.ndarray:
+    h = rule.order[:, None]
+    found: np.ndarray = Q @ K.T - (h * omega) ** 2 * Q + h * omega * (_quarter(Q) @ C.T)
+    return found
+
+
+def _linear_jacobian(H: int, C: np.ndarray, K: np.ndarray, omega: float) -> np.ndarray:
+    n = len(K)
+    J = np.zeros((2 * H + 1, n, 2 * H + 1, n))
+    J[0, :, 0] = K
+    for h in range(1, H + 1):
+        J[h, :, h] = J[H + h, :, H + h] = K - (h * omega) ** 2 * np.eye(n)
+        J[h, :, H + h] = h * omega * C
+        J[H + h, :, h] = -h * omega * C
+    return J.reshape((2 * H + 1) * n, -1)
+
+
+def _force_jacobian(
+    osc: Oscillator, rule: Sampling, local: LocalForces, H: int, omega: float
+) -> np.ndarray:
+    """Derivatives of the harmonics of the forces by those of the motion.
+
+    With a_m, b_m the means of D cos(m theta), D sin(m theta), twice the mean of
+    D cos(j theta) cos(k theta) is a_{j-k} + a_{j+k}, and so on.
+    """
+    n, N = osc.n, 2 * H + 1
+    a, b, c, d = (
+        osc.projected(np.tensordot(weights, D, 1))
+        for D in (local.by_y, local.by_w)
+        for weights in (rule.cosines, rule.sines)
+    )
+    j, k = np.arange(H + 1)[:, None], np.arange(H + 1)
+    far, near, sign = j + k, abs(j - k), np.sign(j - k)[..., None, None]
+    rate = (k * omega)[None, :, None, None]
+    J = np.zeros((N, N, n, n))
+    # rows of cosines, columns of cosines and sines; then rows of sines
+    J[: H + 1, : H + 1] = a[near] + a[far] - rate * (d[far] - sign * d[near])
+    J[: H + 1, H + 1 :] = (b[far] - sign * b[near] + rate * (c[near] + c[far]))[:, 1:]
+    J[H + 1 :, : H + 1] = (b[far] + sign * b[near] - rate * (c[near] - c[far]))[1:]
+    J[H + 1 :, H + 1 :] = (a[near] - a[far] + rate * (d[far] + sign * d[near]))[1:, 1:]
+    J[0] *= 0.5
+    return J.transpose(0, 2, 1, 3).reshape(N * n, N * n)

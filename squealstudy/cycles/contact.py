@@ -1,0 +1,154 @@
+"""Design points of motions in time as oscillators, and what a periodic motion of them is like.
+
+Forces, tangents, torque and shares of the contact are those of the kernels that run in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.harmonics import series_at
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.errors import ModelError
+from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels.cycle_forces import sampled_forces, sampled_rows
+from squealstudy.kernels.laws import law_row
+from squealstudy.motion.system import ModalSystem, MotionPoint
+
+LEVEL_SAMPLES = 512  # a period, of levels and shares
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces of all contact points beyond those of steady sliding.
+
+    Attributes
+    ----------
+    points : ndarray (N_POINT_ROWS, nc)
+        `MotionPoint.points`.
+    law : ndarray (N_LAW,)
+    """
+
+    points: np.ndarray
+    law: np.ndarray
+
+    def __call__(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
+        """Of displacements and velocities (S, nc, 3)."""
+        f = np.zeros(y.shape)
+        by_y, by_w = np.zeros((*y.shape, 3)), np.zeros((*y.shape, 3))
+        sampled_forces(self.points, self.law, y, w, f, by_y, by_w)
+        return LocalForces(f, by_y, by_w)
+
+
+@dataclass(frozen=True)
+class ContactOscillator:
+    """A design point on a modal system, for harmonic balance.
+
+    Parameters
+    ----------
+    system : ModalSystem
+    point : MotionPoint
+        About its own steady sliding: without loads beyond those of its base state.
+
+    Raises
+    ------
+    ModelError
+        A design point with loads, or that does not fit the system.
+    """
+
+    system: ModalSystem
+    point: MotionPoint
+
+    @cached_property
+    def oscillator(self) -> Oscillator:
+        """Its equation of motion."""
+        system, point = self.system, self.point
+        if point.load is not None and np.any(point.load):
+            raise ModelError("harmonic balance is about steady sliding, without other loads")
+        U, m = system.shapes, len(system.shapes)
+        d, s = (np.zeros(m) if x is None else x for x in (point.d, point.s))
+        return Oscillator(
+            C=np.diag(point.c) + U.T @ (d[:, None] * U),
+            K=np.diag(system.omega2) + U.T @ (s[:, None] * U),
+            B=np.stack([system.N, system.T1, system.T2], axis=1),
+            forces=ContactForces(point.points(system), law_row(point.contact, point.friction)),
+        )
+
+    def contact_velocity(self, motion: PeriodicMotion) -> float:
+        """Largest relative velocity of a contact point over the period, steady sliding off, m/s."""
+        w = self._observed(motion, LEVEL_SAMPLES // 4)[1]
+        return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
+
+    def energy(self, motion: PeriodicMotion) -> float:
+        """Mean of kinetic energy and energy in the reference stiffness over the period, J."""
+        weights = np.full(len(motion.Q), 0.25)
+        weights[0] = 0.5
+        h = motion.omega * np.concatenate([[0], *[np.arange(1, motion.harmonics + 1)] * 2])
+        per = (np.diag(self.oscillator.K) + h[:, None] ** 2) * motion.Q**2
+        return float(weights @ per.sum(axis=1))
+
+    def levels(self, motion: PeriodicMotion) -> dict[str, float]:
+        """What the motion is like.
+
+        Returns
+        -------
+        dict
+            ``torque_mean``, ``torque_rms`` (about the mean), ``torque_peak`` (largest distance to
+            the mean), N m; ``contact_velocity`` m/s; ``stick_share``, ``open_share``: means over
+            the period; ``stick_share_max``, ``open_share_max``; ``normal_force_rms`` N;
+            ``friction_power``, ``damping_power``, ``belt_power`` W: means; ``power_imbalance``:
+            what the belt gives less what is dissipated, over what the motion changes in friction
+            power, or over damping power where that is more; ``energy`` J.
+        """
+        y, w = self._observed(motion, LEVEL_SAMPLES)
+        forces = self.oscillator.forces
+        assert isinstance(forces, ContactForces)
+        rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
+        powers = np.zeros((LEVEL_SAMPLES, 3))
+        sampled_rows(forces.points, forces.law, y, w, rows, powers)
+        torque, force = rows[:, layout.TORQUE], rows[:, layout.NORMAL_FORCE]
+        friction, belt, loads = powers.mean(axis=0).tolist()
+        damping = self._damping_power(motion)
+        scale = max(abs(damping), abs(belt + loads - self._steady_power))
+        return {
+            "torque_mean": float(torque.mean()),
+            "torque_rms": float(torque.std()),
+            "torque_peak": float(np.abs(torque - torque.mean()).max()),
+            "normal_force_rms": float(force.std()),
+            "contact_velocity": float(np.sqrt((w**2).sum(axis=2).max())),
+            "stick_share": float(rows[:, layout.STICK].mean()),
+            "stick_share_max": float(rows[:, layout.STICK].max()),
+            "open_share": float(rows[:, layout.OPEN].mean()),
+            "open_share_max": float(rows[:, layout.OPEN].max()),
+            "friction_power": friction,
+            "damping_power": damping,
+            "belt_power": belt,
+            "power_imbalance": (belt + loads - friction - damping) / scale if scale else 0.0,
+            "energy": self.energy(motion),
+        }
+
+    @cached_property
+    def _steady_power(self) -> float:
+        """Power of the belt in steady sliding, W."""
+        points = self.point.points(self.system)
+        return float(-points[layout.POINT_SPEED] @ points[layout.POINT_T1])
+
+    def _damping_power(self, motion: PeriodicMotion) -> float:
+        H, C = motion.harmonics, self.oscillator.C
+        h = np.arange(1, H + 1)[:, None] * motion.omega
+        parts = (h * motion.Q[1 : H + 1], h * motion.Q[H + 1 :])
+        return float(sum(0.5 * np.einsum("hi,ij,hj->", v, C, v) for v in parts))
+
+    def _observed(self, motion: PeriodicMotion, samples: int) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (S, nc, 3) of the contact points over a period."""
+        theta = 2 * np.pi * np.arange(samples) / samples
+        synthesis, slope = series_at(theta, motion.harmonics)
+        B = self.oscillator.rows
+        shape = (samples, *self.oscillator.B.shape[:2])
+        y = (synthesis @ motion.Q) @ B.T
+        w = (motion.omega * (slope @ motion.Q)) @ B.T
+        return y.reshape(shape), w.reshape(shape)

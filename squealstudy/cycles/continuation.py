@@ -1,0 +1,226 @@
+"""Curves of solutions of F(u) = 0, m equations of m + 1 unknowns, by pseudo-arc-length.
+
+A step predicts along the tangent and corrects by Newton on the plane normal to it; it is halved
+where that does not converge and grows where it converges fast (Keller 1977).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg as la
+from scipy.optimize import brentq
+
+from squealstudy.errors import ConvergenceError
+
+TOLERANCE = 1e-9  # of the last Newton step and of the equations: unknowns are scaled to one
+NEWTON = 12  # steps at most
+FAST, SLOW = 3, 6  # Newton steps at which the arc-length grows, shrinks
+TURN = 0.9  # cosine between tangents below which a step was too long
+LOCATED = 1e-10  # of an event, relative to the step in which it is
+
+
+class Equations(Protocol):
+    """What a curve solves."""
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        """F (m,) at u (m + 1,)."""
+        ...
+
+    def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F (m,) and dF/du (m, m + 1)."""
+        ...
+
+    def accepted(self, u: np.ndarray) -> None:
+        """Told of every solution of the curve."""
+        ...
+
+
+Test = Callable[[np.ndarray, np.ndarray], float]  # of a solution and the tangent there
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """A solution on a curve.
+
+    Attributes
+    ----------
+    u, tangent : ndarray (m + 1,)
+    residual : float
+        Largest of the equations.
+    events : tuple of str
+        Names of the tests that are zero here; empty for a plain point.
+    """
+
+    u: np.ndarray
+    tangent: np.ndarray
+    residual: float
+    events: tuple[str, ...] = ()
+
+
+@dataclass
+class Curve:
+    """The solutions of a run along a curve, and why it ended.
+
+    Attributes
+    ----------
+    points : list of CurvePoint
+        In order; events stand among them, where they were located.
+    end : str
+        ``stopped`` by the caller's rule, ``closed`` back at its start, ``steps`` (as many as
+        allowed), or ``not_converged``.
+    """
+
+    points: list[CurvePoint] = field(default_factory=list)
+    end: str = "steps"
+
+    def at(self, event: str) -> list[CurvePoint]:
+        """The points of an event."""
+        return [point for point in self.points if event in point.events]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Arc-lengths: the first, the least, the largest; and how many steps."""
+
+    first: float = 0.1
+    least: float = 1e-5
+    largest: float = 0.5
+    count: int = 400
+
+
+def newton(
+    equations: Equations, u: np.ndarray, normal: np.ndarray, offset: float = 0.0
+) -> tuple[np.ndarray, float, int, np.ndarray]:
+    """Solution on the plane normal . u = offset; its residual, Newton steps, and Jacobian.
+
+    Raises
+    ------
+    ConvergenceError
+        Not converged, or not finite.
+    """
+    u, last = u.copy(), np.inf
+    for step in range(NEWTON + 1):
+        F, J = equations.jacobian(u)
+        residual = float(np.abs(F).max())
+        if not np.isfinite(residual) or not np.isfinite(J).all():
+            raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
+        if residual < TOLERANCE and last < TOLERANCE:
+            return u, residual, step, J
+        A = np.vstack([J, normal])
+        change = solve(A, np.append(F, normal @ u - offset))
+        u -= change
+        last = float(np.abs(change).max())
+        if last > 1e3:
+            break
+    raise ConvergenceError(
+        "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
+    )
+
+
+def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """A^-1 b; ConvergenceError where A is singular."""
+    try:
+        factor = la.lu_factor(A, check_finite=False)
+        if np.abs(np.diag(factor[0])).min() == 0.0:
+            raise la.LinAlgError
+    except (la.LinAlgError, la.LinAlgWarning):
+        raise ConvergenceError("singular_jacobian", "the balance is singular") from None
+    x: np.ndarray = la.lu_solve(factor, b, check_finite=False)
+    return x
+
+
+def tangent_of(J: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Unit tangent of a curve, on the side of `along`, from its Jacobian (m, m + 1)."""
+    t = solve(np.vstack([J, along]), np.append(np.zeros(len(J)), 1.0))
+    unit: np.ndarray = t / np.linalg.norm(t)
+    return unit
+
+
+def follow(
+    equations: Equations,
+    u: np.ndarray,
+    along: np.ndarray,
+    steps: Steps,
+    tests: Mapping[str, Test],
+    stop: Callable[[np.ndarray], bool],
+) -> Curve:
+    """The curve through a solution near `u`, to the side of `along` (m + 1,).
+
+    Every change of sign of a test is located on the curve and is a point of it. The first point
+    beyond `stop` is the last.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no solution near `u`.
+    """
+    along = along / np.linalg.norm(along)
+    u, residual, _, J = newton(equations, u, along, float(along @ u))
+    equations.accepted(u)
+    here = CurvePoint(u, tangent_of(J, along), residual)
+    curve, h = Curve([here]), steps.first
+    for _ in range(steps.count):
+        found = _step(equations, here, h, steps.least)
+        if found is None:
+            curve.end = "not_converged"
+            return curve
+        there, taken, iterations = found
+        curve.points += _events(equations, here, there, taken, tests)
+        curve.points.append(there)
+        equations.accepted(there.u)
+        if stop(there.u):
+            curve.end = "stopped"
+            return curve
+        here = there
+        h = taken * (1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0)
+        h = min(h, steps.largest)
+    return curve
+
+
+def _step(
+    equations: Equations, here: CurvePoint, h: float, least: float
+) -> tuple[CurvePoint, float, int] | None:
+    """The next point, the arc-length to it and its Newton steps; None where there is none."""
+    while h >= least:
+        try:
+            there, iterations = _corrected(equations, here, h)
+            if there.tangent @ here.tangent >= TURN:
+                return there, h, iterations
+        except ConvergenceError:
+            pass
+        h *= 0.5
+    return None
+
+
+def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurvePoint, int]:
+    predicted = here.u + h * here.tangent
+    offset = float(here.tangent @ predicted)
+    u, residual, iterations, J = newton(equations, predicted, here.tangent, offset)
+    return CurvePoint(u, tangent_of(J, here.tangent), residual), iterations
+
+
+def _events(
+    equations: Equations, here: CurvePoint, there: CurvePoint, h: float, tests: Mapping[str, Test]
+) -> list[CurvePoint]:
+    """Zeros of the tests between two points, in the order in which they are met."""
+    found: list[tuple[float, CurvePoint]] = []
+    for name, test in tests.items():
+        before, behind = test(here.u, here.tangent), test(there.u, there.tangent)
+        if not before * behind < 0:
+            continue
+
+        def value(s: float, test: Test = test) -> float:
+            point = _corrected(equations, here, s)[0] if s else here
+            return test(point.u, point.tangent)
+
+        try:
+            s = float(brentq(value, 0.0, h, xtol=LOCATED * h, rtol=1e-12))
+            point, _ = _corrected(equations, here, s)
+        except (ConvergenceError, ValueError):  # a branch that jumps has no zero between
+            continue
+        found.append((s, CurvePoint(point.u, point.tangent, point.residual, (name,))))
+    return [point for _, point in sorted(found, key=lambda item: item[0])]

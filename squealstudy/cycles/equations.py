@@ -1,0 +1,209 @@
+"""Unknowns and equations of a curve of periodic motions.
+
+    u = (Z, omega / omega_0, log a, mu),    q's series Q = a Z / s,
+
+with the first harmonic of Z of unit norm, so that a is its size: sqrt(2 a^2 / 2) of an energy in J.
+Equations are the balance over a, which has the complex mode as its limit for a -> 0; that norm;
+and the phase, <dZ_ref/dtheta, Z - Z_ref> = 0 with the last accepted motion. mu is the added damping
+xi / omega_0, or a parameter of the design from 0 to 1 over its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.harmonics import derivative, with_harmonics
+from squealstudy.cycles.oscillator import Oscillator
+
+PARAMETER_STEP = 1e-6  # of central differences, of the range
+KEPT = 4  # oscillators
+
+
+@dataclass(frozen=True)
+class PeriodicMotion:
+    """A periodic motion, or one that added damping makes periodic.
+
+    Attributes
+    ----------
+    Q : ndarray (2 H + 1, n)
+        Its series about the steady state.
+    omega : float
+        rad/s.
+    mu : float
+        Added damping [1/s], or the value of a parameter.
+    """
+
+    Q: np.ndarray
+    omega: float
+    mu: float = 0.0
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics."""
+        return (len(self.Q) - 1) // 2
+
+    @property
+    def tail(self) -> float:
+        """Share of the highest harmonic in the norm of all beyond the mean."""
+        H = self.harmonics
+        whole = float(np.linalg.norm(self.Q[1:]))
+        return float(np.hypot(*(np.linalg.norm(self.Q[k]) for k in (H, 2 * H)))) / whole
+
+
+class CycleEquations:
+    """Equations of periodic motions along added damping.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    harmonics : int
+    omega : float
+        omega_0 [rad/s], of the mode that the curve begins with.
+    """
+
+    def __init__(self, osc: Oscillator, harmonics: int, omega: float) -> None:
+        self.harmonics, self.omega0 = harmonics, omega
+        self.scale = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
+        self._osc = osc
+        self._phase = np.zeros((2 * harmonics + 1) * osc.n)
+        self._reference = np.zeros_like(self._phase)
+
+    # -- what mu is ------------------------------------------------------------------------------
+    def oscillator(self, u: np.ndarray) -> Oscillator:
+        """The equation of motion at u."""
+        return self._osc
+
+    def added(self, u: np.ndarray) -> float:
+        """Added damping xi at u, 1/s."""
+        return float(u[-1]) * self.omega0
+
+    def value(self, mu: float) -> float:
+        """mu in its own unit."""
+        return mu * self.omega0
+
+    def scaled(self, value: float) -> float:
+        """The other way."""
+        return value / self.omega0
+
+    def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
+        """Derivative of the balance (2 H + 1, n) by mu."""
+        return by_xi * self.omega0
+
+    # -- unknowns --------------------------------------------------------------------------------
+    def unpack(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
+        """Series Q (2 H + 1, n), omega [rad/s] and size a of u."""
+        a = float(np.exp(u[-2]))
+        Z = u[:-3].reshape(2 * self.harmonics + 1, -1)
+        return a * Z / self.scale, float(u[-3]) * self.omega0, a
+
+    def pack(self, motion: PeriodicMotion) -> np.ndarray:
+        """Unknowns of a motion, with as many harmonics as the equations have."""
+        H = self.harmonics
+        Z = with_harmonics(motion.Q, H) * self.scale
+        a = float(np.hypot(np.linalg.norm(Z[1]), np.linalg.norm(Z[H + 1])))
+        rest = [motion.omega / self.omega0, np.log(a), self.scaled(motion.mu)]
+        return np.concatenate([(Z / a).ravel(), rest])
+
+    def motion(self, u: np.ndarray) -> PeriodicMotion:
+        """The motion of u."""
+        Q, omega, _ = self.unpack(u)
+        return PeriodicMotion(Q, omega, self.value(float(u[-1])))
+
+    def accepted(self, u: np.ndarray) -> None:
+        """Phases are counted from here on."""
+        Z = u[:-3].reshape(2 * self.harmonics + 1, -1)
+        turn = derivative(Z).ravel()
+        self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
+
+    # -- equations -------------------------------------------------------------------------------
+    def _closing(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Norm and phase (2,) of a series (size,) and their derivatives (2, size)."""
+        H, n = self.harmonics, len(self.scale)
+        first = np.zeros_like(Z)
+        for row in (1, H + 1):
+            first[row * n : (row + 1) * n] = Z[row * n : (row + 1) * n]
+        values = [0.5 * (first @ first - 1.0), self._phase @ (Z - self._reference)]
+        return np.array(values), np.vstack([first, self._phase])
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        """All equations (m,) at u (m + 1,)."""
+        Q, omega, a = self.unpack(u)
+        R = imbalance(self.oscillator(u), Q, omega, self.added(u)) / (a * self.scale)
+        return np.append(R.ravel(), self._closing(u[:-3])[0])
+
+    def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same and their derivatives (m, m + 1)."""
+        Q, omega, a = self.unpack(u)
+        found = balanced(self.oscillator(u), Q, omega, self.added(u))
+        per = a * self.scale
+        R, size = (found.R / per).ravel(), Q.size
+        s = np.tile(self.scale, len(Q))
+        J = np.zeros((size + 2, size + 3))
+        J[:size, :size] = found.J / np.outer(s, s)
+        J[:size, size] = (found.by_omega * self.omega0 / per).ravel()
+        J[:size, size + 1] = J[:size, :size] @ u[:-3] - R
+        J[:size, size + 2] = (self._by_mu(u, found.by_xi) / per).ravel()
+        closing, J[size:, :size] = self._closing(u[:-3])
+        return np.append(R, closing), J
+
+
+class BranchEquations(CycleEquations):
+    """Equations of cycles along a parameter of the design.
+
+    Parameters
+    ----------
+    oscillators : callable
+        Oscillator of a value of the parameter, about the steady state there.
+    harmonics : int
+    omega : float
+        rad/s, of a cycle on the branch.
+    bounds : (low, high)
+        Range that is 0 to 1 of mu.
+    """
+
+    def __init__(
+        self,
+        oscillators: Callable[[float], Oscillator],
+        harmonics: int,
+        omega: float,
+        bounds: tuple[float, float],
+    ) -> None:
+        self._oscillators, self._bounds = oscillators, bounds
+        self._known: dict[float, Oscillator] = {}
+        super().__init__(oscillators(bounds[0]), harmonics, omega)
+
+    def oscillator(self, u: np.ndarray) -> Oscillator:
+        """The equation of motion at the parameter's value."""
+        return self._at(float(u[-1]))
+
+    def added(self, u: np.ndarray) -> float:
+        """None."""
+        return 0.0
+
+    def value(self, mu: float) -> float:
+        """The parameter's."""
+        low, high = self._bounds
+        return low + mu * (high - low)
+
+    def scaled(self, value: float) -> float:
+        """The other way."""
+        low, high = self._bounds
+        return (value - low) / (high - low)
+
+    def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
+        Q, omega, _ = self.unpack(u)
+        mu, h = float(u[-1]), PARAMETER_STEP
+        ends = [imbalance(self._at(mu + side), Q, omega, 0.0) for side in (h, -h)]
+        slope: np.ndarray = (ends[0] - ends[1]) / (2.0 * h)
+        return slope
+
+    def _at(self, mu: float) -> Oscillator:
+        if mu not in self._known:
+            while len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[mu] = self._oscillators(self.value(mu))
+        return self._known[mu]

@@ -1,0 +1,91 @@
+"""Fourier series of periodic motions, and how they are sampled.
+
+A series (2 H + 1, n) has the rows q_0, cosines 1 to H, sines 1 to H of the angle theta = omega t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+LEAST_SAMPLES = 64  # a period
+SAMPLES_A_HARMONIC = 8  # at least: forces of the fourth power are exact up to H
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Samples of a period for series of H harmonics.
+
+    Attributes
+    ----------
+    order : ndarray (2 H + 1,)
+        Harmonic of each row.
+    synthesis, slope : ndarray (S, 2 H + 1)
+        States and their derivatives by theta from a series.
+    analysis : ndarray (2 H + 1, S)
+        Series from samples.
+    cosines, sines : ndarray (2 H + 1, S)
+        Mean over the samples of products with the harmonics 0 to 2 H.
+    """
+
+    order: np.ndarray
+    synthesis: np.ndarray
+    slope: np.ndarray
+    analysis: np.ndarray
+    cosines: np.ndarray
+    sines: np.ndarray
+
+
+@lru_cache(maxsize=32)
+def sampling(harmonics: int) -> Sampling:
+    """A power of two of samples, at least eight a period of the highest harmonic."""
+    count = LEAST_SAMPLES
+    while count < SAMPLES_A_HARMONIC * harmonics:
+        count *= 2
+    theta = 2 * np.pi * np.arange(count) / count
+    synthesis, slope = series_at(theta, harmonics)
+    weights = np.full(2 * harmonics + 1, 2.0 / count)
+    weights[0] = 1.0 / count
+    angles = np.arange(2 * harmonics + 1)[:, None] * theta
+    return Sampling(
+        order=orders(harmonics),
+        synthesis=synthesis,
+        slope=slope,
+        analysis=weights[:, None] * synthesis.T,
+        cosines=np.cos(angles) / count,
+        sines=np.sin(angles) / count,
+    )
+
+
+def orders(harmonics: int) -> np.ndarray:
+    """Harmonic of each row of a series (2 H + 1,)."""
+    h = np.arange(1, harmonics + 1)
+    return np.concatenate([[0], h, h])
+
+
+def series_at(theta: np.ndarray, harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+    """Matrices (S, 2 H + 1) that give states and their derivatives by theta at angles (S,)."""
+    h = np.arange(1, harmonics + 1)
+    c, s = np.cos(np.outer(theta, h)), np.sin(np.outer(theta, h))
+    one = np.ones((len(theta), 1))
+    return np.hstack([one, c, s]), np.hstack([0 * one, -h * s, h * c])
+
+
+def derivative(series: np.ndarray) -> np.ndarray:
+    """Series of the derivative by theta."""
+    H = (len(series) - 1) // 2
+    h = np.arange(1, H + 1)[:, None]
+    c, s = series[1 : H + 1], series[H + 1 :]
+    return np.vstack([np.zeros_like(series[:1]), h * s, -h * c])
+
+
+def with_harmonics(series: np.ndarray, harmonics: int) -> np.ndarray:
+    """The series with another number of harmonics: cut off, or filled up with zeros."""
+    H = (len(series) - 1) // 2
+    found = np.zeros((2 * harmonics + 1, *series.shape[1:]))
+    kept = min(H, harmonics)
+    found[: kept + 1] = series[: kept + 1]
+    found[harmonics + 1 : harmonics + 1 + kept] = series[H + 1 : H + 1 + kept]
+    return found

@@ -1,0 +1,98 @@
+"""Equations of motion as harmonic balance sees them: a linear part and forces of a few coordinates.
+
+    q'' + C q' + K q = sum over groups g of B_g^T f_g(B_g q, B_g q')
+
+with the identity as mass. A group is a contact point with its three directions, or all coordinates
+of a small oscillator. q = 0 is the steady state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+
+
+class LocalForces(NamedTuple):
+    """Forces of g groups of b coordinates at S states, and their derivatives.
+
+    Attributes
+    ----------
+    f : ndarray (S, g, b)
+    by_y, by_w : ndarray (S, g, b, b)
+        By displacements and by velocities of the group; the last index is what they are by.
+    """
+
+    f: np.ndarray
+    by_y: np.ndarray
+    by_w: np.ndarray
+
+
+Forces = Callable[[np.ndarray, np.ndarray], LocalForces]  # of y, w, both (S, g, b)
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """One design as an equation of motion about its steady state.
+
+    Parameters
+    ----------
+    C, K : ndarray (n, n)
+        Linear damping [1/s] and stiffness [1/s2].
+    B : ndarray (g, b, n)
+        Coordinates of the groups.
+    forces : callable
+        All that is not linear, `LocalForces` of (S, g, b) displacements and velocities.
+
+    Raises
+    ------
+    ModelError
+        Shapes that contradict each other, or values that are not finite.
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    B: np.ndarray
+    forces: Forces
+
+    def __post_init__(self) -> None:
+        n = self.B.shape[-1]
+        if self.B.ndim != 3 or self.C.shape != (n, n) or self.K.shape != (n, n):
+            raise ModelError("oscillator: C, K and B have shapes that contradict each other")
+        if not all(np.isfinite(A).all() for A in (self.C, self.K, self.B)):
+            raise ModelError("oscillator: values that are not finite")
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.B.shape[-1])
+
+    @property
+    def rows(self) -> np.ndarray:
+        """B (g b, n) with all groups below each other."""
+        return self.B.reshape(-1, self.n)
+
+    def evaluate(self, q: np.ndarray, v: np.ndarray) -> LocalForces:
+        """Forces at states q, v (S, n)."""
+        shape = (len(q), *self.B.shape[:2])
+        return self.forces((q @ self.rows.T).reshape(shape), (v @ self.rows.T).reshape(shape))
+
+    def spread(self, f: np.ndarray) -> np.ndarray:
+        """Generalised forces (S, n) of local ones (S, g, b)."""
+        found: np.ndarray = f.reshape(len(f), -1) @ self.rows
+        return found
+
+    def projected(self, D: np.ndarray) -> np.ndarray:
+        """B^T D B (.., n, n) of local derivatives D (.., g, b, b)."""
+        columns = D @ self.B  # (.., g, b, n)
+        found: np.ndarray = self.rows.T @ columns.reshape(*D.shape[:-3], -1, self.n)
+        return found
+
+    def tangent(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Damping and stiffness (S, n, n) of the equation linearised at states q, v (S, n)."""
+        local = self.evaluate(q, v)
+        return self.C - self.projected(local.by_w), self.K - self.projected(local.by_y)

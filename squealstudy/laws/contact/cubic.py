@@ -1,0 +1,75 @@
+"""Cubic bilateral contact law p = -(k g + c g^3) (THEORY.md eq. (5)): open, it pulls.
+
+A spring that hardens (c > 0) or softens (c < 0) with its deflection. The cubic part has no
+stiffness at g = 0; at a working point its tangent 3 c g^2 counts. A softening spring gives way
+beyond g^2 = k / (3 |c|): the tangent is negative there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.laws.contact.unilateral import STIFFNESS
+from squealstudy.laws.contact_law import ContactLawDefinition
+from squealstudy.laws.registry import register
+from squealstudy.parameter import Parameter
+
+CUBIC = Parameter(
+    "contact.cubic_stiffness",
+    0.0,
+    "Pa/m^3",
+    "cubic law: factor of the third power; negative: it softens",
+)
+
+
+def pressure(g: float, stiffness: float, cubic: float) -> tuple[float, float]:
+    """Pressure and tangent."""
+    return -(stiffness + cubic * g * g) * g, stiffness + 3.0 * cubic * g * g
+
+
+def potential(g: float, stiffness: float, cubic: float) -> float:
+    """Stored energy per area, from the closed gap 0."""
+    return 0.5 * (stiffness + 0.5 * cubic * g * g) * g * g
+
+
+def mean_pressure(g: float, d: float, stiffness: float, cubic: float) -> float:
+    """Exact: a cubic over an interval about its middle."""
+    return -(stiffness + cubic * (g * g + 0.25 * d * d)) * g
+
+
+def gap_scale(p: float, stiffness: float, cubic: float) -> float:
+    """Gap over which a linear spring changes by p; a hardening one changes sooner."""
+    linear = p / stiffness
+    if cubic <= 0.0:
+        return linear
+    return min(linear, (p / cubic) ** (1.0 / 3.0))
+
+
+def evaluate(g: np.ndarray, stiffness: float, cubic: float) -> tuple[np.ndarray, np.ndarray]:
+    """`pressure` for an array."""
+    return -(stiffness + cubic * g * g) * g, stiffness + 3.0 * cubic * g * g
+
+
+def slopes(g: np.ndarray, stiffness: float, cubic: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """By the gap, the stiffness, the cubic stiffness."""
+    return [
+        (-(stiffness + 3.0 * cubic * g * g), 6.0 * cubic * g),
+        (-g, np.ones_like(g)),
+        (-(g**3), 3.0 * g * g),
+    ]
+
+
+CUBIC_LAW = register(
+    ContactLawDefinition(
+        name="cubic",
+        description="-(k g + c g^3)",
+        parameters=(STIFFNESS, CUBIC),
+        pressure=pressure,
+        potential=potential,
+        mean_pressure=mean_pressure,
+        gap_scale=gap_scale,
+        evaluate=evaluate,
+        slopes=slopes,
+        pulls=True,
+    )
+)
