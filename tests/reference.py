@@ -19,6 +19,8 @@ def contact_pressure(kind, a, b, g):
         return a * math.exp(-b * g)
     if kind == "bilateral":
         return -a * g
+    if kind == "cubic":
+        return -a * g - b * g**3
     depth = max(-g, 0.0)
     return a * depth if kind == "unilateral" else a * depth**b
 
@@ -29,6 +31,8 @@ def contact_tangent(kind, a, b, g):
         return a * b * math.exp(-b * g)
     if kind == "bilateral":
         return a
+    if kind == "cubic":
+        return a + 3 * b * g * g
     if g >= 0:
         return 0.0
     return a if kind == "unilateral" else a * b * (-g) ** (b - 1)

@@ -30,6 +30,7 @@ LAWS = {
     "unilateral": contact_law("unilateral", stiffness=5e11),
     "power": contact_law("power", stiffness=3e14, exponent=1.5),
     "bilateral": contact_law("bilateral", stiffness=5e11),
+    "cubic": contact_law("cubic", stiffness=5e11, cubic=3e22),
 }
 GAPS = np.array([-8e-6, -3e-6, -1e-7, 1e-7, 2e-6, 9e-6])
 
@@ -61,6 +62,9 @@ def test_tangent_is_minus_the_slope(kind):
         ("power", 0.0, 0.0, 0.0),
         ("bilateral", -2e-6, 1e6, 5e11),
         ("bilateral", 2e-6, -1e6, 5e11),
+        ("cubic", -2e-6, 1e6 + 2.4e5, 5e11 + 3.6e11),
+        ("cubic", 2e-6, -1e6 - 2.4e5, 5e11 + 3.6e11),
+        ("cubic", 0.0, 0.0, 5e11),
     ],
 )
 def test_closed_form(kind, gap, pressure, tangent):
@@ -132,7 +136,7 @@ def test_pressure_is_the_slope_of_the_potential(kind):
     for gap, pressure in zip(GAPS, p, strict=True):
         less, more = (potential(gap + sign * h, *law.parameters) for sign in (1, -1))
         assert (more - less) / (2 * h) == pytest.approx(pressure, rel=1e-6, abs=1e-6)
-    if kind != "bilateral":  # open, it pulls
+    if not law.definition.pulls:
         assert potential(1e-3, *law.parameters) == pytest.approx(0.0, abs=1e-200)
     assert potential(0.0, *law.parameters) == (0.2 if kind == "exponential" else 0.0)
 
@@ -146,6 +150,8 @@ def test_pressure_is_the_slope_of_the_potential(kind):
         contact_law("power", stiffness=3e9, exponent=2.0),
         contact_law("power", stiffness=3e9, exponent=3.0),
         contact_law("bilateral", stiffness=3e9),
+        contact_law("cubic", stiffness=3e9, cubic=2e15),
+        contact_law("cubic", stiffness=3e9, cubic=-5e14),
     ],
     ids=str,
 )
@@ -170,6 +176,22 @@ def test_mean_pressure_of_no_step_is_the_pressure(kind):
         assert law.mean_pressure(gap, 0.0, *LAWS[kind].parameters) == pytest.approx(p, rel=1e-14)
     if kind in ("unilateral", "power"):
         assert law.mean_pressure(2e-6, 3e-6, *LAWS[kind].parameters) == 0.0
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+def test_a_softening_spring_presses_until_it_gives_way(share):
+    """With 2/3 k g at most, where its tangent is zero: no gap has more."""
+    law = contact_law("cubic", stiffness=5e11, cubic=-3e22)
+    widest = math.sqrt(5e11 / 9e22)
+    most = 2 / 3 * 5e11 * widest
+    p, kappa = law.evaluate(np.array([law.gap_at(share * most)]))
+    assert p[0] == pytest.approx(share * most, rel=1e-12)
+    assert kappa[0] > 0
+    assert law.gap_at(2 * most) == pytest.approx(-widest, rel=1e-12)
+    p, kappa = law.evaluate(np.array([-widest]))
+    assert p[0] == pytest.approx(most, rel=1e-12)
+    assert abs(kappa[0]) < 1e-3
+    assert contact_law("cubic", cubic=0.0).gap_at(1e6) == contact_law("bilateral").gap_at(1e6)
 
 
 @pytest.mark.parametrize("kind", ["unilateral", "power"])

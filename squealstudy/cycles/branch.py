@@ -7,7 +7,7 @@ parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from squealstudy.cycles.continuation import Curve, CurvePoint, Steps, follow, ne
 from squealstudy.cycles.equations import BranchEquations, CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet
 from squealstudy.cycles.oscillator import Oscillator
-from squealstudy.errors import ConvergenceError
 
 HOPF, ZERO, TURN, NS, PD = "H", "C", "F", "NS", "PD"  # C: a cycle, on a curve of added damping
-FIRST_SIZE = 1e-4  # of a size that matters: where curves begin and end
+FAR, OTHER, RANGE, SHRUNK = "far", "other_resonance", "range", "hopf"  # why curves end
+MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,13 @@ def growth_curve(
     stop : callable
         Whether a motion is far enough.
 
+    Returns
+    -------
+    equations : CycleEquations
+    curve : Curve
+        Its end is ``far`` where `stop` said so, ``other`` where the first harmonic is no more than
+        a part of the motion: another resonance took over.
+
     Raises
     ------
     ConvergenceError
@@ -84,9 +91,13 @@ def growth_curve(
     along[-2] = 1.0
     tests = {ZERO: lambda u, _: float(u[-1])}
     wanted = steps or Steps()
-    return equations, follow(
-        equations, u, along, wanted, tests, lambda u: stop(equations.motion(u))
-    )
+
+    def ended(u: np.ndarray) -> str:
+        if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
+            return OTHER
+        return FAR if stop(equations.motion(u)) else ""
+
+    return equations, follow(equations, u, along, wanted, tests, ended)
 
 
 def refined(equations: CycleEquations, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
@@ -132,7 +143,7 @@ def branch(
     -------
     points : list of BranchPoint
     end : str
-        ``range``, ``hopf``, ``steps`` or ``not_converged``.
+        ``range``, ``hopf`` (it has shrunk to steady sliding), ``steps`` or ``not_converged``.
 
     Raises
     ------
@@ -145,33 +156,19 @@ def branch(
     along = np.zeros(len(u))
     along[-1] = direction
 
-    def ended(u: np.ndarray) -> bool:
-        return not 0.0 <= u[-1] <= 1.0 or u[-2] < np.log(least)
+    def ended(u: np.ndarray) -> str:
+        if not 0.0 <= u[-1] <= 1.0:
+            return RANGE
+        return SHRUNK if u[-2] < np.log(least) else ""
 
-    curve = follow(
-        equations, u, along, steps or Steps(), {TURN: lambda _, t: float(t[-1])}, ended
-    )
-    last = curve.points[-1].u
-    end = curve.end
-    if end == "stopped":
-        end = "range" if not 0.0 <= last[-1] <= 1.0 else "hopf"
+    curve = follow(equations, u, along, steps or Steps(), {TURN: lambda _, t: float(t[-1])}, ended)
     points = [_judged(equations, point) for point in curve.points]
-    if end == "hopf":
-        points[-1] = BranchPoint(points[-1].motion, points[-1].multipliers, points[-1].residual, HOPF)
-    return points, end
+    if curve.end == SHRUNK:
+        points[-1] = replace(points[-1], event=HOPF)
+    return points, curve.end
 
 
 def _judged(equations: CycleEquations, point: CurvePoint) -> BranchPoint:
     motion = equations.motion(point.u)
     multipliers = floquet(equations.oscillator(point.u), motion)
     return BranchPoint(motion, multipliers, point.residual, "".join(point.events))
-
-
-__all__ = [
-    "BranchPoint",
-    "ConvergenceError",
-    "branch",
-    "growth_curve",
-    "linear_motion",
-    "refined",
-]

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import scipy.linalg as la
 from scipy.optimize import brentq
 
 from squealstudy.errors import ConvergenceError
@@ -70,8 +69,7 @@ class Curve:
     points : list of CurvePoint
         In order; events stand among them, where they were located.
     end : str
-        ``stopped`` by the caller's rule, ``closed`` back at its start, ``steps`` (as many as
-        allowed), or ``not_converged``.
+        What the caller's rule said, ``steps`` (as many as allowed), or ``not_converged``.
     """
 
     points: list[CurvePoint] = field(default_factory=list)
@@ -124,12 +122,9 @@ def newton(
 def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """A^-1 b; ConvergenceError where A is singular."""
     try:
-        factor = la.lu_factor(A, check_finite=False)
-        if np.abs(np.diag(factor[0])).min() == 0.0:
-            raise la.LinAlgError
-    except (la.LinAlgError, la.LinAlgWarning):
+        x: np.ndarray = np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
         raise ConvergenceError("singular_jacobian", "the balance is singular") from None
-    x: np.ndarray = la.lu_solve(factor, b, check_finite=False)
     return x
 
 
@@ -146,12 +141,12 @@ def follow(
     along: np.ndarray,
     steps: Steps,
     tests: Mapping[str, Test],
-    stop: Callable[[np.ndarray], bool],
+    stop: Callable[[np.ndarray], str],
 ) -> Curve:
     """The curve through a solution near `u`, to the side of `along` (m + 1,).
 
     Every change of sign of a test is located on the curve and is a point of it. The first point
-    beyond `stop` is the last.
+    of which `stop` says why the curve ends is the last.
 
     Raises
     ------
@@ -172,8 +167,8 @@ def follow(
         curve.points += _events(equations, here, there, taken, tests)
         curve.points.append(there)
         equations.accepted(there.u)
-        if stop(there.u):
-            curve.end = "stopped"
+        if reason := stop(there.u):
+            curve.end = reason
             return curve
         here = there
         h = taken * (1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0)

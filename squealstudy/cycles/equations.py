@@ -51,7 +51,7 @@ class PeriodicMotion:
         """Share of the highest harmonic in the norm of all beyond the mean."""
         H = self.harmonics
         whole = float(np.linalg.norm(self.Q[1:]))
-        return float(np.hypot(*(np.linalg.norm(self.Q[k]) for k in (H, 2 * H)))) / whole
+        return float(np.linalg.norm(self.Q[[H, 2 * H]])) / whole
 
 
 class CycleEquations:
@@ -82,7 +82,7 @@ class CycleEquations:
         return float(u[-1]) * self.omega0
 
     def value(self, mu: float) -> float:
-        """mu in its own unit."""
+        """In its own unit, 1/s."""
         return mu * self.omega0
 
     def scaled(self, value: float) -> float:

@@ -20,7 +20,11 @@ from squealstudy.cycles.oscillator import Oscillator
 STEPS = 256  # a period, at least
 STEPS_A_HARMONIC = 16
 CHUNK_BYTES = 64_000_000
-FLIP, FOLD, TORUS = "flip", "fold", "torus"  # a multiplier beyond -1, 1, or a pair beyond the circle
+FLIP, FOLD, TORUS = (
+    "flip",
+    "fold",
+    "torus",
+)  # a multiplier beyond -1, 1, or a pair beyond the circle
 
 
 @dataclass(frozen=True)
@@ -128,9 +132,7 @@ def _product(steps: np.ndarray) -> np.ndarray:
     return found
 
 
-def _steps(
-    osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last: int
-) -> np.ndarray:
+def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last: int) -> np.ndarray:
     """Propagators (last - first, 2 n, 2 n) of steps of a period that has `count`."""
     h = 2 * np.pi / count
     middle = h * (np.arange(first, last) + 0.5)

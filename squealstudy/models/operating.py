@@ -82,6 +82,16 @@ def contact_laws() -> tuple[str, ...]:
     return CONTACT_LAWS.names
 
 
+def pulling_laws() -> tuple[str, ...]:
+    """Names of the contact laws for contact that stays closed, the linear one first."""
+    return tuple(law.name for law in CONTACT_LAWS if law.pulls)
+
+
+def pulling_parameters() -> tuple[Parameter, ...]:
+    """Parameters of these."""
+    return tuple({p.name: p for law in CONTACT_LAWS if law.pulls for p in law.parameters}.values())
+
+
 def friction_laws() -> tuple[str, ...]:
     """Names of all registered friction curves."""
     return FRICTION_CURVES.names

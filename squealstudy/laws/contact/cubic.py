@@ -7,6 +7,8 @@ beyond g^2 = k / (3 |c|): the tangent is negative there.
 
 from __future__ import annotations
 
+from math import asin, asinh, sin, sinh, sqrt
+
 import numpy as np
 
 from squealstudy.laws.contact.unilateral import STIFFNESS
@@ -17,9 +19,10 @@ from squealstudy.parameter import Parameter
 CUBIC = Parameter(
     "contact.cubic_stiffness",
     0.0,
-    "Pa/m^3",
+    "Pa/m3",
     "cubic law: factor of the third power; negative: it softens",
 )
+LEAST = 1e-3  # of the linear stiffness: tangent of a spring that gives way, where one is divided by
 
 
 def pressure(g: float, stiffness: float, cubic: float) -> tuple[float, float]:
@@ -37,12 +40,20 @@ def mean_pressure(g: float, d: float, stiffness: float, cubic: float) -> float:
     return -(stiffness + cubic * (g * g + 0.25 * d * d)) * g
 
 
+def gap_at(p: float, stiffness: float, cubic: float) -> float:
+    """Least deflection with pressure p, of a softening spring at most where it gives way."""
+    if cubic == 0.0:
+        return -p / stiffness
+    width = sqrt(stiffness / (3.0 * abs(cubic)))
+    x = 1.5 * p / (stiffness * width)
+    third = sinh(asinh(x) / 3.0) if cubic > 0.0 else sin(asin(min(x, 1.0)) / 3.0)
+    return -2.0 * width * third
+
+
 def gap_scale(p: float, stiffness: float, cubic: float) -> float:
-    """Gap over which a linear spring changes by p; a hardening one changes sooner."""
-    linear = p / stiffness
-    if cubic <= 0.0:
-        return linear
-    return min(linear, (p / cubic) ** (1.0 / 3.0))
+    """Pressure over tangent, of which a spring that gives way has none."""
+    d = gap_at(p, stiffness, cubic)
+    return p / max(stiffness + 3.0 * cubic * d * d, LEAST * stiffness)
 
 
 def evaluate(g: np.ndarray, stiffness: float, cubic: float) -> tuple[np.ndarray, np.ndarray]:
@@ -67,6 +78,7 @@ CUBIC_LAW = register(
         pressure=pressure,
         potential=potential,
         mean_pressure=mean_pressure,
+        gap_at=gap_at,
         gap_scale=gap_scale,
         evaluate=evaluate,
         slopes=slopes,

@@ -7,6 +7,9 @@ contact's normal. With k_i = m w_i^2 the linearised stiffness is
 
 which flutters for mu > |w1^2 - w2^2| / (2 w1 w2), both frequencies merged at
 w^2 = (w1^2 + w2^2) / 2.
+
+Another contact law acts over the areas A_i = k_i / 5e11 m2 per Pa/m of the two contacts; it must
+be one for contact that stays closed.
 """
 
 from __future__ import annotations
@@ -22,14 +25,23 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
+    CONTACT_OPTION,
     DAMPING,
     FRICTION,
     FRICTION_OPTION,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
     friction_parameters,
+    pulling_laws,
+    pulling_parameters,
 )
-from squealstudy.models.parameter import Assumption, Declared, ModelDefinition, structural
+from squealstudy.models.parameter import (
+    Assumption,
+    Declared,
+    ModelDefinition,
+    ModelOption,
+    structural,
+)
 
 PARAMETERS: Declared = (
     FRICTION,
@@ -37,6 +49,7 @@ PARAMETERS: Declared = (
     DAMPING,
     STIFFNESS_DAMPING,
     friction_parameters,
+    pulling_parameters,
     *structural(
         (
             ("frequency_1", 100.0, "Hz", "of the mass on its first contact"),
@@ -87,7 +100,10 @@ HULTEN = ModelDefinition(
     name="hulten",
     description="mass on two bilateral contacts at right angles (Hulten): flutter in "
     "closed form; 2 DOF",
-    options=(FRICTION_OPTION,),
+    options=(
+        ModelOption(CONTACT_OPTION.name, pulling_laws, CONTACT_OPTION.description),
+        FRICTION_OPTION,
+    ),
     declared=PARAMETERS,
     components=("mass",),
     build=build,

@@ -1,0 +1,319 @@
+"""Limit cycles without time stepping: closed forms, published numbers, and runs in time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cycle_models as models
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.branch import FAR, HOPF, TURN, branch, growth_curve, refined
+from squealstudy.cycles.continuation import Steps, follow
+from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.floquet import floquet, monodromy
+from squealstudy.cycles.harmonics import derivative, sampling, series_at, with_harmonics
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.errors import ConvergenceError, ModelError
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+
+VAN_DER_POL_PERIOD = 6.66328686  # mu = 1
+HARDER = {"sliding_speed": 0.5, "friction": 0.9}  # Hoffmann: sticks and opens
+
+
+def cycles(osc, harmonics, far, size=1e-3):
+    """Cycles of the fastest growing mode, up to a displacement."""
+    lam, psi = models.linear_modes(osc)
+    equations, curve = growth_curve(
+        osc, lam[0], psi[:, 0], size, harmonics, lambda m: np.abs(m.Q).max() > far
+    )
+    assert curve.end == FAR
+    return [equations.motion(p.u) for p in curve.at("C")]
+
+
+# -- series ---------------------------------------------------------------------------------------
+def test_series_and_samples_invert_each_other():
+    rng = np.random.default_rng(1)
+    Q, rule = rng.normal(size=(11, 3)), sampling(5)
+    np.testing.assert_allclose(rule.analysis @ (rule.synthesis @ Q), Q, atol=1e-14)
+    np.testing.assert_allclose(rule.synthesis @ derivative(Q), rule.slope @ Q, atol=1e-13)
+    theta = np.array([0.3, 1.7])
+    for H in (3, 9):
+        more = with_harmonics(Q, H)
+        kept = with_harmonics(with_harmonics(Q, min(H, 5)), 5)
+        np.testing.assert_allclose(series_at(theta, H)[0] @ more, series_at(theta, 5)[0] @ kept)
+
+
+# -- balance --------------------------------------------------------------------------------------
+def contact_case(kind, opened):
+    values = {**models.BISTABLE, **(HARDER if opened else {})}
+    return models.Designs("hoffmann", values, kind=kind, saturation=0.05).at().oscillator
+
+
+@pytest.mark.parametrize(
+    ("osc", "size"),
+    [
+        (models.scalar_oscillator(models.quintic, 0.1), 0.4),
+        (models.scalar_oscillator(models.pulled, 0.7), 0.6),
+        (contact_case("regularised", False), 1e-4),
+        (contact_case("smooth", True), 2e-4),
+    ],
+    ids=["quintic", "pulled", "sliding", "sticking"],
+)
+def test_jacobian_is_that_of_differences(osc, size):
+    rng = np.random.default_rng(2)
+    w = float(np.sqrt(np.diag(osc.K)).max())
+    Q, omega, xi = rng.normal(size=(7, osc.n)) * size, 1.03 * w, 0.02 * w
+    found = balanced(osc, Q, omega, xi)
+    scale = np.abs(found.J).max()
+    np.testing.assert_array_equal(found.R, imbalance(osc, Q, omega, xi))
+    h = 1e-6 * size
+    for k in range(Q.size):
+        step = np.zeros(Q.size)
+        step[k] = h
+        step = step.reshape(Q.shape)
+        ends = [imbalance(osc, Q + s * step, omega, xi).ravel() for s in (1, -1)]
+        np.testing.assert_allclose(found.J[:, k], (ends[0] - ends[1]) / (2 * h), atol=2e-7 * scale)
+    h = 1e-6 * w
+    ends = [imbalance(osc, Q, omega + s * h, xi) for s in (1, -1)]
+    by = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(found.by_omega, by, atol=1e-6 * np.abs(by).max())
+    ends = [imbalance(osc, Q, omega, xi + s * h) for s in (1, -1)]
+    by = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(found.by_xi, by, atol=1e-6 * np.abs(by).max())
+
+
+def test_added_damping_is_twice_the_growth_where_motions_are_small():
+    contact = models.Designs("hoffmann", models.BISTABLE).at(friction=0.85)
+    lam, psi = models.linear_modes(contact.oscillator)
+    assert lam[0].real > 0 > lam[1].real
+    for k, root in enumerate(lam):
+        equations = CycleEquations(contact.oscillator, 3, abs(root.imag))
+        _, curve = growth_curve(
+            contact.oscillator, root, psi[:, k], 1e-5, 3, lambda _: True, Steps(count=1)
+        )
+        first = equations.motion(curve.points[0].u)
+        shifted = models.linear_modes(
+            replace(contact.oscillator, C=contact.oscillator.C + first.mu * np.eye(2))
+        )[0]
+        neutral = shifted[np.argmin(np.abs(shifted.real))]
+        assert abs(neutral.real) < 1e-6 * abs(root)  # with it the mode neither grows nor decays
+        assert neutral.imag == pytest.approx(first.omega, rel=1e-8)
+        assert first.mu == pytest.approx(2 * root.real, rel=0.15)
+
+
+# -- closed forms and published numbers -----------------------------------------------------------
+class NormalForm:
+    """R' = mu r + r^3 - r^5 without r = 0: mu + r^2 - r^4 = 0, fold at mu = -1/4, r^2 = 1/2."""
+
+    def residual(self, u):
+        return np.array([u[1] + u[0] ** 2 - u[0] ** 4])
+
+    def jacobian(self, u):
+        return self.residual(u), np.array([[2 * u[0] - 4 * u[0] ** 3, 1.0]])
+
+    def accepted(self, u):
+        pass
+
+
+def test_continuation_of_the_normal_form():
+    start, along = np.array([0.1, -0.01]), np.array([1.0, 0.0])
+    curve = follow(
+        NormalForm(),
+        start,
+        along,
+        Steps(),
+        {TURN: lambda _, t: t[-1]},
+        lambda u: "over" if u[1] > 0.5 else "",
+    )
+    (fold,) = curve.at(TURN)
+    assert curve.end == "over"
+    assert fold.u[1] == pytest.approx(-0.25, abs=1e-12)
+    assert fold.u[0] == pytest.approx(np.sqrt(0.5), abs=1e-7)
+    assert all(p.residual < 1e-9 for p in curve.points)
+
+
+def test_a_curve_that_ends_says_so():
+    class Ends(NormalForm):
+        def jacobian(self, u):
+            F, J = super().jacobian(u)
+            return (F if u[0] < 0.4 else F * np.nan), J
+
+    start, along = np.array([0.1, -0.01]), np.array([1.0, 0.0])
+    curve = follow(Ends(), start, along, Steps(), {}, lambda _: "")
+    assert curve.end == "not_converged"
+    assert 0.39 < curve.points[-1].u[0] < 0.4
+    with pytest.raises(ConvergenceError, match="not finite"):
+        follow(Ends(), np.array([0.5, 0.0]), along, Steps(), {}, lambda _: "")
+    short = follow(NormalForm(), start, along, Steps(count=3), {}, lambda _: "")
+    assert (short.end, len(short.points)) == ("steps", 4)
+
+
+def test_van_der_pol():
+    osc = models.scalar_oscillator(models.van_der_pol, 1.0)
+    (cycle,) = cycles(osc, 25, 4.0)
+    assert 2 * np.pi / cycle.omega == pytest.approx(VAN_DER_POL_PERIOD, abs=1e-8)
+    found = floquet(osc, cycle)
+    assert found.stable
+    assert (found.instability, found.n_unstable) == ("", 0)
+    assert np.linalg.norm(cycle.Q[[0, *range(2, 26, 2)]]) < 1e-8  # odd harmonics alone
+    # Liouville: the multipliers' product is the exponential of the damping's mean
+    q = series_at(np.linspace(0, 2 * np.pi, 4096, endpoint=False), 25)[0] @ cycle.Q
+    product = np.exp(np.mean(1 - q**2) * 2 * np.pi / cycle.omega)
+    assert found.multipliers.prod().real == pytest.approx(product, rel=1e-4)
+    # for small mu the radius is 2, the frequency 1 - mu^2 / 16
+    (small,) = cycles(models.scalar_oscillator(models.van_der_pol, 0.01), 7, 4.0)
+    assert np.hypot(small.Q[1], small.Q[8])[0] == pytest.approx(2.0, rel=1e-4)
+    assert small.omega == pytest.approx(1 - 0.01**2 / 16, abs=1e-8)
+
+
+def test_more_harmonics_converge_and_the_tail_tells():
+    osc = models.scalar_oscillator(models.pulled, 0.7)
+    exact = cycles(osc, 41, 2.5)[0].omega
+    errors, tails = [], []
+    for H in (3, 7, 15):
+        (cycle,) = cycles(osc, H, 2.5)
+        errors.append(abs(cycle.omega / exact - 1))
+        tails.append(cycle.tail)
+    assert errors[0] > errors[1] > errors[2]
+    assert all(tail > error for error, tail in zip(errors, tails, strict=True))
+    coarse = cycles(osc, 7, 2.5)[0]
+    better, residual = refined(CycleEquations(osc, 41, coarse.omega), coarse)
+    assert better.omega == pytest.approx(exact, rel=1e-10)
+    assert residual < 1e-9
+
+
+def test_quintic_oscillator_folds():
+    """Against AUTO-07p in test_cycles_auto: fold .124993, and near 1/8 by averaging."""
+    osc = models.scalar_oscillator(models.quintic, 0.05)
+    inner, outer = cycles(osc, 15, 2.0)
+    assert floquet(osc, inner).instability == "fold"
+    assert floquet(osc, outer).stable
+    # averaging: nu - r^2 / 4 + r^4 / 8 = 0
+    for cycle, r2 in zip((inner, outer), np.sort(np.roots([1 / 8, -1 / 4, 0.05])), strict=True):
+        assert (cycle.Q[1:] ** 2).sum() == pytest.approx(r2, rel=5e-3)
+    points, end = branch(
+        lambda nu: models.scalar_oscillator(models.quintic, nu),
+        PeriodicMotion(outer.Q, outer.omega, 0.05),
+        (-0.1, 0.2),
+        1.0,
+        1e-4,
+    )
+    assert end == "hopf"
+    fold, hopf = (p for p in points if p.event)
+    assert (fold.event, hopf.event) == (TURN, HOPF)
+    assert fold.motion.mu == pytest.approx(0.124993, abs=5e-7)
+    assert hopf.motion.mu == pytest.approx(0.0, abs=1e-8)
+    assert fold.multipliers.stable is None  # two multipliers at one: neither can be said
+
+
+def test_monodromy_of_a_linear_oscillator_is_an_exponential():
+    rng = np.random.default_rng(5)
+    C, K = rng.normal(size=(3, 3)) * 0.1, np.diag([1.0, 4.0, 300.0]) + rng.normal(size=(3, 3)) * 0.2
+
+    def nothing(y, w):
+        return LocalForces(0 * y, np.zeros((*y.shape, 3)), np.zeros((*y.shape, 3)))
+
+    osc = Oscillator(C, K, np.eye(3)[None], nothing)
+    motion = PeriodicMotion(rng.normal(size=(5, 3)), 1.1)
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-K / 1.1**2, -C / 1.1]])
+    exact = la.expm(2 * np.pi * A)
+    errors = [np.abs(monodromy(osc, motion, steps) - exact).max() for steps in (256, 512)]
+    assert errors[1] < 1e-6 * np.abs(exact).max()
+    assert errors[0] / errors[1] > 2**5  # of the [3/3] approximant
+
+
+def test_oscillators_are_checked():
+    with pytest.raises(ModelError, match="contradict"):
+        Oscillator(np.eye(2), np.eye(3), np.ones((1, 1, 3)), lambda *_: None)
+    with pytest.raises(ModelError, match="not finite"):
+        Oscillator(np.eye(1), np.full((1, 1), np.nan), np.ones((1, 1, 1)), lambda *_: None)
+    contact = models.Designs("hoffmann", models.BISTABLE).at()
+    loaded = replace(contact, point=replace(contact.point, load=np.ones(2)))
+    with pytest.raises(ModelError, match="about steady sliding"):
+        _ = loaded.oscillator
+
+
+# -- against runs in time -------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def bistable():
+    contact = models.Designs("hoffmann", models.BISTABLE).at()
+    lam, psi = models.linear_modes(contact.oscillator)
+    assert (lam.real < 0).all()
+    equations, curve = growth_curve(
+        contact.oscillator,
+        lam[0],
+        psi[:, 0],
+        1e-2,
+        11,
+        lambda m: contact.levels(m)["open_share_max"] > 0,
+    )
+    return contact, [equations.motion(p.u) for p in curve.at("C")]
+
+
+def state(cycle, factor=1.0):
+    synthesis, slope = series_at(np.zeros(1), cycle.harmonics)
+    return factor * (synthesis @ cycle.Q)[0], factor * cycle.omega * (slope @ cycle.Q)[0]
+
+
+def run(contact, cycle, factor, duration):
+    q0, v0 = state(cycle, factor)
+    settings = MotionSettings(duration, 1e-5, 10, tolerance=1e-7)
+    (motion,) = simulate(contact.system, [replace(contact.point, q0=q0, v0=v0)], settings)
+    assert motion.outcome == "ok"
+    return motion
+
+
+def test_a_kick_below_the_unstable_cycle_decays_and_above_it_grows(bistable):
+    contact, (inner, outer) = bistable
+    assert floquet(contact.oscillator, inner).n_unstable == 1
+    below, above = (run(contact, inner, factor, 0.8) for factor in (0.9, 1.1))
+    energy = contact.levels(inner)["torque_rms"]
+    tail = slice(-2000, None)
+    assert below.history["torque"][tail].std() < 0.05 * energy
+    level = contact.levels(outer)["torque_rms"]
+    assert above.history["torque"][tail].std() == pytest.approx(level, rel=2e-3)
+
+
+def test_levels_and_shares_are_those_of_a_run_in_time(bistable):
+    contact, (_, outer) = bistable
+    assert floquet(contact.oscillator, outer).stable
+    motion = run(contact, outer, 1.0, 0.2)
+    rows = slice(-round(40 * 2 * np.pi / outer.omega / 1e-4), None)  # whole periods
+    torque, found = motion.history["torque"][rows], contact.levels(outer)
+    assert found["torque_rms"] == pytest.approx(torque.std(), rel=1e-3)
+    assert found["torque_mean"] == pytest.approx(torque.mean(), rel=1e-3)
+    assert found["torque_peak"] == pytest.approx(np.abs(torque - torque.mean()).max(), rel=1e-2)
+    assert found["open_share_max"] == found["stick_share_max"] == 0.0
+    for name in ("friction", "damping"):
+        rate = motion.history[f"dissipated_{name}"]
+        time = motion.times
+        assert found[f"{name}_power"] == pytest.approx(
+            (rate[-1] - rate[0]) / (time[-1] - time[0]), rel=1e-2
+        )
+    assert abs(found["power_imbalance"]) < 1e-6
+    assert found["friction_power"] + found["damping_power"] == pytest.approx(found["belt_power"])
+
+
+def test_sticking_and_opening_are_counted():
+    """Of motions along and away from the belt with closed forms."""
+    contact = models.Designs("hoffmann", models.BISTABLE, law="bilateral", saturation=0.5).at()
+    P = np.vstack([contact.system.T1[0], contact.system.N[0]])
+    depth, omega, speed = abs(contact.point.gap[0]), 1000.0, contact.point.speed
+    away = np.zeros((3, 2))
+    away[1, 1] = 2 * depth  # open while the cosine is above a half
+    found = contact.levels(PeriodicMotion(away @ np.linalg.inv(P).T, omega))
+    assert found["open_share"] == pytest.approx(1 / 3, abs=2 / 512)
+    assert (found["open_share_max"], found["stick_share_max"]) == (1.0, 0.0)
+    along = np.zeros((3, 2))
+    along[2, 0] = 2 * speed / omega  # reverses while the cosine is below minus a half
+    found = contact.levels(PeriodicMotion(along @ np.linalg.inv(P).T, omega))
+    saturated = contact.point.friction.friction * contact.point.force[0, 0]
+    saturated /= contact.point.friction.k_t * contact.system.area[0]
+    angles = np.arccos((np.array([-saturated, saturated]) - speed) / (2 * speed))
+    assert found["stick_share"] == pytest.approx((angles[0] - angles[1]) / np.pi, abs=4 / 512)
+    assert (found["stick_share_max"], found["open_share_max"]) == (1.0, 0.0)
+    assert found["contact_velocity"] == pytest.approx(2 * speed, rel=1e-6)
