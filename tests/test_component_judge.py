@@ -127,3 +127,22 @@ def test_matrices_that_calculix_has_stored_are_a_component(tmp_path):
             assert A.n_dof == B.n_dof
             assert apart(B.K, A.K) < 1e-10
             assert apart(B.M, A.M) < 1e-10
+
+
+def test_a_mass_on_a_node(tmp_path):
+    """CalculiX's element MASS, on a corner."""
+    slider = block("slider", (3, 1, 2), (5.0, 2.0, 2.0), "LINING")
+    (corner,) = slider.numbers[slider.node_set("CORNER")]
+    element = [f"*ELEMENT, TYPE=MASS, ELSET=WEIGHT\n9001, {corner}", "*MASS, ELSET=WEIGHT\n2e-6"]
+    step = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "1", "*END STEP"]
+    said = run(tmp_path, slider, *element, *step)
+    assert (tmp_path / "job.sti").is_file(), said
+    table = 'K = "job.sti"\nM = "job.mas"\ndof = "job.dof"\nnodes = "slider.inp"'
+    mesh = ('mesh = "slider.inp"', 'mass = "as_stiffness"\nmesh = "slider.inp"')
+    mass = '[[point_mass]]\nname = "weight"\non = "slider.CORNER"\nmass = 2e-6\n[parameters]'
+    write_blocks(tmp_path, mesh, ("[parameters]", mass))
+    expected = built(tmp_path / "blocks.toml").components[1]
+    write_blocks(tmp_path, (mesh[0], table))
+    found = built(tmp_path / "blocks.toml").components[1]
+    assert apart(found.K, expected.K) < 1e-10
+    assert apart(found.M, expected.M) < 1e-10

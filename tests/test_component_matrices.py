@@ -122,6 +122,14 @@ def test_abaqus_names_nodes(slider, tmp_path, half):
     assert same(in_order_of(mesh, read_component_matrix(path)), K)
 
 
+def test_matrix_market_has_the_same_ending(tmp_path):
+    text = "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n1 1 2.0\n2 1 -1\n2 2 2\n"
+    for mark in ("", "\ufeff"):
+        (tmp_path / "a.mtx").write_text(mark + text, encoding="utf-8")
+        found = read_component_matrix(tmp_path / "a.mtx")
+        assert found.toarray().tolist() == [[2.0, -1.0], [-1.0, 2.0]]
+
+
 def test_abaqus_by_coordinates(slider, tmp_path):
     _, K, _ = slider
     path = tmp_path / "job_STIF1.mtx"

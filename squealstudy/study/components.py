@@ -312,7 +312,7 @@ def _parameter(
         dimension.unit,
         what,
         positive=kind in POSITIVE,
-        minimum=0.0 if kind in ("normal", "tangential", "stiffness") else -float("inf"),
+        minimum=0.0 if kind in ("normal", "tangential", "stiffness", "mass") else -float("inf"),
         above=-1.0 if ratio else -float("inf"),
         below=0.5 if ratio else float("inf"),
         structural=True,

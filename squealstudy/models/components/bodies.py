@@ -14,14 +14,12 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import placed_matrices, symmetric
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import (
-    DENSITY,
-    LENGTH,
-    STRESS,
     ComponentTable,
     KeyPath,
     ModelFile,

@@ -20,7 +20,6 @@ from squealstudy.models.assembly import (
 from squealstudy.models.components.bodies import (
     Body,
     Brake,
-    body_matrices,
     changed_mesh,
     own_numbers,
 )
@@ -30,8 +29,7 @@ from squealstudy.models.components.contact_rows import (
     contact_rows,
     tangents,
 )
-from squealstudy.models.components.facets import facets
-from squealstudy.models.components.geometry import LAYER_POINTS, Geometry, between, geometry_of
+from squealstudy.models.components.geometry import Geometry, between, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells
 from squealstudy.models.components.model_file import (
@@ -41,6 +39,7 @@ from squealstudy.models.components.model_file import (
     PlacedError,
 )
 from squealstudy.models.components.pairs import Pair
+from squealstudy.models.components.point_masses import component_matrices
 from squealstudy.models.fem.sampling import Surface
 
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
@@ -66,7 +65,7 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     """
     geometry = geometry_of(brake)
     numbers = Numbers(brake.file, given)
-    matrices = {name: body_matrices(brake, name, given) for name in geometry.bodies}
+    matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
     kept = {name: np.flatnonzero(~held) for name, held in geometry.held.items()}
     components = tuple(
         _component(body, changed_mesh(body, own_numbers(name, given)), *matrices[name], kept[name])
@@ -217,13 +216,13 @@ class _Interfaces:
         keys: KeyPath = ("spring", number)
         k = self._numbers.list_at(*keys, "stiffness")
         one, other = between(table.between, keys)
-        name, points = self._points(one, keys)
+        name, points = self._g.points(one, (*keys, "between"))
         if other is None:
             share = points.area / points.area.sum()
             rows = [self._rows((name, points.observe(d))) for d in self._axes(number, points)]
             stiffness = np.concatenate([value * share for value in k])
             return SpringInterface(table.name, sp.vstack(rows).tocsr(), stiffness, table.in_static)
-        other_name, others = self._points(other, keys)
+        other_name, others = self._g.points(other, (*keys, "between"))
         centre = np.average(
             np.vstack([points.points, others.points]),
             axis=0,
@@ -236,24 +235,6 @@ class _Interfaces:
             ]
             rows.append(self._rows((name, means[0]), (other_name, -means[1])))
         return SpringInterface(table.name, sp.vstack(rows).tocsr(), np.array(k), table.in_static)
-
-    def _points(self, reference: str, keys: KeyPath) -> tuple[str, Surface]:
-        """Points of a set: of its facets, or its nodes where it has none."""
-        place = (*keys, "between")
-        name, nodes = self._g.nodes(reference, place)
-        body = self._g.bodies[name]
-        label = reference.partition(".")[2]
-        try:
-            facets(body.mesh, label)
-        except ModelError:
-            ones = np.ones(len(nodes))
-            shape = sp.csr_matrix(
-                (ones, (np.arange(len(nodes)), nodes)), (len(nodes), len(body.nodes))
-            )
-            return name, Surface(
-                body.nodes[nodes], ones, np.tile([0.0, 0.0, 1.0], (len(nodes), 1)), shape
-            )
-        return name, self._g.face(reference, place)[1].gauss_points(LAYER_POINTS)[0]
 
     def _axes(self, number: int, surface: Surface) -> list[np.ndarray]:
         return self._directions(number, surface.points)

@@ -8,14 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.dimensions import MASS, STIFFNESS
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import (
-    MASS,
-    STIFFNESS,
-    ComponentTable,
-    KeyPath,
-    PlacedError,
-)
+from squealstudy.models.components.model_file import ComponentTable, KeyPath, PlacedError
 from squealstudy.models.components.node_maps import FreedomsOf, read_map
 from squealstudy.models.matrices.files import read_component_matrix
 from squealstudy.models.matrices.labelled import LabelledMatrix

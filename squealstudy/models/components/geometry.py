@@ -6,15 +6,17 @@ from collections.abc import Sequence
 from functools import cached_property, lru_cache
 
 import numpy as np
+import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Rotors
 from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.contact_rows import Rotation, sliding
+from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.facets import facets
 from squealstudy.models.components.mesh import has_name
-from squealstudy.models.components.model_file import GROUND, LENGTH, KeyPath, PlacedError
+from squealstudy.models.components.model_file import GROUND, KeyPath, PlacedError
 from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.fem.sampling import Surface
 
@@ -115,6 +117,21 @@ class Geometry:
         """Component and nodes of a set."""
         name, label = self.split(reference, keys)
         return name, self.bodies[name].mesh.node_set(label)
+
+    def points(self, reference: str, keys: KeyPath) -> tuple[str, Surface]:
+        """Component and points of a set: of its facets, or its nodes where it has none."""
+        name, nodes = self.nodes(reference, keys)
+        body = self.bodies[name]
+        try:
+            facets(body.mesh, reference.partition(".")[2])
+        except ModelError:
+            ones = np.ones(len(nodes))
+            shape = sp.csr_matrix(
+                (ones, (np.arange(len(nodes)), nodes)), (len(nodes), len(body.nodes))
+            )
+            upwards = np.tile([0.0, 0.0, 1.0], (len(nodes), 1))
+            return name, Surface(body.nodes[nodes], ones, upwards, shape)
+        return name, self.face(reference, keys)[1].gauss_points(LAYER_POINTS)[0]
 
     # -- where faces meet ------------------------------------------------------------------------
     def _rotation(self) -> Rotation | None:

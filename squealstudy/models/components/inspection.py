@@ -10,9 +10,10 @@ import scipy.sparse as sp
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.components.bodies import Body, Brake, body_matrices
+from squealstudy.models.components.bodies import Body, Brake
+from squealstudy.models.components.dimensions import LENGTH, MASS, Dimension
 from squealstudy.models.components.geometry import Geometry, geometry_of
-from squealstudy.models.components.model_file import LENGTH, MASS, Dimension
+from squealstudy.models.components.point_masses import component_matrices
 from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake
@@ -55,11 +56,11 @@ def inspect(brake: Brake, assembly: Assembly, pressure: float) -> Inspection:
     Raises
     ------
     ModelError
-        As `geometry_of` and `body_matrices`.
+        As `geometry_of` and `component_matrices`.
     """
     found, geometry = Inspection(), geometry_of(brake)
     for body in geometry.bodies.values():
-        _component(found, brake, body)
+        _component(found, geometry, body)
     _held(found, geometry, assembly)
     _contact(found, geometry, assembly, pressure)
     _rotation(found, geometry, assembly)
@@ -84,7 +85,7 @@ def rigid_shapes(x: np.ndarray) -> np.ndarray:
 
 
 # -- components ----------------------------------------------------------------------------------
-def _component(found: Inspection, brake: Brake, body: Body) -> None:
+def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
     mesh, name = body.mesh, body.name
     kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
     source = f"{mesh.origin.name}: {len(mesh.nodes):,} nodes"
@@ -97,12 +98,18 @@ def _component(found: Inspection, brake: Brake, body: Body) -> None:
     else:
         held = f", {int(body.held.sum())} freedoms are not in them" if body.held.any() else ""
         found.tell(name, f"{source} of matrices{held}")
+    for point_mass in geometry.file.point_mass:
+        if point_mass.on.partition(".")[0] == name:
+            where = "spread over" if point_mass.at is None else f"at {list(point_mass.at)} by"
+            weight = NAMES.get(geometry.file.units, ("m", "kg", "kg m2"))[1]
+            text = f"mass {point_mass.name}: {point_mass.mass:g} {weight}, {where} {point_mass.on}"
+            found.tell("", text)
     for note in mesh.passed_over[:5]:
         found.tell("", f"not read: {note.keyword} (line {note.line}): {note.why}")
     if len(mesh.passed_over) > 5:
         found.tell("", f"and {len(mesh.passed_over) - 5} more that are not read")
-    K, M = body_matrices(brake, name, {})
-    _weight(found, brake, body, M)
+    K, M = component_matrices(geometry, name, {})
+    _weight(found, geometry.brake, body, M)
     _rigid(found, body, K, M)
 
 

@@ -14,41 +14,24 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.dimensions import (
+    AREA,
+    BEDDING,
+    DENSITY,
+    LENGTH,
+    MASS,
+    NUMBER,
+    STIFFNESS,
+    STRESS,
+    Dimension,
+)
 from squealstudy.models.components.formulations import MassRule
 
 KeyPath = tuple[str | int, ...]  # keys of the file, and 0-based positions in lists
 GROUND = "ground"
 STEP = re.compile(r"(?P<name>[^\[\]]+)(?:\[(?P<number>[1-9][0-9]*)\])?")
-LISTS = ("contact", "layer", "spring", "load")  # tables [[...]] that have a name
+LISTS = ("contact", "layer", "spring", "point_mass", "load")  # tables [[...]] that have a name
 
-# length, mass and time of each system in m, kg, s
-SYSTEMS = {"SI": (1.0, 1.0, 1.0), "t-mm-s": (1e-3, 1e3, 1.0), "mm-kg-ms": (1e-3, 1.0, 1e-3)}
-
-
-@dataclass(frozen=True)
-class Dimension:
-    """Powers of length, mass and time, and the unit in SI."""
-
-    powers: tuple[int, int, int]
-    unit: str
-
-    def factor(self, system: str) -> float:
-        """A unit of one of `SYSTEMS` in SI."""
-        return float(
-            SYSTEMS[system][0] ** self.powers[0]
-            * SYSTEMS[system][1] ** self.powers[1]
-            * SYSTEMS[system][2] ** self.powers[2]
-        )
-
-
-NUMBER = Dimension((0, 0, 0), "")
-LENGTH = Dimension((1, 0, 0), "m")
-AREA = Dimension((2, 0, 0), "m2")
-MASS = Dimension((0, 1, 0), "kg")
-STRESS = Dimension((-1, 1, -2), "Pa")
-DENSITY = Dimension((-3, 1, 0), "kg/m3")
-STIFFNESS = Dimension((0, 1, -2), "N/m")
-BEDDING = Dimension((-2, 1, -2), "N/m3")
 DIMENSIONS = {  # of the keys of the file
     "E": STRESS,
     "G": STRESS,
@@ -57,6 +40,7 @@ DIMENSIONS = {  # of the keys of the file
     "normal": BEDDING,
     "tangential": BEDDING,
     "stiffness": STIFFNESS,
+    "mass": MASS,
     "area": AREA,
     "search": LENGTH,
     "initial_gap": LENGTH,
@@ -68,6 +52,7 @@ VARIED = {  # keys that parameters may point to
     "contact": ("tangential", "initial_gap"),
     "layer": ("normal", "tangential"),
     "spring": ("stiffness",),
+    "point_mass": ("mass",),
     "load": ("area",),
 }
 MATERIAL = ("E", "nu", "G", "rho")
@@ -249,6 +234,17 @@ class SpringTable(Table):
     in_static: bool = Field(default=True, description="false: it is there in vibration only")
 
 
+class PointMassTable(Table):
+    """A mass on a set of a component."""
+
+    name: Name
+    on: str = Field(description="COMPONENT.SET that it moves with")
+    mass: float = Field(ge=0, description="in all")
+    at: Vector | None = Field(
+        default=None, description="where it is, by the mean motion of the set; else spread over it"
+    )
+
+
 class FixedTable(Table):
     """Degrees of freedom that are held."""
 
@@ -299,6 +295,7 @@ class ModelFile(Table):
     )
     layer: Annotated[tuple[LayerTable, ...], Strict(False)] = ()
     spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
+    point_mass: Annotated[tuple[PointMassTable, ...], Strict(False)] = ()
     fixed: Annotated[tuple[FixedTable, ...], Strict(False)] = ()
     load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
     parameters: dict[str, ParameterTable] = {}

@@ -78,7 +78,7 @@ def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix 
 
 def _is_matrix_market(path: Path) -> bool:
     with path.open("rb") as handle:
-        return handle.read(1) == b"%"
+        return handle.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"%")
 
 
 def _guarded(path: Path, read: Callable[[], Found]) -> Found:

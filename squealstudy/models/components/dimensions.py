@@ -1,0 +1,34 @@
+"""Systems of units of model files, and what numbers are in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# length, mass and time of each system in m, kg, s
+SYSTEMS = {"SI": (1.0, 1.0, 1.0), "t-mm-s": (1e-3, 1e3, 1.0), "mm-kg-ms": (1e-3, 1.0, 1e-3)}
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Powers of length, mass and time, and the unit in SI."""
+
+    powers: tuple[int, int, int]
+    unit: str
+
+    def factor(self, system: str) -> float:
+        """A unit of one of `SYSTEMS` in SI."""
+        return float(
+            SYSTEMS[system][0] ** self.powers[0]
+            * SYSTEMS[system][1] ** self.powers[1]
+            * SYSTEMS[system][2] ** self.powers[2]
+        )
+
+
+NUMBER = Dimension((0, 0, 0), "")
+LENGTH = Dimension((1, 0, 0), "m")
+AREA = Dimension((2, 0, 0), "m2")
+MASS = Dimension((0, 1, 0), "kg")
+STRESS = Dimension((-1, 1, -2), "Pa")
+DENSITY = Dimension((-3, 1, 0), "kg/m3")
+STIFFNESS = Dimension((0, 1, -2), "N/m")
+BEDDING = Dimension((-2, 1, -2), "N/m3")
