@@ -111,7 +111,7 @@ def test_what_is_wrong_is_said_with_its_key(tmp_path, on, more, key, message):
 
 
 def test_it_does_not_pull(tmp_path):
-    with pytest.raises(StudyFileError, match=r"greater than or equal to 0"):
+    with pytest.raises(StudyFileError, match="expected at least 0"):
         built(model(tmp_path, "slider.TOP", mass=-GRAMS))
 
 
