@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import meshio
 import numpy as np
+import pandas as pd
+import pyarrow as pa
 import pytest
 import pyuff
 from conftest import COARSE
@@ -18,6 +20,7 @@ from study_runs import command, solved
 
 from squealstudy.engine import shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
+from squealstudy.engine.mode_names import FILE, keep_track_names, track_names
 from squealstudy.engine.results import Results
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.kernels.raster import corner_normals, draw_triangles
@@ -80,7 +83,7 @@ def test_shape_is_that_of_the_table(results):
         for _, mode in own[~own["overdamped"]].iloc[::9].iterrows():
             shape = results.shape(row, int(mode["mode"]))
             assert shape.label.point_id == point_id
-            assert shape.label.values["friction"] == results.points["friction"].iloc[row]
+            assert shape.label.values["friction"] == results.points["friction"].iloc[row]  # noqa: PD011
             assert shape.frequency_hz == pytest.approx(mode["frequency_hz"], rel=1e-9)
             assert shape.growth_rate == pytest.approx(mode["growth_rate"], abs=1e-5)
             for name, share in shape.energies.items():
@@ -424,13 +427,73 @@ def test_command_refuses_in_one_sentence(results, capsys, arguments, text):
 def test_command_names_ranked_modes(results, capsys):
     ranking = results.rank()
     assert command("rank", str(results.directory), "--names") == 0
-    told = capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
     for track in ranking["track"]:
         shape = results.shape(track=int(track))
         assert f"mode {track} " in told
-        text = " ".join(told.split())
-        assert f"{name_of(shape).text} (at design point {shape.label.row};" in text
-    assert "% out of plane" in " ".join(told.split())
+        hz = f"{shape.frequency_hz:.0f}"
+        assert f"design point {shape.label.row}, {hz} Hz: {name_of(shape).text}; kinetic" in told
+    assert "% out of plane" in told
+    named = Results.open(results.directory).track_names
+    assert set(named) == set(ranking["track"])
+    figure = Results.open(results.directory).plot.ranking()
+    rows = [t.get_text().replace("\n", " ") for t in figure.axes[0].get_yticklabels()]
+    for track, (text, _) in named.items():
+        assert any(text in row and row.endswith(f"(T{track})") for row in rows)
+    legend = Results.open(results.directory).plot.evolution(along="friction").legends[0]
+    texts = [t.get_text() for t in legend.get_texts()]
+    assert any(f"(T{track})" in t for t in texts for track in named)
+
+
+def test_names_are_those_of_points_and_modes(results):
+    names = results.names()
+    assert len(names) == results.modes["unstable"].sum()
+    joined = results.modes.merge(names, on=["point_id", "mode"], suffixes=("", "_named"))
+    assert (joined["track"] == joined["track_named"]).all()
+    assert joined["unstable"].all()
+    for row in names.itertuples():
+        shape = results.shape(row.point_id, int(row.mode))
+        assert row.name == name_of(shape).text
+        assert row.n_diameters == name_of(shape).waves.diameters
+    few = results.names(most=1)
+    fastest = results.modes.loc[
+        results.modes[results.modes["unstable"]].groupby("track")["growth_rate"].idxmax()
+    ]
+    assert sorted(few["point_id"]) == sorted(fastest["point_id"])
+    with pytest.raises(ResultsError, match="no mode of track 999"):
+        results.names([999])
+
+
+def test_a_track_has_its_most_frequent_name():
+    text = ["a + b", "b + a", "b + a", "c", "d", "d"]
+    names = pd.DataFrame(
+        {"point_id": list("uvwxyz"), "mode": 1, "track": [5] * 4 + [7] * 2, "name": text}
+    )
+    growth = pd.DataFrame({"point_id": list("uvwxyz"), "mode": 1, "growth_rate": range(6)})
+    found = track_names(names, growth)
+    assert found.loc[5].to_dict() == {
+        "name": "b + a",
+        "n_points": 4,
+        "n_named": 3,
+        "changes": True,
+        "others": "c at 1",
+    }
+    assert (found.loc[7, "name"], found.loc[7, "changes"]) == ("d", False)
+
+
+def test_names_of_other_tables_are_not_used(results, tmp_path):
+    """A damaged file, and one beside tables whose tracks have other numbers."""
+    other = tmp_path / "other"
+    shutil.copytree(results.directory, other)
+    opened = Results.open(other)
+    keep_track_names(opened, track_names(opened.names(most=1), opened.modes))
+    kept = (other / FILE).read_text()
+    assert Results.open(other).track_names
+    (other / FILE).write_text(kept.replace("false", "true", 1) + " ")
+    assert not Results.open(other).track_names
+    (other / FILE).write_text(kept)
+    opened.store.write_table("modes.parquet", pa.Table.from_pandas(opened.modes.iloc[1:]))
+    assert not Results.open(other).track_names
 
 
 def test_command_names_no_modes_of_other_kinds(tmp_path, capsys):

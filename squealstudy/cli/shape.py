@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from squealstudy.engine.files import write_text
+from squealstudy.engine.mode_names import keep_track_names, track_names
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.results import Results
 from squealstudy.engine.shapes import chosen_modes, point_shapes
@@ -17,6 +18,7 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.sources import ASSEMBLY, CONTACT
+from squealstudy.wording import plural
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
@@ -166,21 +168,28 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
 
 
 def names(results: Results, tracks: Iterable[int]) -> Rows:
-    """Names of ranked modes, each at the design point where it grows fastest of all.
+    """Names of ranked modes: the most frequent one, and what they rest on where growth is fastest.
 
-    What follows no track (static divergence, modes without a track) has no name.
+    What follows no track (static divergence, modes without a track) has no name. The names are kept
+    beside the tables, for the legends of pictures.
 
     Raises
     ------
     ResultsError
         As `Results.shape`.
     """
+    wanted = [int(track) for track in tracks if track >= 0]
+    table = track_names(results.names(wanted), results.modes)
     rows: Rows = []
-    for track in tracks:
-        if track >= 0:
-            shape = results.shape(track=int(track))
-            place = f"at design point {shape.label.row}"
-            rows.append((f"mode {track}", f"{name_of(shape).text} ({place}; {figures_of(shape)})"))
+    found = table.to_dict("index")
+    for track in wanted:
+        row, shape = found[track], results.shape(track=track)
+        text = f"{row['name']}, at {row['n_named']} of {plural(row['n_points'], 'point')} looked at"
+        text += f"; changes: {row['others']}" if row["changes"] else ""
+        rows.append((f"mode {track}", text))
+        own = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
+        rows.append(("", f"{own}: {name_of(shape).text}; {figures_of(shape)}"))
+    keep_track_names(results, table)
     return rows
 
 

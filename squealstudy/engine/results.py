@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 KEEP_PICTURES = 100_000  # points from which on pictures take long enough to be kept
+MOST_NAMED = 12  # design points of a track at which it is named, unless more are asked for
 
 
 @dataclass(frozen=True)
@@ -273,6 +275,48 @@ class Results:
         from squealstudy.engine.shapes import shape
 
         return shape(self, point, mode, track)
+
+    def names(
+        self, tracks: Iterable[int] | None = None, most: int | None = MOST_NAMED
+    ) -> pd.DataFrame:
+        """Names of modes by their shapes; ``modes.merge(names, on=["point_id", "mode"])``.
+
+        Each design point that has one of them is solved again, as for `shape`.
+
+        Parameters
+        ----------
+        tracks : iterable of int or None
+            Modes by their numbers in rankings; by default all that are unstable somewhere.
+        most : int or None
+            Design points of a track at which it is named: where it is unstable, or all where it is
+            nowhere. Of more that where it grows fastest, and others evenly through the study. None
+            names it at all of them.
+
+        Returns
+        -------
+        DataFrame
+            ``point_id``, ``mode``, ``track``, ``name``; of the rotor that moves most
+            ``n_diameters`` (-1 where none is counted), ``diameters_share`` of that harmonic in the
+            motion of the ring under the pads, ``out_of_plane_share``.
+
+        Raises
+        ------
+        ResultsError
+            As `shape`.
+        """
+        from squealstudy.engine.mode_names import mode_names
+
+        return mode_names(self, tracks, most)
+
+    @cached_property
+    def track_names(self) -> dict[int, tuple[str, bool]]:
+        """Most frequent name of each track that `squealstudy rank --names` named.
+
+        With it whether the name changes between design points.
+        """
+        from squealstudy.engine.mode_names import read_track_names
+
+        return read_track_names(self)
 
     @property
     def plot(self) -> Plots:

@@ -78,7 +78,7 @@ def chosen_modes(
     ResultsError
         No such point or mode, or a point that failed.
     """
-    _check(results)
+    expect_complex_modes(results)
     points, modes = results.points, results.modes
     told = modes[~modes["overdamped"]]
     if mode is not None and point is None:
@@ -106,7 +106,7 @@ def chosen_modes(
     return row, own.sort_values("growth_rate", ascending=False)["mode"].tolist()
 
 
-def _check(results: Results) -> None:
+def expect_complex_modes(results: Results) -> None:
     """Raise ResultsError for results that have no modes with a shape."""
     if "modes" not in results.tables or "growth_rate" not in results.modes:
         raise ResultsError(

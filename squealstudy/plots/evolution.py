@@ -111,7 +111,7 @@ def evolution(
     for place, track in enumerate(tracks[:rows]):
         _locus(right[0].add_subplot(rows, 1, place + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
-    legend_below(figure, _handles(line), 5)
+    legend_below(figure, _handles(line, results.track_names), 2 if results.track_names else 5)
     return figure
 
 
@@ -173,11 +173,11 @@ def _title(line: StudyLine) -> str:
     )
 
 
-def _handles(line: StudyLine) -> list[Line2D]:
+def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Line2D]:
     """The coloured tracks with their frequency at fastest growth, for the legend."""
     named = line.worst.iloc[: len(COLOURS)]
     handles = [
-        Line2D([], [], color=COLOURS[k], marker=MARKERS[k], label=track_name(t, f))
+        Line2D([], [], color=COLOURS[k], marker=MARKERS[k], label=track_name(t, f, names))
         for k, (t, f) in enumerate(zip(named["track"], named["frequency_hz"], strict=True))
     ]
     if len(line.worst) > len(COLOURS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -21,13 +22,13 @@ from squealstudy.plots.style import (
     legend_below,
     name_rows,
     new_figure,
+    track_name,
 )
 from squealstudy.tables.mode_ranking import (
     energy_columns,
     frequency_text,
     unstable_groups,
 )
-from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
 LEGIBLE = 8.0  # percent: narrower bars carry no number
+LONGEST_NAME = 44  # characters of a line
 HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
 
 
@@ -69,7 +71,8 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     else:  # a family of matrices has no components
         left = figure.subplots()
     _shares(left, shown)
-    name_rows(left, [_name(row) for row in shown.to_dict("records")])
+    names = results.track_names
+    name_rows(left, [_name(row, names) for row in shown.to_dict("records")])
     head(
         left,
         joined(
@@ -88,10 +91,11 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
     return means.reindex(tracks).rename(columns=lambda c: c.removeprefix("energy_"))
 
 
-def _name(row: Mapping[Hashable, Any]) -> str:
-    """Track and frequency; of modes without a track the range of these."""
+def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
+    """Track, by its name where it has one, and frequency; without a track the range of these."""
     if row["kind"] == "mode":
-        return f"T{row['track']}   {in_digits(row['frequency_hz'])} Hz"
+        text = track_name(row["track"], row["frequency_hz"], names)
+        return "\n".join(textwrap.wrap(text, LONGEST_NAME))
     hz = frequency_text(row)
     return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 

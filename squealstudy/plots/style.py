@@ -221,7 +221,14 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
     return low, -0.1 * low
 
 
-def track_name(track: int, frequency_hz: float) -> str:
-    """A track in a legend or label."""
+def track_name(
+    track: int, frequency_hz: float, names: Mapping[int, tuple[str, bool]] | None = None
+) -> str:
+    """A track in a legend or label, by its name where it has one (`Results.track_names`)."""
     hertz = f"{in_digits(frequency_hz)} Hz"
-    return f"T{track}  {hertz}" if track > 0 else hertz
+    if track <= 0:
+        return hertz
+    if not names or track not in names:
+        return f"T{track}  {hertz}"
+    text, changes = names[track]
+    return f"{'mostly ' * changes}{text}, {hertz} (T{track})"

@@ -10,6 +10,7 @@ from squealstudy.shapes.parts import Part
 from squealstudy.shapes.shape import Shape
 from squealstudy.system.linearise import squared
 
+AND = " + "  # between the components of a name
 MIXED = "mixed"  # where no word fits
 TOLD = 0.2  # least share of kinetic energy of a component that is named
 PURE = 0.5  # least share of a harmonic, or of one component mode, that is named
@@ -82,7 +83,7 @@ def name_of(shape: Shape) -> Name:
             words.append(_rotor(component, found, len(rotors) > 1))
         else:
             words.append(_component(shape, component, share))
-    return Name(" + ".join(words) or MIXED, next(filter(None, waves.values()), None))
+    return Name(AND.join(words) or MIXED, next(filter(None, waves.values()), None))
 
 
 def figures_of(shape: Shape) -> str:

@@ -1,0 +1,150 @@
+"""Names of modes of results: by point and mode, and the most frequent one of a track."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.files import sealed, unsealed, write_text
+from squealstudy.engine.shapes import expect_complex_modes, point_shapes
+from squealstudy.errors import ResultsError
+from squealstudy.progress import progress
+from squealstudy.shapes.names import AND, name_of
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+FILE = "names.json"
+NO_DIAMETERS = -1
+
+
+def mode_names(
+    results: Results, tracks: Iterable[int] | None = None, most: int | None = None
+) -> pd.DataFrame:
+    """As `Results.names`."""
+    expect_complex_modes(results)
+    modes = results.modes[~results.modes["overdamped"].to_numpy(bool)]
+    known = set(modes.loc[modes["track"] >= 0, "track"])
+    if tracks is None:
+        tracks = modes.loc[modes["unstable"] & (modes["track"] >= 0), "track"].unique()
+    wanted = [int(track) for track in tracks]
+    if missing := [track for track in wanted if track not in known]:
+        raise ResultsError(f"{results.directory}: no mode of track {missing[0]}")
+    chosen = [_chosen(modes[modes["track"] == track], most) for track in wanted]
+    rows = pd.concat([modes.iloc[:0], *chosen])
+    place = {point_id: row for row, point_id in enumerate(results.points["point_id"])}
+    order = rows["point_id"].map(place).to_numpy()
+    found = []
+    with progress() as tell:
+        for done, row in enumerate(np.unique(order)):
+            tell("names", done, len(np.unique(order)))
+            shapes = point_shapes(results, int(row))
+            for mode, track in rows.loc[order == row, ["mode", "track"]].itertuples(index=False):
+                name = name_of(shapes.shape(int(mode)))
+                waves = name.waves
+                found.append(
+                    {
+                        "point_id": results.points["point_id"].iloc[int(row)],
+                        "mode": mode,
+                        "track": track,
+                        "name": name.text,
+                        "n_diameters": waves.diameters if waves else NO_DIAMETERS,
+                        "diameters_share": waves.share if waves else np.nan,
+                        "out_of_plane_share": waves.out_of_plane if waves else np.nan,
+                    }
+                )
+        tell("names", len(np.unique(order)), len(np.unique(order)))
+    return pd.DataFrame(found, columns=list(COLUMNS)).astype(COLUMNS)
+
+
+COLUMNS = {"point_id": "str", "mode": "int64", "track": "int64", "name": "str"} | {
+    "n_diameters": "int64",
+    "diameters_share": "f8",
+    "out_of_plane_share": "f8",
+}
+
+
+def _chosen(own: pd.DataFrame, most: int | None) -> pd.DataFrame:
+    """The modes of a track that are named: unstable ones if there are, else all.
+
+    Of more than `most` that with the fastest growth, and others evenly through the study.
+    """
+    own = own[own["unstable"]] if own["unstable"].any() else own
+    if most is None or len(own) <= most:
+        return own
+    spread = np.linspace(0, len(own) - 1, max(most - 1, 0)).round().astype(int)
+    fastest = own["growth_rate"].to_numpy().argmax()
+    return own.iloc[np.unique(np.append(spread, fastest))]
+
+
+def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
+    """The name of each track, and where it changes.
+
+    Parameters
+    ----------
+    names : DataFrame
+        `Results.names`.
+    modes : DataFrame
+        Of the same results; of names that are as frequent that counts at which growth is fastest.
+
+    Returns
+    -------
+    DataFrame
+        A row a track, indexed by it: `name`, the most frequent one; `n_points` that were named, of
+        which `n_named` have it; `changes`, whether any has another (the order of words does not
+        count); `others`, these with their counts.
+    """
+    grown = names.merge(modes[["point_id", "mode", "growth_rate"]], on=["point_id", "mode"])
+    found = {}
+    grown["name"] = _in_one_order(grown["name"])
+    for track, own in grown.groupby("track", sort=False):
+        counts = own.groupby("name")["growth_rate"].agg(["size", "max"])
+        counts = counts.sort_values(["size", "max"], ascending=False)
+        others = [f"{name} at {size}" for name, size in counts["size"].iloc[1:].items()]
+        found[track] = {
+            "name": counts.index[0],
+            "n_points": len(own),
+            "n_named": int(counts["size"].iloc[0]),
+            "changes": len(counts) > 1,
+            "others": ", ".join(others),
+        }
+    columns = ["name", "n_points", "n_named", "changes", "others"]
+    return pd.DataFrame.from_dict(found, orient="index", columns=columns).rename_axis("track")
+
+
+def _in_one_order(names: pd.Series) -> pd.Series:
+    """Names whose words differ in their order alone as the most frequent of them."""
+    words = names.map(lambda name: frozenset(name.split(AND)))
+    return names.groupby(words).transform(lambda own: own.mode().iloc[0])
+
+
+def keep_track_names(results: Results, table: pd.DataFrame) -> None:
+    """Write the names of tracks beside the tables, for the legends of pictures."""
+    named = {str(track): [str(r["name"]), bool(r["changes"])] for track, r in table.iterrows()}
+    kept = {str(t): list(v) for t, v in read_track_names(results).items()}
+    content = {"modes": _identity(results), "tracks": kept | named}
+    write_text(results.directory / FILE, sealed(content))
+
+
+def read_track_names(results: Results) -> dict[int, tuple[str, bool]]:
+    """Name of each track that was named, and whether it changes; none of other tables' tracks."""
+    path = results.directory / FILE
+    if not path.is_file():
+        return {}
+    try:
+        content = unsealed(path.read_bytes())
+    except (ValueError, json.JSONDecodeError):
+        return {}  # damaged: it is made again when names are asked for
+    if content.get("modes") != _identity(results):
+        return {}
+    return {int(track): (str(v[0]), bool(v[1])) for track, v in content["tracks"].items()}
+
+
+def _identity(results: Results) -> list[str]:
+    """Hashes of the modes table that tracks are numbered in."""
+    entries = results.store.journal.entries
+    return sorted(entries[name].sha256 for name in results.store.parts("modes.parquet"))
