@@ -25,7 +25,31 @@ NO_DIAMETERS = -1
 def mode_names(
     results: Results, tracks: Iterable[int] | None = None, most: int | None = None
 ) -> pd.DataFrame:
-    """As `Results.names`."""
+    """Names of modes of results by their shapes.
+
+    Each design point that has one of them is solved again, as for `Results.shape`.
+
+    Parameters
+    ----------
+    tracks : iterable of int or None
+        Modes by their numbers in rankings; by default all that are unstable somewhere.
+    most : int or None
+        Design points of a track at which it is named: where it is unstable, or all where it is
+        nowhere. Of more that where it grows fastest, and others evenly through the study. None
+        names it at all of them.
+
+    Returns
+    -------
+    DataFrame
+        ``point_id``, ``mode``, ``track``, ``name``; of the rotor that moves most
+        ``n_diameters`` (-1 where none is counted), ``diameters_share`` of that harmonic in the
+        motion of the ring under the pads, ``out_of_plane_share``.
+
+    Raises
+    ------
+    ResultsError
+        As `Results.shape`.
+    """
     expect_complex_modes(results)
     modes = results.modes[~results.modes["overdamped"].to_numpy(bool)]
     known = set(modes.loc[modes["track"] >= 0, "track"])

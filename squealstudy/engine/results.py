@@ -279,30 +279,10 @@ class Results:
     def names(
         self, tracks: Iterable[int] | None = None, most: int | None = MOST_NAMED
     ) -> pd.DataFrame:
-        """Names of modes by their shapes; ``modes.merge(names, on=["point_id", "mode"])``.
+        """Names of modes by their shapes, a row a mode (`engine.mode_names.mode_names`).
 
-        Each design point that has one of them is solved again, as for `shape`.
-
-        Parameters
-        ----------
-        tracks : iterable of int or None
-            Modes by their numbers in rankings; by default all that are unstable somewhere.
-        most : int or None
-            Design points of a track at which it is named: where it is unstable, or all where it is
-            nowhere. Of more that where it grows fastest, and others evenly through the study. None
-            names it at all of them.
-
-        Returns
-        -------
-        DataFrame
-            ``point_id``, ``mode``, ``track``, ``name``; of the rotor that moves most
-            ``n_diameters`` (-1 where none is counted), ``diameters_share`` of that harmonic in the
-            motion of the ring under the pads, ``out_of_plane_share``.
-
-        Raises
-        ------
-        ResultsError
-            As `shape`.
+        By default at up to MOST_NAMED points of each mode that is unstable somewhere;
+        ``modes.merge(names, on=["point_id", "mode"])`` has them as a column.
         """
         from squealstudy.engine.mode_names import mode_names
 

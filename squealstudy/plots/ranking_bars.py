@@ -94,6 +94,8 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
     """Track, by its name where it has one, and frequency; without a track the range of these."""
     if row["kind"] == "mode":
+        if row["track"] not in names:
+            return f"T{row['track']}   {in_digits(row['frequency_hz'])} Hz"
         text = track_name(row["track"], row["frequency_hz"], names)
         return "\n".join(textwrap.wrap(text, LONGEST_NAME))
     hz = frequency_text(row)
