@@ -29,6 +29,7 @@ from squealstudy.tables.mode_ranking import (
     frequency_text,
     unstable_groups,
 )
+from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
