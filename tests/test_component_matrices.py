@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from own_blocks import block, write_blocks
+from study_runs import command
 from test_model_file import built, frequencies
 
 from squealstudy.errors import ModelError, StudyFileError
@@ -236,6 +237,15 @@ def test_a_component_of_matrices_is_that_of_the_mesh(slider, blocks_of_mesh, tmp
     write_blocks(tmp_path, ('mesh = "slider.inp"', table))
     found = built(tmp_path / "blocks.toml")
     assert frequencies(found) == pytest.approx(frequencies(blocks_of_mesh), rel=1e-8)
+
+
+def test_ten_digits_leave_six_rigid_modes(slider, tmp_path, capsys):
+    """Of a punched file, whose rigid motions are not quite free of strain."""
+    write_blocks(tmp_path, ('mesh = "slider.inp"', with_matrices(tmp_path, slider, "nastran")))
+    command("inspect", str(tmp_path / "blocks.toml"))
+    facts = " ".join(capsys.readouterr().out.split())
+    assert "70 nodes of matrices" in facts
+    assert facts.count("6 rigid modes, no other mode up to 64000 Hz") == 2
 
 
 def test_files_that_hold_several_matrices_need_a_name(slider, tmp_path):

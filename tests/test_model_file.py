@@ -246,6 +246,17 @@ def test_defaults_have_units(blocks, tmp_path):
         assert found["lining.E3"] == (2000.0 if "hPa" in lining else 2e9)
 
 
+def test_values_of_a_study_have_units(tmp_path):
+    sweep = '[[sweep]]\nparameter = "lining.E3"\nvalues = ["1.5 GPa", "2200 MPa"]\n\n[modes]'
+    text = STUDY.replace("[modes]", '[parameters]\npressure = "12 bar"\n\n' + sweep)
+    study = load_study(write_blocks(tmp_path, study=text))
+    assert list(study.sweeps[1].values) == [1.5e9, 2.2e9]
+    assert study.values["pressure"] == 12e5
+    (tmp_path / "study.toml").write_text(text.replace("2200 MPa", "2 mm"))
+    with pytest.raises(StudyFileError, match="E3 is in Pa: got '2 mm'"):
+        load_study(tmp_path / "study.toml")
+
+
 def test_a_study_of_a_model_file(blocks, tmp_path):
     """It runs like any other, and agrees with the unreduced model."""
     folder, _ = blocks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -147,7 +148,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
-    tables = with_numbers(tables, _model_with_units(tables), source)
+    tables = with_numbers(tables, partial(_model_with_units, tables, source), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
     options = _options(definition.model, model, source)  # a law first, then its parameters
@@ -200,12 +201,18 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
     return found
 
 
-def _model_with_units(tables: Mapping[str, Any]) -> ModelDefinition | None:
+def _model_with_units(tables: Mapping[str, Any], source: SourceText) -> ModelDefinition | None:
     """The model that a file names, whose parameters have units; None for matrices and no model."""
     from squealstudy.models.catalogue import MODELS
 
     section = tables.get("model")
-    name = section.get("name") if isinstance(section, Mapping) else None
+    if not isinstance(section, Mapping):
+        return None
+    name, file = section.get("name"), section.get("file")
+    if isinstance(file, str) and name is None and (source.path.parent / file).is_file():
+        from squealstudy.study.components import read_model  # imports scikit-fem
+
+        return read_model(source.path.parent / file)
     return MODELS.get(name) if isinstance(name, str) else None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -182,7 +182,7 @@ def quantity(value: Any, parameter: StudyParameter) -> Any:
 
 
 def with_numbers(
-    tables: Mapping[str, Any], model: ModelDefinition | None, source: SourceText
+    tables: Mapping[str, Any], model: Callable[[], ModelDefinition | None], source: SourceText
 ) -> Mapping[str, Any]:
     """A study file's tables with numbers where values of parameters have units.
 
@@ -191,8 +191,9 @@ def with_numbers(
     tables : mapping
         What the file says. What is no value of a parameter, or no number with a unit, stays as it
         is: that is found when the file is checked.
-    model : ModelDefinition or None
-        Whose parameters they are; None where these have no units, or the model is not known.
+    model : callable
+        Gives the model whose parameters they are, asked where a value has a unit; None where
+        parameters have no units, or the model is not known.
     source : SourceText
         For messages.
 
@@ -201,14 +202,15 @@ def with_numbers(
     StudyFileError
         A unit that is not known or not that of the parameter; a parameter that is not known.
     """
-    texts = list(_texts(tables)) if model is not None else []
-    if model is None or not texts:
+    texts = list(_texts(tables))
+    of = model() if texts else None
+    if of is None:
         return tables
     units: dict[str, str] = {}
     copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            unit = units.get(name) or units.setdefault(name, parse_parameter(name, model).unit)
+            unit = units.get(name) or units.setdefault(name, parse_parameter(name, of).unit)
         except ParameterError as error:
             raise source.error(_named(keys), error.message) from None
         try:

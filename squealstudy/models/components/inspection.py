@@ -20,6 +20,7 @@ MASSES = (0.02, 100.0)  # kg of a part of a brake
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 INERTIA = Dimension((2, 1, 0), "kg m2")
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
+DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
 FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
 LISTED = 3  # elastic frequencies
@@ -149,7 +150,7 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
     cutoff, elastic, rigid = FIRST_CUTOFF, np.zeros(0), 0
     while cutoff <= LAST_CUTOFF and len(elastic) < LISTED:
         omega, _ = real_modes(M, K, cutoff)
-        rigid = _rigid_count(omega)
+        rigid = _rigid_count(K, M, omega)
         elastic, cutoff = omega[rigid:] / (2 * np.pi), 2 * cutoff
     hz = ", ".join(f"{f:.1f}" for f in elastic[:LISTED])
     first = f"first free modes {hz} Hz" if hz else f"no other mode up to {cutoff / 2:g} Hz"
@@ -167,9 +168,10 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
         )
 
 
-def _rigid_count(omega: np.ndarray) -> int:
-    """Modes [rad/s] below 1 Hz, and up to the first large step."""
-    return int((omega < 2 * np.pi).sum())
+def _rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
+    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
+    highest = np.sqrt((np.abs(K.diagonal()) / M.diagonal()).max())
+    return int((omega < max(2 * np.pi, DIGITS * highest)).sum())
 
 
 # -- what is between -----------------------------------------------------------------------------
