@@ -36,6 +36,12 @@ OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own
 # unit of a column of the result tables; the first pattern that fits it whole
 UNITS: tuple[tuple[str, str], ...] = (
+    (r"\w+_velocity", "m/s"),
+    (r"added_damping", "1/s"),
+    (r"(friction|damping|belt)_power", "W"),
+    (r"normal_force_rms", "N"),
+    (r"threshold_energy", "J"),
+    (r"multiplier\w*|(level|frequency)_error|power_imbalance|harmonic_tail", ""),
     (r"\w*frequency\w*_hz|hz", "Hz"),
     (r"d_frequency_hz", "Hz per unit of the row"),
     (

@@ -19,6 +19,7 @@ TOLERANCE = 1e-9  # of the last Newton step and of the equations: unknowns are s
 NEWTON = 12  # steps at most
 FAST, SLOW = 3, 6  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
+FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
 LOCATED = 1e-10  # of an event, relative to the step in which it is
 
 
@@ -159,13 +160,12 @@ def follow(
     here = CurvePoint(u, tangent_of(J, along), residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
-        found = _step(equations, here, h, steps.least)
+        found = _step(equations, here, h, steps.least, tests)
         if found is None:
             curve.end = "not_converged"
             return curve
-        there, taken, iterations = found
-        curve.points += _events(equations, here, there, taken, tests)
-        curve.points.append(there)
+        there, events, taken, iterations = found
+        curve.points += [*events, there]
         equations.accepted(there.u)
         if reason := stop(there.u):
             curve.end = reason
@@ -177,14 +177,23 @@ def follow(
 
 
 def _step(
-    equations: Equations, here: CurvePoint, h: float, least: float
-) -> tuple[CurvePoint, float, int] | None:
-    """The next point, the arc-length to it and its Newton steps; None where there is none."""
+    equations: Equations,
+    here: CurvePoint,
+    h: float,
+    least: float,
+    tests: Mapping[str, Test],
+) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
+    """The next point, events before it, arc-length and Newton steps; None where there is none.
+
+    A step that ends on another curve is halved: the tangent turns, the correction is long, or a
+    test changes its sign without a zero between.
+    """
     while h >= least:
         try:
             there, iterations = _corrected(equations, here, h)
-            if there.tangent @ here.tangent >= TURN:
-                return there, h, iterations
+            moved = float(np.linalg.norm(there.u - here.u - h * here.tangent))
+            if there.tangent @ here.tangent >= TURN and moved <= FAR_OFF * h:
+                return there, _events(equations, here, there, h, tests), h, iterations
         except ConvergenceError:
             pass
         h *= 0.5
@@ -201,7 +210,10 @@ def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurveP
 def _events(
     equations: Equations, here: CurvePoint, there: CurvePoint, h: float, tests: Mapping[str, Test]
 ) -> list[CurvePoint]:
-    """Zeros of the tests between two points, in the order in which they are met."""
+    """Zeros of the tests between two points, in the order in which they are met.
+
+    Raises ConvergenceError where one cannot be located.
+    """
     found: list[tuple[float, CurvePoint]] = []
     for name, test in tests.items():
         before, behind = test(here.u, here.tangent), test(there.u, there.tangent)
@@ -214,8 +226,8 @@ def _events(
 
         try:
             s = float(brentq(value, 0.0, h, xtol=LOCATED * h, rtol=1e-12))
-            point, _ = _corrected(equations, here, s)
-        except (ConvergenceError, ValueError):  # a branch that jumps has no zero between
-            continue
+        except ValueError:  # the end of the step is on another curve than the way there
+            raise ConvergenceError("not_converged", "a change of sign without a zero") from None
+        point, _ = _corrected(equations, here, s)
         found.append((s, CurvePoint(point.u, point.tangent, point.residual, (name,))))
     return [point for _, point in sorted(found, key=lambda item: item[0])]

@@ -23,7 +23,7 @@ PARAMETER_STEP = 1e-6  # of central differences, of the range
 KEPT = 4  # oscillators
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PeriodicMotion:
     """A periodic motion, or one that added damping makes periodic.
 

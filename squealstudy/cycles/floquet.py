@@ -27,7 +27,7 @@ FLIP, FOLD, TORUS = (
 )  # a multiplier beyond -1, 1, or a pair beyond the circle
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Floquet:
     """Multipliers of a cycle.
 

@@ -90,6 +90,17 @@ def tabled(rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
     return pa.Table.from_pylist(list(rows), schema=pa.schema([*HEAD, *fields]))
 
 
+def structs(fields: Fields) -> pa.DataType:
+    """Type of a column of lists of items with these fields."""
+    return pa.list_(pa.struct([pa.field(n, t) for n, t in fields]))
+
+
+def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.Table:
+    """The items of a column of lists as a table, each with the id of its design point."""
+    flat = [{"point_id": row["point_id"], **item} for row in rows for item in row[name]]
+    return pa.Table.from_pylist(flat, schema=pa.schema([("point_id", TEXT), *fields]))
+
+
 def points_table(plan: Plan, found: pa.Table) -> pa.Table:
     """One row a design point: HEAD, its parameters, then what else was found.
 

@@ -42,6 +42,7 @@ ONSETS = "onsets.parquet"
 SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
+CYCLES, VERDICTS, BRANCHES = "cycles.parquet", "verdicts.parquet", "branches.parquet"
 HISTORIES, STATES, REFERENCES = "histories", "states", "references"
 ONSET_PARAMETER = "friction"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables

@@ -22,7 +22,7 @@ from squealstudy.tables.stability import (
 from squealstudy.wording import in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
-FIRST_RESULT = ("n_modes", "class")  # what follows them: of complex modes, of motion
+FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 # in place of a track number: overdamped roots together; modes without a track in groups of near

@@ -17,7 +17,9 @@ from squealstudy.engine.rows import (
     WHOLE,
     Fields,
     failed_row,
+    nested,
     planned_rows,
+    structs,
     tabled,
 )
 from squealstudy.engine.store import GROWTH, MODES, Store
@@ -139,30 +141,21 @@ def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
         {**row, "modes": [m | dict(zip(names, m["energies"], strict=True)) for m in row["modes"]]}
         for row in rows
     ]
-    return _nested(spread, "modes", fields)
+    return nested(spread, "modes", fields)
 
 
 def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
     """Rows of all followed modes; `expressed` is missing where it cannot be told."""
-    table = _nested(rows, "growth", GROWTH_FIELDS)
+    table = nested(rows, "growth", GROWTH_FIELDS)
     frame = table.to_pandas().astype({"expressed": "boolean"})
     return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
-
-
-def _nested(rows: Sequence[dict[str, Any]], name: str, fields: Fields) -> pa.Table:
-    flat = [{"point_id": row["point_id"], **item} for row in rows for item in row[name]]
-    return pa.Table.from_pylist(flat, schema=pa.schema([("point_id", TEXT), *fields]))
-
-
-def _structs(fields: Fields) -> pa.DataType:
-    return pa.list_(pa.struct([pa.field(n, t) for n, t in fields]))
 
 
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=t in (WHOLE, FLAG)) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
-        pa.field("modes", _structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
-        pa.field("growth", _structs(GROWTH_FIELDS)),
+        pa.field("modes", structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
+        pa.field("growth", structs(GROWTH_FIELDS)),
     ]
 )
 

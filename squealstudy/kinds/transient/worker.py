@@ -44,7 +44,7 @@ from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
-from squealstudy.reduction.working_point import open_share
+from squealstudy.reduction.working_point import WorkingPoint, open_share
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
@@ -130,27 +130,42 @@ def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any
 
 def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | Failure:
     """Working point, forecast and perturbed start of a design point, or why there is none."""
-    prepared, state, reference = (
-        prepared_model(point.structure),
-        point.state(),
-        task.reference,
-    )
-    values, section = point.values, task.section
+    section = task.section
     try:
-        known = known_gap(point.structure, point)
-        steady = state_working_point(prepared, state, known)
-        if known is None:
-            gaps.add(point.structure, point, steady.gap)
-        slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
-        contact = reference.system
-        friction = friction_law(contact, state, steady, slope, saturation, section.friction)
-        made = motion_point(reference, steady, state, friction, task.band_hz, task.tolerance)
+        _, made = steady_motion(
+            task.reference, point, section.friction, task.band_hz, task.tolerance, gaps
+        )
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
     except FAILURES as error:
         return reason(error)
     made = replace(made, continued=task.start is not None)
-    return perturbed(reference.system, made, task.perturbation, section.perturb_modes)
+    return perturbed(task.reference.system, made, task.perturbation, section.perturb_modes)
+
+
+def steady_motion(
+    reference: SharedModes,
+    point: DesignPoint,
+    friction_kind: str,
+    band_hz: tuple[float, float],
+    tolerance: float,
+    gaps: NewGaps,
+) -> tuple[WorkingPoint, MotionPoint]:
+    """Working point of a design point, and the design about it on shared modes.
+
+    Raises
+    ------
+    ParameterError, or one of FAILURES
+        A value that cannot be used; no working point.
+    """
+    prepared, state, values = prepared_model(point.structure), point.state(), point.values
+    known = known_gap(point.structure, point)
+    steady = state_working_point(prepared, state, known)
+    if known is None:
+        gaps.add(point.structure, point, steady.gap)
+    slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
+    friction = friction_law(reference.system, state, steady, slope, saturation, friction_kind)
+    return steady, motion_point(reference, steady, state, friction, band_hz, tolerance)
 
 
 def integrate(

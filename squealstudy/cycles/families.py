@@ -1,0 +1,305 @@
+"""The limit cycles of a design: growth over amplitude of its mode families, cycles, a verdict.
+
+A verdict never says more than was found: `no_cycle_found` is of a curve that was followed as far as
+was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from squealstudy.cycles.branch import FAR, ZERO, growth_curve, refined
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.continuation import Curve, Steps
+from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.floquet import Floquet, floquet
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_qep import dense_roots
+
+SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
+NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
+VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
+OK, INACCURATE = "ok", "inaccurate"
+CURVE_HARMONICS = 5
+LADDER = (7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
+START = 1e-3  # contact velocity over the sliding speed at which a curve begins
+SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
+STEPS = Steps(first=0.3, largest=0.5, count=200)
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is looked for.
+
+    Attributes
+    ----------
+    harmonics : int or None
+        None: as many as the tolerance asks for.
+    tolerance : float
+        Of levels, relative.
+    reach : float
+        Contact velocity [m/s] up to which curves are followed.
+    """
+
+    harmonics: int | None
+    tolerance: float
+    reach: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A limit cycle.
+
+    Attributes
+    ----------
+    motion : PeriodicMotion
+    multipliers : Floquet
+    levels : mapping
+        `ContactOscillator.levels`.
+    level_error, frequency_error : float
+        Estimates, relative, from fewer harmonics.
+    residual : float
+    status : str
+        ``ok`` or ``inaccurate``: the level's error is beyond the tolerance.
+    """
+
+    motion: PeriodicMotion
+    multipliers: Floquet
+    levels: dict[str, float]
+    level_error: float
+    frequency_error: float
+    residual: float
+    status: str
+
+    @property
+    def attracts(self) -> bool | None:
+        """Whether it is stable; None where that cannot be said."""
+        return self.multipliers.stable if self.status == OK else None
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A mode, its growth over amplitude, its cycles.
+
+    Attributes
+    ----------
+    lam : complex
+        Root of the linearised equation, rad/s.
+    cycles : tuple of Cycle
+        In the order of the curve.
+    lost : int
+        Zeros of the curve that more harmonics did not confirm.
+    curve : list of dict
+        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``, ``event``.
+    end : str
+        Why the curve ended: ``far`` where it was followed as far as asked.
+    verdict, reason : str
+    threshold : Cycle or None
+        The unstable cycle that a kick must exceed.
+    """
+
+    lam: complex
+    cycles: tuple[Cycle, ...]
+    lost: int
+    curve: list[dict[str, Any]]
+    end: str
+    verdict: str = UNDECIDED
+    reason: str = ""
+    threshold: Cycle | None = None
+
+    @property
+    def reached(self) -> float:
+        """Largest contact velocity of the curve, m/s."""
+        return max((p["contact_velocity"] for p in self.curve), default=0.0)
+
+    @property
+    def loudest(self) -> Cycle | None:
+        """The stable cycle of largest level."""
+        stable = [c for c in self.cycles if c.attracts]
+        return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
+
+
+def linear_modes(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
+    """All roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m)."""
+    osc = contact.oscillator
+    zero = np.zeros((1, osc.n))
+    C, K = osc.tangent(zero, zero)
+    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf))
+    order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
+    return lam[order], psi[:, order]
+
+
+def families(
+    contact: ContactOscillator,
+    band: tuple[float, float],
+    wanted: Sequence[int] | None,
+    tolerance: float,
+    search: Search,
+) -> list[tuple[int, Family]]:
+    """The families of a band, by the numbers of their modes, with verdicts.
+
+    Parameters
+    ----------
+    contact : ContactOscillator
+    band : (low, high)
+        rad/s.
+    wanted : sequence of int or None
+        Numbers of modes, from 1 by frequency in the band; None for all.
+    tolerance : float
+        Damping ratio below minus which a mode is unstable.
+    search : Search
+
+    Raises
+    ------
+    ConvergenceError
+        Steady sliding that diverges without oscillation (``diverges``); a wanted mode that the
+        band does not have (``no_mode``).
+    """
+    lam, psi = linear_modes(contact)
+    unstable = lam.real > tolerance * np.abs(lam)
+    if (unstable & (lam.imag == 0)).any():
+        raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
+    inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
+    places = np.flatnonzero(inside)
+    numbers = list(wanted) if wanted is not None else list(range(1, len(places) + 1))
+    if max(numbers, default=0) > len(places):
+        count = len(places)
+        raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
+    found = []
+    for number in numbers:
+        k = places[number - 1]
+        family = _family(contact, complex(lam[k]), psi[:, k], search)
+        found.append((number, _judged(family, bool(unstable[k]), bool(unstable.any()), search)))
+    return found
+
+
+def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search) -> Family:
+    speed = abs(contact.point.speed)
+    unit = PeriodicMotion(np.vstack([0 * phi.real, phi.real, -phi.imag]), abs(lam.imag))
+    velocity = contact.contact_velocity(unit)
+    scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
+    if velocity <= 0.0:
+        return Family(lam, (), 0, [], "no_contact_motion")
+    size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
+    harmonics = search.harmonics or CURVE_HARMONICS
+    try:
+        equations, curve = growth_curve(
+            contact.oscillator,
+            lam,
+            phi,
+            size,
+            harmonics,
+            lambda m: contact.contact_velocity(m) > search.reach,
+            STEPS,
+        )
+    except ConvergenceError as error:
+        return Family(lam, (), 0, [], error.status)
+    cycles, lost = [], 0
+    for point in curve.at(ZERO):
+        try:
+            cycles.append(_cycle(contact, equations.motion(point.u), search))
+        except ConvergenceError:
+            lost += 1
+    return Family(lam, tuple(cycles), lost, _shown(contact, equations, curve), curve.end)
+
+
+def _shown(
+    contact: ContactOscillator, equations: CycleEquations, curve: Curve
+) -> list[dict[str, Any]]:
+    """The curve as rows."""
+    rows = []
+    for point in curve.points:
+        motion = equations.motion(point.u)
+        rows.append(
+            {
+                "contact_velocity": contact.contact_velocity(motion),
+                "frequency_hz": motion.omega / (2 * np.pi),
+                "added_damping": motion.mu,
+                "residual": point.residual,
+                "event": "".join(point.events),
+            }
+        )
+    return rows
+
+
+def _cycle(contact: ContactOscillator, motion: PeriodicMotion, search: Search) -> Cycle:
+    """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
+    tried = LADDER if search.harmonics is None else _pair(search.harmonics)
+    motion = replace(motion, mu=0.0)
+    before: tuple[PeriodicMotion, dict[str, float]] | None = None
+    level_error = frequency_error = np.inf
+    for harmonics in tried:
+        equations = CycleEquations(contact.oscillator, harmonics, motion.omega)
+        motion, residual = refined(equations, motion)
+        levels = contact.levels(motion)
+        if before is not None:
+            level_error = SAFETY * _change(before[1], levels)
+            frequency_error = SAFETY * abs(motion.omega / before[0].omega - 1.0)
+            if level_error < search.tolerance:
+                break
+        before = motion, levels
+    status = OK if level_error < search.tolerance else INACCURATE
+    found = floquet(contact.oscillator, motion)
+    return Cycle(motion, found, levels, level_error, frequency_error, residual, status)
+
+
+def _pair(harmonics: int) -> tuple[int, int]:
+    """The number asked for, after two thirds of it to tell its error."""
+    return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
+
+
+def _change(before: dict[str, float], now: dict[str, float]) -> float:
+    """Relative change of the level of the friction torque and of the contact velocity."""
+    names = ("torque_rms", "contact_velocity")
+    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in names)
+
+
+def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) -> Family:
+    """The family with its verdict."""
+    stable = family.loudest
+    inexact = sum(c.attracts is None for c in family.cycles) + family.lost
+    level = "with a stable cycle" if stable else "no stable cycle found: level undecided"
+    if unstable:
+        return replace(family, verdict=SQUEALS, reason=f"unstable mode, {level}")
+    if stable is not None:
+        threshold = None if any_unstable else _threshold(family, stable)
+        reason = "a stable cycle beside a stable mode"
+        if threshold is None:
+            why = "another mode is unstable" if any_unstable else "not one cycle between them"
+            reason += f"; no threshold: {why}"
+        return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
+    if inexact:
+        reason = f"{inexact} cycles whose stability or level cannot be told"
+    elif family.cycles:
+        reason = "unstable cycles alone: what is beyond them was not found"
+    elif family.end != FAR:
+        reason = f"growth over amplitude was lost at {family.reached:.3g} m/s: {family.end}"
+    elif max((p["added_damping"] for p in family.curve), default=0.0) > 0:
+        reason = "grows at some amplitude, no cycle found"
+    else:
+        return replace(
+            family, verdict=NO_CYCLE, reason=f"none up to {search.reach:.3g} m/s on the curve"
+        )
+    return replace(family, reason=reason)
+
+
+def _threshold(family: Family, stable: Cycle) -> Cycle | None:
+    """The only cycle below the stable one on the curve, if it has one unstable direction."""
+    below = family.cycles[: family.cycles.index(stable)]
+    if family.lost or len(below) != 1:
+        return None
+    only = below[0]
+    return only if only.status == OK and only.multipliers.n_unstable == 1 else None
+
+
+def same_cycle(one: Cycle, other: Cycle) -> bool:
+    """Whether two families have found one cycle."""
+    pairs = [(one.motion.omega, other.motion.omega)]
+    pairs += [(one.levels[n], other.levels[n]) for n in ("torque_rms", "contact_velocity")]
+    errors = SAME + one.level_error + other.level_error
+    return all(abs(a - b) <= min(errors, 1e-2) * abs(b) for a, b in pairs)

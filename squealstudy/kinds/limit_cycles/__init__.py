@@ -1,0 +1,1 @@
+"""Limit cycles of every design point and mode family, with a verdict each."""

@@ -1,0 +1,92 @@
+"""What is shown of studies of limit cycles: verdicts first, then levels."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.engine.kind import KindScreen
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows, grid, notes
+from squealstudy.wording import TORQUE, figure, in_digits, plural, with_unit
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_POINTS = 24  # design points listed; all of them are in the tables
+MOST_COLUMNS = 2  # parameters with a column of their own
+
+
+class LimitCyclesScreen(KindScreen):
+    """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
+
+    tables = ("points", "verdicts", "cycles", "branches")
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """Refused: there are verdicts, no ranking."""
+        raise ResultsError(
+            f"{results.directory}: a study of limit cycles has verdicts, no ranking of modes"
+        )
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """A line a design point."""
+        points, units = results.points, results.units
+        varied = [p for p in results.parameters if len(set(points[p])) > 1]
+        own = varied if len(varied) <= MOST_COLUMNS else []
+        listed = points.head(MOST_POINTS)
+        unit = units.get(TORQUE, "N m")
+        columns = ("growth 1/s", f"RMS {unit}", "Hz", "kick m/s", "kick %")
+        shown = grid(
+            *(f"value:{with_unit(p, units)}" for p in own),
+            "word:verdict",
+            *(f"value:{title}" for title in columns),
+            "text:because",
+            rows=(_cells(row, own) for row in listed.to_dict("records")),
+        )
+        more = len(points) - len(listed)
+        legend = notes(
+            f"{more} more in the points table" if more else "",
+            "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle; "
+            "kick: contact velocity of the unstable cycle that a disturbance must exceed, share of "
+            "that of the stable one",
+        )
+        return [shown, legend]
+
+    def facts(self, results: Results) -> Rows:
+        """Families and cycles; what the levels err by."""
+        cycles, verdicts = results.table("cycles"), results.table("verdicts")
+        own = cycles[(cycles["same_as"] == "").to_numpy(bool)]
+        counts = verdicts["verdict"].value_counts()
+        text = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
+        rows = [("families", text or "none followed")]
+        if len(own):
+            bad = int((own["status"] != "ok").sum())
+            error = own.loc[own["status"] == "ok", "level_error"].max()
+            said = f"{plural(len(own), 'cycle')}, levels to {100 * error:.2g} % at worst"
+            if bad:
+                said += f"; {bad} inaccurate"
+            rows.append(("cycles", said))
+        return rows
+
+
+def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
+    place = [f"{row[p]:.6g}" for p in own]
+    if row["status"] != "ok":
+        return [*place, f"failed: {row['status']}", *[""] * 5, str(row["message"])]
+    hz = row["frequency_hz"]
+    return [
+        *place,
+        str(row["verdict"]).replace("_", " "),
+        figure(row["max_growth_rate"]),
+        figure(row["torque_rms"]),
+        in_digits(hz, 1) if hz == hz else "-",
+        figure(row["threshold_velocity"]),
+        figure(100 * row["threshold_share"], ".0f"),
+        str(row["reason"]),
+    ]
+
+
+SCREEN = LimitCyclesScreen()

@@ -1,0 +1,84 @@
+"""The [limit_cycles] section of a study file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, Strict
+
+from squealstudy.study.section import Section
+from squealstudy.study.sections import StudyDefinition
+from squealstudy.study.source import shown
+
+AUTO, ALL = "auto", "all"
+MOST_HARMONICS = 60
+
+
+def _harmonics(value: object) -> object:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if value == AUTO or (whole and 1 <= value <= MOST_HARMONICS):  # type: ignore[operator]
+        return value
+    raise ValueError(f'expected "auto" or a number from 1 to {MOST_HARMONICS}, got {shown(value)}')
+
+
+def _families(value: object) -> object:
+    if value == ALL:
+        return value
+    numbers = list(value) if isinstance(value, list | tuple) else []
+    whole = all(isinstance(v, int) and not isinstance(v, bool) and v >= 1 for v in numbers)
+    if numbers and whole and len(set(numbers)) == len(numbers):
+        return tuple(numbers)
+    raise ValueError(f'expected "all" or a list of distinct modes from 1, got {shown(value)}')
+
+
+def _unchanged(value: int | str) -> int | str:
+    return value
+
+
+class LimitCyclesSection(Section):
+    """Which cycles are looked for, and how exactly."""
+
+    harmonics: Annotated[
+        Literal["auto"] | int, BeforeValidator(_harmonics), AfterValidator(_unchanged)
+    ] = Field(
+        default="auto",
+        description="harmonics of a cycle: a number, or 'auto': more and more until the levels "
+        "change by less than the tolerance",
+    )
+    tolerance: float = Field(
+        default=1e-2,
+        gt=0,
+        le=0.1,
+        description="error of a cycle's level that is accepted, relative; a cycle beyond it has "
+        "status 'inaccurate'",
+    )
+    families: Annotated[
+        Literal["all"] | Annotated[tuple[int, ...], Strict(False)], BeforeValidator(_families)
+    ] = Field(
+        default="all",
+        description="modes whose growth over amplitude is followed, stable ones too: 'all' of the "
+        "band, or their numbers (from 1, by frequency in the band)",
+    )
+    reach: float = Field(
+        default=2.0,
+        gt=0,
+        le=100,
+        description="velocity at a contact point up to which growth is followed, over the "
+        "sliding speed",
+    )
+    friction: Literal["regularised", "smooth"] = Field(
+        default="regularised",
+        description="friction below the bound: straight (Coulomb with a corner) or tanh",
+    )
+
+
+class LimitCyclesDefinition(StudyDefinition):
+    """A whole file of a study of limit cycles."""
+
+    limit_cycles: LimitCyclesSection = Field(
+        default=LimitCyclesSection(),
+        description="which limit cycles are looked for (kind = 'limit_cycles' only)",
+    )
+
+
+DEFINITION = LimitCyclesDefinition

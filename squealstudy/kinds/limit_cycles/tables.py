@@ -1,0 +1,276 @@
+"""Chunk rows of studies of limit cycles, and their tables: points, verdicts, cycles, branches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.cycles.families import (
+    IF_KICKED,
+    UNDECIDED,
+    VERDICTS,
+    Cycle,
+    Family,
+    same_cycle,
+)
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import (
+    FLAG,
+    HEAD,
+    REAL,
+    TEXT,
+    WHOLE,
+    WORKING_POINT_FIELDS,
+    head,
+    nested,
+    planned_rows,
+    structs,
+    tabled,
+    working_point_cells,
+)
+from squealstudy.engine.store import BRANCHES, CYCLES, Store
+from squealstudy.engine.store import VERDICTS as VERDICTS_FILE
+from squealstudy.engine.validity import open_reason, write_points
+from squealstudy.reduction.working_point import WorkingPoint
+
+SUMMARY_FIELDS = (
+    ("verdict", TEXT),
+    ("reason", TEXT),
+    ("n_families", WHOLE),
+    ("n_unstable", WHOLE),
+    ("n_cycles", WHOLE),
+    ("max_growth_rate", REAL),
+    ("torque_rms", REAL),
+    ("frequency_hz", REAL),
+    ("threshold_velocity", REAL),
+    ("threshold_share", REAL),
+)
+VERDICT_FIELDS = (
+    ("mode", WHOLE),
+    ("frequency_hz", REAL),
+    ("growth_rate", REAL),
+    ("damping_ratio", REAL),
+    ("unstable", FLAG),
+    ("verdict", TEXT),
+    ("reason", TEXT),
+    ("n_cycles", WHOLE),
+    ("n_lost", WHOLE),
+    ("reached_velocity", REAL),
+    ("curve_end", TEXT),
+    ("torque_rms", REAL),
+    ("cycle_frequency_hz", REAL),
+    ("threshold_velocity", REAL),
+    ("threshold_energy", REAL),
+    ("threshold_share", REAL),
+)
+LEVELS = (
+    "torque_mean",
+    "torque_rms",
+    "torque_peak",
+    "contact_velocity",
+    "normal_force_rms",
+    "energy",
+    "friction_power",
+    "damping_power",
+    "belt_power",
+    "power_imbalance",
+    "stick_share",
+    "stick_share_max",
+    "open_share",
+    "open_share_max",
+)
+CYCLE_FIELDS = (
+    ("cycle_id", TEXT),
+    ("mode", WHOLE),
+    ("status", TEXT),
+    ("frequency_hz", REAL),
+    *((name, REAL) for name in LEVELS),
+    ("stable", FLAG),
+    ("instability", TEXT),
+    ("n_unstable", WHOLE),
+    ("multiplier", REAL),
+    ("multiplier_error", REAL),
+    ("growth_rate", REAL),
+    ("n_harmonics", WHOLE),
+    ("harmonic_tail", REAL),
+    ("level_error", REAL),
+    ("frequency_error", REAL),
+    ("balance_residual", REAL),
+    ("same_as", TEXT),
+    ("invalid_reason", TEXT),
+)
+BRANCH_FIELDS = (
+    ("mode", WHOLE),
+    ("n_step", WHOLE),
+    ("event", TEXT),
+    ("contact_velocity", REAL),
+    ("frequency_hz", REAL),
+    ("added_damping", REAL),
+    ("balance_residual", REAL),
+)
+SCHEMA = pa.schema(
+    [
+        pa.field(n, t, nullable=t in (WHOLE, FLAG))
+        for n, t in (*HEAD, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS)
+    ]
+    + [
+        pa.field("verdicts", structs(VERDICT_FIELDS)),
+        pa.field("cycles", structs(CYCLE_FIELDS)),
+        pa.field("branches", structs(BRANCH_FIELDS)),
+    ]
+)
+
+
+def solved_row(
+    point_id: str,
+    wall_s: float,
+    steady: WorkingPoint,
+    law_kind: str,
+    found: Sequence[tuple[int, Family]],
+) -> dict[str, Any]:
+    """Chunk row of a design point whose families were followed.
+
+    Parameters
+    ----------
+    found : sequence of (int, Family)
+        By the numbers of their modes.
+    """
+    cycles = _cycles(point_id, law_kind, found)
+    verdicts = [_verdict(mode, family, law_kind) for mode, family in found]
+    branches = [
+        {"mode": mode, "n_step": k, "balance_residual": p["residual"], **_without(p, "residual")}
+        for mode, family in found
+        for k, p in enumerate(family.curve)
+    ]
+    return {
+        **head(point_id, wall_s),
+        **_summary(verdicts, cycles),
+        **working_point_cells(steady),
+        "verdicts": verdicts,
+        "cycles": cycles,
+        "branches": branches,
+    }
+
+
+def _without(row: dict[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if key != name}
+
+
+def _summary(verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the families of a design come to; of levels the loudest stable cycle's."""
+    if not verdicts:
+        none = {"verdict": UNDECIDED, "reason": "no mode in the band"}
+        numbers = dict.fromkeys((n for n, t in SUMMARY_FIELDS if t == REAL), np.nan)
+        return none | numbers | {"n_families": 0, "n_unstable": 0, "n_cycles": 0}
+    first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
+    loudest = max(
+        (v for v in verdicts if np.isfinite(v["torque_rms"])),
+        key=lambda v: v["torque_rms"],
+        default=first,
+    )
+    kicked = [v for v in verdicts if np.isfinite(v["threshold_velocity"])]
+    weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
+    shown = weakest if first["verdict"] == IF_KICKED else first
+    return {
+        "verdict": first["verdict"],
+        "reason": f"mode {first['mode']}: {first['reason']}",
+        "n_families": len(verdicts),
+        "n_unstable": sum(v["unstable"] for v in verdicts),
+        "n_cycles": sum(c["same_as"] == "" for c in cycles),
+        "max_growth_rate": max(v["growth_rate"] for v in verdicts),
+        "torque_rms": loudest["torque_rms"],
+        "frequency_hz": loudest["cycle_frequency_hz"],
+        "threshold_velocity": shown["threshold_velocity"],
+        "threshold_share": shown["threshold_share"],
+    }
+
+
+def _verdict(mode: int, family: Family, law_kind: str) -> dict[str, Any]:
+    loud, kick = family.loudest, family.threshold
+    velocity = np.nan if kick is None else kick.levels["contact_velocity"]
+    reason = family.reason
+    if loud is not None and (broken := open_reason(law_kind, loud.levels["open_share_max"])):
+        reason += f"; outside validity: {broken}"
+    share = np.nan
+    if kick is not None and loud is not None:
+        share = velocity / loud.levels["contact_velocity"]
+    return {
+        "mode": mode,
+        "frequency_hz": abs(family.lam) / (2 * np.pi),
+        "growth_rate": family.lam.real,
+        "damping_ratio": -family.lam.real / abs(family.lam),
+        "verdict": family.verdict,
+        "reason": reason,
+        "unstable": family.verdict == VERDICTS[0],
+        "n_cycles": len(family.cycles),
+        "n_lost": family.lost,
+        "reached_velocity": family.reached,
+        "curve_end": family.end,
+        "torque_rms": np.nan if loud is None else loud.levels["torque_rms"],
+        "cycle_frequency_hz": np.nan if loud is None else loud.motion.omega / (2 * np.pi),
+        "threshold_velocity": velocity,
+        "threshold_energy": np.nan if kick is None else kick.levels["energy"],
+        "threshold_share": share,
+    }
+
+
+def _cycles(
+    point_id: str, law_kind: str, found: Sequence[tuple[int, Family]]
+) -> list[dict[str, Any]]:
+    """Rows of all cycles; one that two families lead to stands twice, the second time so named."""
+    known: list[tuple[str, Cycle]] = []
+    rows = []
+    for mode, family in found:
+        for number, cycle in enumerate(family.cycles, start=1):
+            name = f"{point_id}-{mode}-{number}"
+            same = next((other for other, c in known if same_cycle(c, cycle)), "")
+            rows.append(_cycle(name, mode, cycle, same, law_kind))
+            if not same:
+                known.append((name, cycle))
+    return rows
+
+
+def _cycle(name: str, mode: int, cycle: Cycle, same: str, law_kind: str) -> dict[str, Any]:
+    motion, multipliers = cycle.motion, cycle.multipliers
+    largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
+    return {
+        "cycle_id": name,
+        "mode": mode,
+        "status": cycle.status,
+        "frequency_hz": motion.omega / (2 * np.pi),
+        **{name: cycle.levels[name] for name in LEVELS},
+        "stable": cycle.attracts,
+        "instability": multipliers.instability,
+        "n_unstable": multipliers.n_unstable,
+        "multiplier": float(np.abs(largest)),
+        "multiplier_error": multipliers.error,
+        "growth_rate": multipliers.growth_rate,
+        "n_harmonics": motion.harmonics,
+        "harmonic_tail": motion.tail,
+        "level_error": cycle.level_error,
+        "frequency_error": cycle.frequency_error,
+        "balance_residual": cycle.residual,
+        "same_as": same,
+        "invalid_reason": open_reason(law_kind, cycle.levels["open_share_max"]),
+    }
+
+
+def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
+    """Read all chunks, write the four tables, return that of the points.
+
+    Raises
+    ------
+    ResultsError
+        Where a point of the plan is in no chunk.
+    """
+    rows = planned_rows(plan, store, SCHEMA)
+    store.write_table(VERDICTS_FILE, nested(rows, "verdicts", VERDICT_FIELDS))
+    cycles = nested(rows, "cycles", CYCLE_FIELDS)
+    frame = cycles.to_pandas().astype({"stable": "boolean"})
+    store.write_table(CYCLES, pa.Table.from_pandas(frame, cycles.schema, preserve_index=False))
+    store.write_table(BRANCHES, nested(rows, "branches", BRANCH_FIELDS))
+    return write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))

@@ -1,0 +1,143 @@
+"""Studies of limit cycles through the engine: verdicts, tables, statuses, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from study_runs import plan_of, solved
+
+import squealstudy as sq
+from squealstudy.errors import ResultsError, StudyFileError
+
+STUDY = Path(__file__).parents[1] / "studies" / "kicked_squeal.toml"
+SWEEP = "start = 0.4\nstop = 1.0\nnum = 25"
+
+
+def study(values, **changes):
+    text = STUDY.read_text(encoding="utf-8")
+    assert text.count(SWEEP) == 1
+    text = text.replace(SWEEP, f"values = {values}")
+    for old, new in changes.values():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture(scope="module")
+def kicked(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("cycles") / "kicked_squeal"
+    return solved(plan_of(study([0.4, 0.6, 0.85]), STUDY), directory)
+
+
+def test_verdicts_of_the_shipped_study(kicked):
+    """In time a kick of .9 of the threshold decays, 1.1 of it grows: test_cycles."""
+    points = kicked.points.set_index("friction")
+    assert (points["status"] == "ok").all()
+    assert points["verdict"].tolist() == ["squeals_if_kicked", "squeals_if_kicked", "squeals"]
+    assert points.loc[0.6, "torque_rms"] == pytest.approx(154.59, abs=0.01)
+    assert points.loc[0.6, "threshold_velocity"] == pytest.approx(0.982, abs=1e-3)
+    assert points.loc[0.6, "threshold_share"] == pytest.approx(0.394, abs=1e-3)
+    assert np.isnan(points.loc[0.85, "threshold_velocity"])  # it needs no kick
+    assert points.loc[0.85, "max_growth_rate"] > 0
+
+
+def test_tables_join_and_tell_errors(kicked):
+    cycles, verdicts, branches = (kicked.table(n) for n in ("cycles", "verdicts", "branches"))
+    ids = set(kicked.points["point_id"])
+    assert all(set(t["point_id"]) <= ids for t in (cycles, verdicts, branches))
+    assert not cycles["cycle_id"].duplicated().any()
+    assert len(verdicts) == 2 * len(ids)
+    assert (cycles["status"] == "ok").all()
+    assert (cycles["level_error"] < 1e-3).all()
+    assert (cycles["power_imbalance"].abs() < 1e-6).all()
+    assert (cycles["balance_residual"] < 1e-9).all()
+    unstable = cycles[~cycles["stable"].astype(bool)]
+    assert (unstable["instability"] == "fold").all()
+    assert (unstable["n_unstable"] == 1).all()
+    zeros = branches[branches["event"] == "C"]
+    assert (zeros["added_damping"].abs() < 1e-6).all()
+    assert len(zeros) == len(cycles)
+    # a curve that was not followed as far as asked is no proof of silence
+    lost = verdicts[(verdicts["curve_end"] != "far") & (verdicts["n_cycles"] == 0)]
+    assert len(lost)
+    assert set(lost["verdict"]) == {"undecided"}
+    assert kicked.points.attrs["units"]["threshold_velocity"] == "m/s"
+
+
+def test_modes_are_those_of_a_study_of_complex_modes(kicked, tmp_path):
+    text = study([0.4, 0.6, 0.85]).split("[limit_cycles]")[0]
+    text = text.replace('"limit_cycles"', '"complex_modes"')
+    modes = solved(plan_of(text, STUDY), tmp_path / "modes").modes
+    verdicts = kicked.table("verdicts")
+    assert modes["mode"].tolist() == verdicts["mode"].tolist()
+    np.testing.assert_allclose(modes["frequency_hz"], verdicts["frequency_hz"], rtol=3e-5)
+    # modal damping is that of the modes at the [parameters], as in time
+
+
+def test_a_second_run_solves_nothing(kicked):
+    again = solved(plan_of(study([0.4, 0.6, 0.85]), STUDY), kicked.directory)
+    assert again.points["verdict"].tolist() == kicked.points["verdict"].tolist()
+    assert len(list((kicked.directory / "chunks").iterdir())) > 0
+
+
+def test_the_picture_of_a_study(kicked):
+    figure = kicked.plot.cycle_levels(along="friction")
+    labels = {t for axes in figure.axes for t in axes.get_legend_handles_labels()[1]}
+    assert {"stable cycle", "squeals", "squeals if kicked"} <= labels
+
+
+def test_silent_designs_and_outside_validity(tmp_path):
+    """A linear contact spring has no cycle but where its contact opens, and says so."""
+    changes = {
+        "law": ('contact_law = "cubic"', 'contact_law = "bilateral"'),
+        "cubic": ('"contact.cubic_stiffness" = -5.4e17  # Pa/m3\n', ""),
+        "reach": ("reach = 0.5 ", "reach = 0.02"),
+    }
+    quiet = solved(plan_of(study([0.2], **changes), STUDY), tmp_path / "quiet").points.iloc[0]
+    assert quiet["verdict"] == "no_cycle_found"
+    assert "up to 0.2 m/s" in quiet["reason"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "told"),
+    [
+        ("tolerance = 1e-3", 'harmonics = "many"', "limit_cycles.harmonics", '"auto" or a number'),
+        ("tolerance = 1e-3", "harmonics = true", "limit_cycles.harmonics", '"auto" or a number'),
+        ("tolerance = 1e-3", "families = [0]", "limit_cycles.families", '"all" or a list'),
+        ("tolerance = 1e-3", "families = []", "limit_cycles.families", '"all" or a list'),
+        ("tolerance = 1e-3", "families = [1, 1]", "limit_cycles.families", "distinct"),
+        ("tolerance = 1e-3", "tolerance = 0.5", "limit_cycles.tolerance", "at most 0.1"),
+        ("tolerance = 1e-3", "harmonic = 3", "limit_cycles.harmonic", "harmonics"),
+        ("reach = 0.5", "reach = -1.0", "limit_cycles.reach", "more than 0"),
+    ],
+)
+def test_a_wrong_key_is_named(tmp_path, old, new, key, told):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    with pytest.raises(StudyFileError) as caught:
+        sq.read_study(path)
+    assert caught.value.key.startswith(key)
+    assert told in str(caught.value)
+
+
+def test_points_that_cannot_be_searched_say_why(tmp_path):
+    changes = {"families": ("tolerance = 1e-3", "families = [3]")}
+    with pytest.raises(ResultsError, match=r"1 no_mode.*mode 3 of 2 modes in the band"):
+        solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "third")
+    changes = {"families": ("tolerance = 1e-3", "families = [1]\nharmonics = 9")}
+    results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "first")
+    assert set(results.table("verdicts")["mode"]) == {1}
+    assert set(results.table("cycles")["n_harmonics"]) == {9}
+    changes = {"few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6")}
+    results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "few")
+    assert set(results.table("cycles")["status"]) == {"inaccurate"}
+    assert results.table("cycles")["stable"].isna().all()
+    assert results.points["verdict"].tolist() == ["undecided"]
+
+
+def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("squealstudy.kinds.limit_cycles.kind.MOST", 1)
+    with pytest.raises(ResultsError, match="has 2 coordinates, limit cycles are for 1 at most"):
+        solved(plan_of(study([0.6]), STUDY), tmp_path / "large")
