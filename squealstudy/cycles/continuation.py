@@ -17,6 +17,7 @@ from squealstudy.errors import ConvergenceError
 
 TOLERANCE = 1e-9  # of the last Newton step and of the equations: unknowns are scaled to one
 NEWTON = 12  # steps at most
+ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
 FAST, SLOW = 3, 6  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
@@ -111,10 +112,10 @@ def newton(
             return u, residual, step, J
         A = np.vstack([J, normal])
         change = solve(A, np.append(F, normal @ u - offset))
-        u -= change
         last = float(np.abs(change).max())
-        if last > 1e3:
+        if not last <= ASTRAY:
             break
+        u -= change
     raise ConvergenceError(
         "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
     )
