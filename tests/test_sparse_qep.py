@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 import reference
@@ -146,25 +148,54 @@ def test_solves_that_lose_nothing_are_not_refined():
     np.testing.assert_array_equal(factor.solve(b), once)
 
 
+def symmetric_chain(n):
+    """The stiffness of a chain of equal springs."""
+    return 1e6 * sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n)).tocsr()
+
+
 # -- its neighbours in linalg and analysis -------------------------------------------------------
 @pytest.mark.parametrize("columns", [1, 5, 150])
 @pytest.mark.parametrize("kind", [float, complex])
-def test_factor_solves_blocks(columns, kind):
-    _, _, K = chain(60, 3, 0)
+@pytest.mark.parametrize("backend", ["superlu", "cholmod"])
+def test_factor_solves_blocks(columns, kind, backend):
+    if backend == "cholmod":
+        pytest.importorskip("cholespy")
+    K = symmetric_chain(60)
     b = np.random.default_rng(0).standard_normal((60, columns)).astype(kind)
     if kind is complex:
         b = b + 1j * b[::-1]
-    factor = factorise(K.sparse, backend="superlu")
+    factor = factorise(K, backend)
     x = factor.solve(b)
     assert x.shape == b.shape
-    np.testing.assert_allclose(K.sparse @ x, b, atol=1e-12 * np.abs(b).max())
+    np.testing.assert_allclose(K @ x, b, atol=1e-12 * np.abs(b).max())
     first = factor.solve(b[:, 0])
     np.testing.assert_allclose(first, x[:, 0], rtol=1e-12, atol=1e-18)
 
 
-def test_zero_pivot_is_a_named_failure():
+@pytest.mark.parametrize("backend", ["superlu", "cholmod"])
+def test_zero_pivot_is_a_named_failure(backend):
+    if backend == "cholmod":
+        pytest.importorskip("cholespy")
     with pytest.raises(ConvergenceError, match="singular"):
-        factorise(sp.csc_matrix(np.diag([1.0, 0.0])), backend="superlu")
+        factorise(sp.csc_matrix(np.diag([1.0, 0.0])), backend)
+
+
+def test_large_definite_matrices_alone_go_to_cholmod(monkeypatch):
+    pytest.importorskip("cholespy")
+    monkeypatch.setattr("squealstudy.linalg.factor.LARGE", 60)
+    monkeypatch.setattr(
+        "squealstudy.linalg.factor.find_spec", lambda name: None if name == "pypardiso" else name
+    )
+    K = symmetric_chain(60)
+    names = [type(factorise(K, definite=d)).__name__ for d in (True, False)]
+    assert names == ["CholmodFactor", "SuperLUFactor"]
+    small = sp.eye(59, format="csr")
+    assert type(factorise(small, definite=True)).__name__ == "SuperLUFactor"
+    b = np.random.default_rng(0).standard_normal((60, 3))
+    one, two = (factorise(K, definite=d).solve(b) for d in (True, False))
+    np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-16)
+    again = pickle.loads(pickle.dumps(factorise(K, definite=True)))
+    np.testing.assert_array_equal(again.solve(b), one)
 
 
 @pytest.mark.parametrize("n", [300, 450])

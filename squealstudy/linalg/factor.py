@@ -1,4 +1,6 @@
-"""Sparse factors: one interface over SuperLU and, where it is installed, PARDISO (extra `mkl`).
+"""Sparse factors: one interface over SuperLU and, where installed, PARDISO and CHOLMOD.
+
+PARDISO comes with the extra `mkl`, CHOLMOD (by cholespy, large definite matrices) with `large`.
 
 Cholesky factors F^T F of symmetric positive definite matrices come out of SuperLU.
 """
@@ -6,11 +8,11 @@ Cholesky factors F^T F of symmetric positive definite matrices come out of Super
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar
+from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
@@ -22,8 +24,11 @@ from squealstudy.faults import raise_if_memory
 
 SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
+LARGE = 50_000  # rows from which CHOLMOD's solves repay its factor (studies/benchmarks/size.py)
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
+
+MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
 
 _threads: ContextVar[int] = ContextVar("threads", default=1)
 
@@ -51,7 +56,7 @@ class Factor(Protocol):
         ...
 
 
-def factorise(A: sp.spmatrix, backend: str = "auto") -> RefinedFactor:
+def factorise(A: sp.spmatrix, backend: str = "auto", definite: bool = False) -> RefinedFactor:
     """Factorise a real sparse matrix of symmetric pattern.
 
     Parameters
@@ -59,16 +64,24 @@ def factorise(A: sp.spmatrix, backend: str = "auto") -> RefinedFactor:
     A : sparse (n, n)
         Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest.
     backend : str
-        ``auto`` (PARDISO where installed), ``superlu`` or ``pardiso``.
+        ``pardiso``, ``cholmod`` (a definite A alone) or ``superlu``; ``auto``: PARDISO where it is
+        installed, CHOLMOD where it is, the matrix is `definite` and has LARGE rows, else SuperLU.
+    definite : bool
+        Whether A is symmetric and positive definite.
 
     Raises
     ------
     ConvergenceError
-        ``singular``, where SuperLU meets a zero pivot.
+        ``singular``, where SuperLU meets a zero pivot or CHOLMOD one that is not positive.
     """
     if backend == "auto":
-        backend = "pardiso" if importlib.util.find_spec("pypardiso") else "superlu"
-    return PardisoFactor(A) if backend == "pardiso" else SuperLUFactor(A)
+        large = definite and A.shape[0] >= LARGE
+        wanted = {"pardiso": True, "cholmod": large}
+        found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
+        backend = next(found, "superlu")
+    if backend == "pardiso":
+        return PardisoFactor(A)
+    return CholmodFactor(A) if backend == "cholmod" else SuperLUFactor(A)
 
 
 def symmetric_lu(A: sp.spmatrix) -> spla.SuperLU:
@@ -162,6 +175,38 @@ class PardisoFactor(RefinedFactor):
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`."""
         return self._solver.solve(self.A, np.asfortranarray(b))
+
+
+class CholmodFactor(RefinedFactor):
+    """A sparse Cholesky factorisation by CHOLMOD (extra `large`), of a definite A alone."""
+
+    def __init__(self, A: sp.spmatrix) -> None:
+        from cholespy import CholeskySolverD, MatrixType
+
+        self.A = A.tocsr()
+        try:
+            self._solver = CholeskySolverD(
+                self.A.shape[0],
+                self.A.indptr.astype(np.int32),
+                self.A.indices.astype(np.int32),
+                self.A.data,
+                MatrixType.CSR,
+            )
+        except ValueError as error:  # "Matrix is not positive definite!"
+            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
+
+    def solve_once(self, b: np.ndarray) -> np.ndarray:
+        """See `RefinedFactor.solve_once`; in parts."""
+        x = np.empty(b.shape)
+        if b.ndim == 1:
+            self._solver.solve(np.ascontiguousarray(b, dtype=float), x)
+            return x
+        for i in range(0, b.shape[1], BLOCK):
+            part = np.ascontiguousarray(b[:, i : i + BLOCK], dtype=float)
+            found = np.empty_like(part)
+            self._solver.solve(part, found)
+            x[:, i : i + BLOCK] = found
+        return x
 
 
 class SparseCholesky(SuperLUFactor):

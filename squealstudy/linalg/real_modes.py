@@ -55,7 +55,7 @@ def real_modes(
     n = M.shape[0]
     limit = (2 * np.pi * cutoff_hz) ** 2
     if n > DENSE_LIMIT:
-        held = factorise(shifted(M, K, cutoff_hz)) if factor is None else factor
+        held = factorise(shifted(M, K, cutoff_hz), definite=True) if factor is None else factor
         phi = _space_below(M, held, limit)
         if phi is not None:  # from unrefined solves: what they lack is mended here
             return _clip(*_refine(M, K, held.lean()(M @ phi)), limit)

@@ -230,7 +230,7 @@ def reduce_cmt(
     K = assembly.K_el + assembly.K_springs()
     K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
     cutoff = settings.assembly_cutoff
-    factor = factorise(shifted(assembly.M, K, cutoff))
+    factor = factorise(shifted(assembly.M, K, cutoff), definite=True)
     omega, phi = real_modes(assembly.M, K, cutoff, factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, factor.lean(), nominal, others, loaded)

@@ -19,6 +19,7 @@ from squealstudy.linalg.factor import SINGULAR, RefinedFactor, factorise
 from squealstudy.models.assembly import Assembly
 
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
+WIDE = 512  # right-hand sides held at once: n_dof of them each
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
@@ -111,15 +112,21 @@ def contact_space(
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True)
     K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsr()
-    factor = factorise(K0)
+    factor = factorise(K0, definite=True)
     _check_held(factor)
     solve = factor.lean()
-    Q, R = independent_rows(c.N)
-    X_Q = solve(Q)
+    loads = np.column_stack([assembly.load, assembly.constant_load])
+    observed = sp.vstack([c.N, c.T, sp.csr_matrix(loads.T)]).tocsr()
+    columns, own, R = independent_rows(c.N)
+    X_Q = np.empty((observed.shape[0], own.shape[1]))  # of K0^-1 Q only what is observed
+    for i in range(0, own.shape[1], WIDE):
+        part = np.zeros((assembly.n_dof, min(WIDE, own.shape[1] - i)))
+        part[columns] = own[:, i : i + WIDE]
+        X_Q[:, i : i + WIDE] = observed @ solve(part)
+    NX, TX, fX = np.split(X_Q, [len(c.area), 2 * len(c.area)])
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
-    loads = np.column_stack([assembly.load, assembly.constant_load])
-    H_NN = (c.N @ X_Q) @ R
+    H_NN = NX @ R
     return ContactSpace(
         k_c=k_c,
         area=c.area,
@@ -127,8 +134,8 @@ def contact_space(
         frictional=c.frictional,
         speed_factor=c.speed_factor,
         H_NN=(H_NN + H_NN.T) / 2,
-        H_NT=R.T @ (c.T @ X_Q).T,
-        H_Nf=R.T @ (X_Q.T @ loads),
+        H_NT=R.T @ TX.T,
+        H_Nf=R.T @ fX.T,
         H_NU=np.asarray(c.N @ X_U),
         H_TU=np.asarray(c.T @ X_U),
         H_fU=loads.T @ X_U,
@@ -136,15 +143,18 @@ def contact_space(
     )
 
 
-def independent_rows(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray]:
-    """Q (n, r) and R (r, m) with N^T = Q R, r the rank of N (m, n) to round-off."""
+def independent_rows(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns (k,) of N (m, n) that are not zero, Q (k, r) on them and R (r, m) with N^T = Q R.
+
+    r is the rank of N to round-off.
+    """
     columns = np.unique(N.indices)
-    own, R, order = la.qr(N[:, columns].T.toarray(), mode="economic", pivoting=True)
+    Q, R, order = la.qr(N[:, columns].T.toarray(), mode="economic", pivoting=True)
     size = np.abs(np.diag(R))
     rank = int((size > INDEPENDENT * size.max(initial=0.0)).sum())
-    Q, unsorted = np.zeros((N.shape[1], rank)), np.empty((rank, N.shape[0]))
-    Q[columns], unsorted[:, order] = own[:, :rank], R[:rank]
-    return Q, unsorted
+    unsorted = np.empty((rank, N.shape[0]))
+    unsorted[:, order] = R[:rank]
+    return columns, Q[:, :rank], unsorted
 
 
 def _check_held(factor: RefinedFactor) -> None:
