@@ -51,6 +51,8 @@ def load_extension(path: str | Path) -> str:
             raise ExtensionError(path, "is no file of Python")
         before = len(_registered)
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
+        if str(path.parent) not in sys.path:  # last: no module of its folder hides an installed one
+            sys.path.append(str(path.parent))
         try:
             spec.loader.exec_module(module)
         except Exception as error:

@@ -320,6 +320,44 @@ band = [1.0, 1000.0]
     assert (found.points["status"] == "ok").all()
 
 
+OWN_BRAKE = Path(__file__).parents[1] / "studies" / "own_brake" / "own_brake.toml"
+SLOPES = {"study.kind": "sensitivity", "modes.reference_points": 0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "local"),
+    [
+        ({}, False),
+        ({"modes.method": "full"}, True),
+        (SLOPES | {"sensitivity.parameters": ["friction"]}, False),
+        (SLOPES | {"sensitivity.parameters": ["friction", "lining.E3"]}, True),
+        ({"study.kind": "transient"}, False),
+        ({"study.kind": "transient", "transient.representation": "hybrid"}, True),
+    ],
+)
+def test_tasks_that_read_meshes_stay_here(changes, local):
+    if changes.get("study.kind") == "transient":
+        changes = changes | {"transient.duration": 1e-3, "modes.reference_points": 0}
+    plan = sq.read_study(OWN_BRAKE).with_(changes).plan()
+    workers = Workers(2, cluster=object())
+    assert (plan.kind.place(plan, workers).cluster is None) == local
+
+
+def test_an_extension_imports_from_its_own_folder_here_and_there(cluster, here, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    number = next(NUMBER)
+    (here / f"helper_{number}.py").write_text(f"NAME = 'trying_{number}'\n")
+    path = trying(here, num=5)
+    made = here / "trying.py"
+    own = next(line for line in made.read_text().splitlines() if "name =" in line)
+    text = made.read_text().replace(own, f"    name = helper_{number}.NAME")
+    made.write_text(text.replace("import os,", f"import helper_{number}, os,"))
+    kind = own.split('"')[1]
+    path.write_text(path.read_text().replace(kind, f"trying_{number}"))
+    found = sq.run(path, here / "there", client=cluster.client)
+    assert (found.points["status"] == "ok").all()
+
+
 def test_check_tells_of_workers_and_memory(cluster, here):
     path = study(here, HULTEN)
     done = started("check", path, "--scheduler", cluster.file, folder=here)

@@ -160,6 +160,10 @@ class Kind:
         """What may go wrong in a run."""
         return []
 
+    def place(self, plan: Any, workers: Workers) -> Workers:
+        """Those of the workers that can do its tasks: they may need files of this machine."""
+        return workers
+
     def tasks(self, plan: Any, points: Any, workers: Workers) -> Iterable[Any]:
         """Work for one call of `solve` each, and whatever that needs made first.
 

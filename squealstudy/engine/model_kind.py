@@ -190,6 +190,15 @@ class ModelKind(Kind):
         """Whether design points may take far less time than the first ones."""
         return False
 
+    def reads_meshes(self, plan: Plan) -> bool:
+        """Whether its tasks assemble the unreduced model, and so read the meshes of one's own."""
+        return False
+
+    def place(self, plan: Plan, workers: Workers) -> Workers:
+        """Workers of this machine where tasks read its files."""
+        own = isinstance(plan.study.model, FileDefinition)
+        return workers.at_home if own and self.reads_meshes(plan) else workers
+
     # -- what is said of it ----------------------------------------------------------------------
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """Model, parameters, design and structures."""

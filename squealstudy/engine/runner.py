@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.keys import ID_TYPE
@@ -173,6 +174,7 @@ def _solve_points(
 ) -> int:
     """Solve the design points that are not among those `done_before`; their number."""
     started, kind = time.perf_counter(), plan.kind
+    workers = kind.place(plan, workers)
     pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
     why = kind.unsolvable(plan, plan.tasks.at(pending), failures)
     rows = [kind.failed_row(name, "structure", text) for name, text in why.items()]
@@ -216,6 +218,7 @@ def _finish(
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
     points, facts = plan.kind.build_tables(plan, store, workers)
+    pa.default_memory_pool().release_unused()  # rankings and pictures need memory next
     apart = facts.pop("seconds", {})  # points solved for the tables alone
     manifest |= facts
     now = time.perf_counter()

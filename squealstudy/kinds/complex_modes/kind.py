@@ -124,6 +124,10 @@ class ComplexModes(ModelKind):
                 f'method = "{plan.method.exact}" solves point by point',
             ) from error
 
+    def reads_meshes(self, plan: Plan) -> bool:
+        """Rungs that solve the unreduced model."""
+        return plan.method.rung.unreduced
+
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
         """Boxes of neighbouring points, or chunks of consecutive ones."""
         self.prepare(plan, workers.report)

@@ -86,6 +86,10 @@ class Sensitivities(ModelKind):
         except ParameterError as error:
             raise error_at_name(plan.study, error) from None
 
+    def reads_meshes(self, plan: Plan) -> bool:
+        """Derivatives by what a structure is assembled of."""
+        return bool(structural_names(request(plan).asked))
+
     def tasks(
         self, plan: Plan, points: DesignPoints, workers: Workers
     ) -> Iterator[SensitivityTask]:

@@ -138,6 +138,10 @@ class Transient(ModelKind):
         preparation.warm(plan.study.section)
         make_training_runs(plan, report)
 
+    def reads_meshes(self, plan: Plan) -> bool:
+        """Layers of finite elements are taken from the assembly."""
+        return plan.study.section.representation == "hybrid"
+
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
         self.prepare(plan, workers.report)
