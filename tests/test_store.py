@@ -106,11 +106,21 @@ def same(a: Path, b: Path) -> None:
 
 
 # -- kills ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize("left", [[], [".lock"], [".manifest.json.k7x2.tmp", JOURNAL], [JOURNAL]])
+@pytest.mark.parametrize(
+    "left",
+    [
+        [],
+        [".lock"],
+        [".manifest.json.k7x2.tmp", JOURNAL],
+        [JOURNAL],
+        [f"{REFERENCES}/{16 * 'a'}.parquet"],
+    ],
+)
 def test_a_kill_before_the_first_manifest_blocks_nothing(left, tmp_path):
     directory = tmp_path / "r"
     directory.mkdir()
     for name in left:
+        (directory / name).parent.mkdir(exist_ok=True)
         (directory / name).write_text("")
     assert run(directory)[1].n_solved == 5
     assert not list(directory.rglob("*.tmp"))
@@ -120,6 +130,11 @@ def test_other_files_still_block(tmp_path):
     (tmp_path / ".lock").touch()
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(ResultsError, match=r"not empty \(thesis.tex\)"):
+        run(tmp_path)
+    (tmp_path / "thesis.tex").unlink()
+    (tmp_path / REFERENCES).mkdir()
+    (tmp_path / REFERENCES / "thesis.bib").touch()
+    with pytest.raises(ResultsError, match=rf"not empty \({REFERENCES}\)"):
         run(tmp_path)
 
 
@@ -240,6 +255,9 @@ def test_check_counts_lines_of_the_journal_that_cannot_be_read(results, capsys):
     assert command("check", str(results)) == 0
     assert "1 line cannot be read" in capsys.readouterr().out
     assert Store(results).journal.unreadable == 1
+    lines = (results / JOURNAL).read_bytes()
+    (results / JOURNAL).write_bytes(lines.replace(b'"files"', b'"filgs"', 1))
+    assert Store(results).journal.unreadable == 2
 
 
 def test_check_of_a_lost_journal_and_of_no_results(results, tmp_path, capsys):

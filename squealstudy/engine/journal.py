@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from squealstudy.engine.files import file_hash, write_text
 from squealstudy.faults import named
@@ -25,6 +25,8 @@ DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 class Line(BaseModel):
     """What one line may say: whose directory it is, finished files, files that are no more."""
+
+    model_config = ConfigDict(extra="forbid")  # a key that is none of these is a damaged one
 
     owner: Owner | None = None
     files: dict[str, tuple[int, str]] = {}

@@ -14,7 +14,7 @@ from squealstudy.engine.files import TEMPORARY
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import LOCK, read_manifest, version_of
+from squealstudy.engine.store import LOCK, OWN, read_manifest, version_of
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.machine import HeldError, cores, lock
 from squealstudy.models.assembly import Assembly
@@ -170,7 +170,10 @@ def check_owner(
 
 
 def _foreign(path: Path) -> bool:
-    """Whether no run, killed before its manifest was whole, can have left this."""
+    """Whether no run can have left this that was killed early, or whose directory was removed."""
+    if path.is_dir():
+        below = [p.relative_to(path.parent).as_posix() for p in path.rglob("*") if p.is_file()]
+        return not below or not all(map(OWN.fullmatch, below))
     return path.name not in (LOCK, JOURNAL) and not path.match(TEMPORARY)
 
 

@@ -65,7 +65,7 @@ READ_ONLY_TMP = "mount -t tmpfs -o ro none /dev/shm; export TMPDIR=/proc"
 FAULTS = (
     Fault("no space for results, 4 kB", _full(4), mend=f"{GROW} $R"),
     Fault("no space for results, 32 kB", _full(32), mend=f"{GROW} $R"),
-    Fault("no space for results, 64 kB", _full(64), mend=f"{GROW} $R"),
+    Fault("no space for results, 64 kB", _full(64), (0, 1), mend=f"{GROW} $R"),
     Fault("no space for the tables", _full(128), (0, 1), mend=f"{GROW} $R"),
     Fault("no space for results of a brake", _full(24), mend=f"{GROW} $R", study=BRAKE),
     Fault("no space for histories", _full(64), mend=f"{GROW} $R", study=TIME),
@@ -96,7 +96,7 @@ FAULTS = (
     Fault("no home", "unset HOME SQUEALSTUDY_CACHE", (0,)),
     Fault("a home that is not there", "unset SQUEALSTUDY_CACHE; export HOME=/nowhere", (0,)),
     Fault("no folder for temporary files", "export TMPDIR=/nowhere", (0,), study=BRAKE),
-    Fault("no room for shared memory", READ_ONLY_TMP, (0, 1), study=BRAKE),
+    Fault("no room for shared memory", READ_ONLY_TMP, (0, 1), mend="umount /dev/shm", study=BRAKE),
     Fault("8 open files", limit="ulimit -n 8"),
     Fault("16 open files", codes=(0, 1), limit="ulimit -n 16"),
     Fault("20 open files and workers", codes=(0, 1), limit="ulimit -n 20", study=BRAKE),
