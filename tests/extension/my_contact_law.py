@@ -5,7 +5,7 @@ from __future__ import annotations
 from squealstudy.laws import ContactLawDefinition, register
 from squealstudy.parameter import Parameter
 
-CUBE = Parameter("contact.cube", 1e18, "Pa/m^3", "cubic law: stiffness", positive=True)
+CUBE = Parameter("contact.cube", 1e18, "Pa/m^3", "cube law: stiffness", positive=True)
 
 
 def pressure(g: float, cube: float) -> tuple[float, float]:
@@ -22,7 +22,7 @@ def potential(g: float, cube: float) -> float:
 
 CUBIC = register(
     ContactLawDefinition(
-        name="cubic",
+        name="cube",
         description="c max(-g, 0)^3",
         parameters=(CUBE,),
         pressure=pressure,

@@ -25,12 +25,12 @@ MU, SPEED, FORCE, K3 = 0.3, 0.5, 100.0, 4e6 / 3
 AREA, CUBE = K3 / 5e11, 1.4e18
 STUDY = f"""
 [study]
-name = "cubic"
+name = "cube"
 kind = "{{kind}}"
 extensions = ["{FILE}"]
 [model]
 name = "hoffmann"
-contact_law = "cubic"
+contact_law = "cube"
 [parameters]
 friction = {MU}
 sliding_speed = {SPEED}
@@ -92,13 +92,13 @@ import squealstudy.kernels.laws as kernels
 from squealstudy.extensions import load_extension
 from squealstudy.laws import FrictionLaw, contact_law
 load_extension({str(HERE / FILE)!r})
-print(contact_law("cubic").evaluate([-1e-6]))
-kernels.law_row(contact_law("cubic"), FrictionLaw(0.5, 1.0))
+print(contact_law("cube").evaluate([-1e-6]))
+kernels.law_row(contact_law("cube"), FrictionLaw(0.5, 1.0))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode
     assert "1000000000000.0" not in done.stderr
-    assert "'cubic' was registered after the kernels" in done.stderr
+    assert "'cube' was registered after the kernels" in done.stderr
 
 
 # -- what is not as it should be -----------------------------------------------------------------
@@ -134,11 +134,11 @@ def test_a_file_that_is_absent_or_fails_is_told_with_its_key(tmp_path, content, 
 
 def test_a_law_without_its_file_is_told_so(tmp_path):
     text = STUDY.format(kind="complex_modes").replace(f'extensions = ["{FILE}"]\n', "")
-    with pytest.raises(StudyFileError, match=r"got 'cubic'; one of your own needs its file, ext"):
+    with pytest.raises(StudyFileError, match=r"got 'cube'; one of your own needs its file, ext"):
         parse_study(text, tmp_path / "study.toml")
-    other = (HERE / FILE).read_text().replace('"cubic"', '"other"').replace(".cube", ".other")
+    other = (HERE / FILE).read_text().replace('"cube"', '"other"').replace(".cube", ".other")
     (tmp_path / FILE).write_text(other)
-    with pytest.raises(StudyFileError, match=r"'cubic' is in no file of extensions = \['my_con"):
+    with pytest.raises(StudyFileError, match=r"'cube' is in no file of extensions = \['my_con"):
         parsed(tmp_path, f'["{FILE}"]')
 
 
@@ -184,8 +184,8 @@ def test_results_are_named_by_the_content_of_the_file(tmp_path):
         folder = tmp_path / str(number)
         folder.mkdir()
         text = (HERE / FILE).read_text().replace("1e18", default)
-        (folder / FILE).write_text(text.replace('"cubic"', f'"cubic_{default}"'))
-        study = STUDY.replace('"cubic"\n[par', f'"cubic_{default}"\n[par')
+        (folder / FILE).write_text(text.replace('"cube"', f'"cube_{default}"'))
+        study = STUDY.replace('"cube"\n[par', f'"cube_{default}"\n[par')
         study = study.format(kind="complex_modes")
         plan = Plan(parse_study(study, folder / "study.toml"))
         keys.append((plan.tasks[0].point_id, plan.tasks[0].structure))
@@ -196,11 +196,11 @@ def test_results_are_named_by_the_content_of_the_file(tmp_path):
 
 def test_parameters_of_foreign_laws_do_not_name_a_point(tmp_path):
     text = STUDY.format(kind="complex_modes")
-    text = text.replace(f'extensions = ["{FILE}"]\n', "").replace('contact_law = "cubic"\n', "")
+    text = text.replace(f'extensions = ["{FILE}"]\n', "").replace('contact_law = "cube"\n', "")
     text = text.replace(f'"contact.cube" = {CUBE}\n', "")
     before = Plan(parse_study(text, Path("study.toml"))).tasks[0].point_id
     other = (HERE / FILE).read_text().replace("contact.cube", "contact.another")
-    (tmp_path / FILE).write_text(other.replace('"cubic"', '"another"'))
+    (tmp_path / FILE).write_text(other.replace('"cube"', '"another"'))
     load_extension(tmp_path / FILE)
     study = parse_study(text, Path("study.toml"))
     assert "contact.another" in study.values

@@ -71,7 +71,7 @@ def test_a_contact_law_is_tried_at_the_values_of_a_study(tmp_path):
     written(tmp_path, LAW, "3.0 * cube * g * g", "3.0 * min(cube, 1.2e18) * g * g")
     error = refusal(study_of(test_contact_law), tmp_path)
     assert error.key == "model.contact_law"
-    assert "my_contact_law.py: pressure of law 'cubic': dp/dg at g =" in error.message
+    assert "my_contact_law.py: pressure of law 'cube': dp/dg at g =" in error.message
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_so_it_is_by_the_python_face_and_listed_with_its_law():
         sq.model("hoffmann", **{"contact.p0": 2e5})
     chosen = sq.model("hoffmann", **{"contact.p0": 2e5, "contact_law": "exponential"})
     laws = chosen.parameters["laws"]
-    assert laws["contact.stiffness"] == "contact_law unilateral or bilateral or power"
+    assert laws["contact.stiffness"] == "contact_law unilateral or bilateral or cubic or power"
     assert laws["friction"] == ""
     assert sq.model("disc_brake", **{"contact.p0": 2e5}).given  # the law by default has it
 
