@@ -20,8 +20,10 @@ from study_runs import command, solved
 
 from squealstudy.engine import shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
+from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.mode_names import FILE, keep_track_names, track_names
 from squealstudy.engine.results import Results
+from squealstudy.engine.store import MANIFEST, read_manifest
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.kernels.raster import corner_normals, draw_triangles
 from squealstudy.shapes.files import write_uff, write_vtu
@@ -489,6 +491,13 @@ def test_names_of_other_tables_are_not_used(results, tmp_path):
     keep_track_names(opened, track_names(opened.names(most=1), opened.modes))
     kept = (other / FILE).read_text()
     assert Results.open(other).track_names
+    journal = (other / JOURNAL).read_bytes()
+    manifest = (other / MANIFEST).read_bytes()
+    (other / JOURNAL).unlink()  # as results of earlier versions, which have no seal either
+    (other / MANIFEST).write_text(json.dumps(read_manifest(other)))
+    assert Results.open(other).track_names
+    (other / JOURNAL).write_bytes(journal)
+    (other / MANIFEST).write_bytes(manifest)
     (other / FILE).write_text(kept.replace("false", "true", 1) + " ")
     assert not Results.open(other).track_names
     (other / FILE).write_text(kept)

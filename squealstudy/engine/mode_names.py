@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.files import sealed, unsealed, write_text
+from squealstudy.engine.files import file_hash, sealed, unsealed, write_text
 from squealstudy.engine.shapes import expect_complex_modes, point_shapes
 from squealstudy.errors import ResultsError
 from squealstudy.progress import progress
@@ -171,4 +171,8 @@ def read_track_names(results: Results) -> dict[int, tuple[str, bool]]:
 def _identity(results: Results) -> list[str]:
     """Hashes of the modes table that tracks are numbered in."""
     entries = results.store.journal.entries
-    return sorted(entries[name].sha256 for name in results.store.parts("modes.parquet"))
+    names = results.store.parts("modes.parquet")
+    return sorted(  # results of earlier versions have no journal, a damaged one has lost lines
+        entries[name].sha256 if name in entries else file_hash(results.directory / name)
+        for name in names
+    )

@@ -24,7 +24,9 @@ from squealstudy.faults import raise_if_memory
 
 SINGULAR = "singular"  # status of the failure
 PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
-LARGE = 50_000  # rows from which CHOLMOD's solves repay its factor (studies/benchmarks/size.py)
+# rows from which CHOLMOD is taken: a choice between a brake's 27,810, where SuperLU is as fast, and
+# sizes where SuperLU's solves with many right-hand sides take most of a reduction
+LARGE = 50_000
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
 
