@@ -198,27 +198,46 @@ SIGNALS = {signal.SIGINT, signal.SIGTERM}  # and of a terminal that closes, wher
 SIGNALS |= {getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)}
 
 
+SIGNALLED = 128  # added to a signal's number by shells, for an exit code
+LATER = 0.01  # s until a signal comes again
+
+
 class InterruptedRun(BaseException):
     """What a signal raises in `interruptible`; `exit_code` is that which shells expect."""
 
     def __init__(self, number: int) -> None:
-        self.exit_code = 128 + number
+        self.exit_code = SIGNALLED + number
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C, and what ends processes politely, raise InterruptedRun; the second ends at once."""
+    """Ctrl-C, and what ends processes politely, raise InterruptedRun; the second ends at once.
+
+    Python drops an exception in a finaliser or a callback of garbage collection with a traceback on
+    stderr. A signal that comes there comes again a moment later.
+    """
 
     def interrupt(number: int, _frame: object) -> None:
         for each in handled:
             signal.signal(each, signal.SIG_DFL)
         raise InterruptedRun(number)
 
+    def dropped(what: sys.UnraisableHookArgs) -> None:
+        if not isinstance(what.exc_value, InterruptedRun):
+            told(what)
+            return
+        for each in handled:
+            signal.signal(each, interrupt)
+        number = what.exc_value.exit_code - SIGNALLED
+        threading.Timer(LATER, os.kill, (os.getpid(), number)).start()
+
     handled = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]  # by nohup
     before = {each: signal.signal(each, interrupt) for each in handled}
+    told, sys.unraisablehook = sys.unraisablehook, dropped
     try:
         yield
     finally:
+        sys.unraisablehook = told
         for each, handler in before.items():
             signal.signal(each, handler)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -14,9 +16,11 @@ from squealstudy import machine
 from squealstudy.engine import worker_count
 from squealstudy.engine.manifest import locked
 from squealstudy.errors import MachineError, ResultsError
+from squealstudy.machine import InterruptedRun, interruptible
 
 HOLD = """
 import sys
+import time
 from pathlib import Path
 from squealstudy.machine import lock
 with lock(Path(sys.argv[1])):
@@ -160,3 +164,40 @@ def test_workers_are_as_many_as_cores_and_memory_allow(
     assert worker_count.worker_count(jobs, earlier, told.append) == count
     assert len(told) == bool(text)
     assert not text or text in told[0]
+
+
+class _Finalised:
+    """Signals this process as it is removed, where an exception is dropped."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), self.number)
+        time.sleep(0.2)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a signal ends the process there")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_during_a_finaliser_ends_the_run_without_a_traceback(number, capfd):
+    before = sys.unraisablehook
+    with pytest.raises(InterruptedRun) as told, interruptible():  # noqa: PT012
+        end = _Finalised(number)
+        del end
+        time.sleep(5.0)
+        pytest.fail("the signal was dropped")
+    assert told.value.exit_code == 128 + number
+    assert capfd.readouterr().err == ""
+    assert sys.unraisablehook is before
+
+
+def test_other_exceptions_that_python_drops_are_told_as_before(monkeypatch):
+    class Broken:
+        def __del__(self) -> None:
+            raise ValueError("in a finaliser")
+
+    found = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: found.append(what.exc_value))
+    with interruptible():
+        Broken()
+    assert [str(error) for error in found] == ["in a finaliser"]

@@ -26,9 +26,8 @@ from squealstudy.kinds.complex_modes.rows import (
     unstable_roots,
 )
 from squealstudy.kinds.complex_modes.study_tracks import Follower
-from squealstudy.kinds.complex_modes.tables import build_tables, modes_table
+from squealstudy.kinds.complex_modes.tables import build_tables, mode_labels, modes_table
 from squealstudy.tables.mode_ranking import rank_modes
-from squealstudy.tables.stability import stability_names
 
 # -- columns
 
@@ -71,9 +70,9 @@ def test_columns_without_shapes_or_energies(tmp_path):
     assert columns.energies.shape == (6, 0)
     unstable = columns.lam.real > 0
     errors = ModeErrors(columns.error_rung, np.zeros(6))
-    names = stability_names(unstable, np.zeros(6, dtype=bool))
+    labels, certain = mode_labels(columns.overdamped, None), np.zeros(6, dtype=bool)
     parts = ["energy_mass", "energy_interfaces"]
-    table = modes_table(columns, errors, None, unstable, names, parts)
+    table = modes_table(columns, errors, labels, unstable, certain, parts)
     assert not [name for name in table.column_names if name.startswith("energy_")]
     assert table["track"].unique().to_pylist() == [-1]
     assert table["mode"].to_pylist() == [1, 2, 3, 1, 2, 3]

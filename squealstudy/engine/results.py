@@ -151,7 +151,8 @@ class Results:
                     f"{self.directory}: a {self.kind} study has no table '{name}', it has "
                     f"{', '.join(self.tables)}"
                 )
-            self._loaded[name] = self.store.read_table(f"{name}.parquet").to_pandas()
+            file = f"{name}.parquet"
+            self._loaded[name] = self.store.read_table(file).to_pandas(self_destruct=True)
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")

@@ -38,6 +38,8 @@ POINT_COLUMNS = (
 )
 UNTRACKED = -1  # in place of a track number
 
+Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # of all modes: track, MAC, ambiguous
+
 
 def build_tables(
     plan: Plan,
@@ -63,21 +65,23 @@ def build_tables(
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
     points = write_points(plan, store, _findings(columns, unstable, uncertain, references))
     tracks, onsets = None, None
+    names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     summary: dict[str, Any] = {}
     try:
         if columns.shapes is not None:
             found = follow_modes(plan, columns, points, judged, errors.total, workers)
-            tracks, onsets, summary = found.tracks, found.onsets, found.summary
-            summary |= {"seconds": found.seconds}
+            tracks, onsets = found.tracks, found.onsets
+            summary = {**found.summary, "seconds": found.seconds}
+            del found
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()
     store.write_table(ONSETS, onsets_arrow(onsets))
-    names = [f"energy_{part}" for part in plan.study.model.energy_parts]
-    stability = stability_names(unstable, uncertain)
+    labels = mode_labels(columns.overdamped, tracks)
+    del judged, tracks  # large, and not needed any more
 
     def modes(rows: slice) -> pa.Table:
-        return modes_table(columns, errors, tracks, unstable, stability, names, rows)
+        return modes_table(columns, errors, labels, unstable, uncertain, names, rows)
 
     store.write_parts(MODES, len(columns.lam), modes)
     return points, {**summary, "errors": facts}
@@ -86,9 +90,9 @@ def build_tables(
 def modes_table(
     columns: ModeColumns,
     errors: ModeErrors,
-    tracks: Tracks | None,
+    labels: Labels,
     unstable: np.ndarray,
-    stability: np.ndarray,
+    uncertain: np.ndarray,
     energies: Sequence[str],
     rows: slice = slice(None),
 ) -> pa.Table:
@@ -97,7 +101,7 @@ def modes_table(
     `rows` are those that are wanted, of all.
     """
     point = columns.point
-    label, mac, ambiguous = _labels(columns.overdamped, tracks)
+    label, mac, ambiguous = labels
     starts = np.cumsum(columns.counts) - columns.counts
     number = np.arange(len(point))[rows] - starts[point[rows]] + 1
     point, lam = point[rows], columns.lam[rows]
@@ -111,7 +115,7 @@ def modes_table(
         "growth_rate": lam.real,
         "damping_ratio": damping_ratios(lam),
         "unstable": unstable[rows],
-        "stability": pa.array(stability[rows], pa.string()),
+        "stability": pa.array(stability_names(unstable[rows], uncertain[rows]), pa.string()),
         "overdamped": columns.overdamped[rows],
         "residual": columns.residual[rows],
         "error_rung": errors.rung[rows],
@@ -123,9 +127,7 @@ def modes_table(
     return pa.table(table | shares)
 
 
-def _labels(
-    overdamped: np.ndarray, tracks: Tracks | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mode_labels(overdamped: np.ndarray, tracks: Tracks | None) -> Labels:
     """Track, MAC and ambiguity of every mode; overdamped roots are untracked."""
     n = len(overdamped)
     label = np.full(n, UNTRACKED, dtype=np.int32)

@@ -46,7 +46,9 @@ class Finding:
     def __str__(self) -> str:
         """On one line."""
         text = " ".join(self.text.split())
-        return f"{self.part} {self.number}: {self.done}: {self.verdict}. {text[-LONGEST:]}"
+        if len(text) > LONGEST:  # a traceback at the beginning, what came of it at the end
+            text = f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+        return f"{self.part} {self.number}: {self.done}: {self.verdict}. {text}"
 
 
 def table(findings: Iterable[Finding]) -> str:
