@@ -197,3 +197,15 @@ def failure_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> str:
     counts = status_counts(status)
     counts.pop("ok", None)
     return ", ".join(f"{count} {name}" for name, count in counts.items())
+
+
+def mostly(named: tuple[str, bool]) -> str:
+    """The name of a track that changes between design points or not (`Results.track_names`)."""
+    text, changes = named
+    return f"mostly {text}" if changes else text
+
+
+def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -> list[str]:
+    """What the numbers of tracks stand for, a line each; none of tracks without a name."""
+    known = dict.fromkeys(int(track) for track in tracks if track in names)
+    return [f"{track}: {mostly(names[track])}" for track in known]

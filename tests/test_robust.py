@@ -386,12 +386,15 @@ def test_bars_show_what_the_tables_say(tmp_path):
     left, *others = figure.axes
     widths = [bar.get_width() for bar in left.patches]
     np.testing.assert_allclose(widths, 100 * probabilities["probability"])
-    assert [t.get_text() for t in left.get_yticklabels()] == ["any mode", "T1   1000 Hz"]
+    assert [t.get_text() for t in left.get_yticklabels()] == ["any mode", "T1  1000 Hz"]
     shown = [bar.get_width() for bar in others[0].patches]
     largest = indices[indices["quantity"] == "largest"]
     np.testing.assert_allclose(shown, [*largest["first"], *largest["total"]])
     assert len(others) == 1  # mode 1 is found too rarely for indices
     save_figure(figure, tmp_path / "r.png")
+    named = robust_bars(probabilities, None, {1: ("4 ND out of plane", True)}).axes[0]
+    rows = [t.get_text() for t in named.get_yticklabels()]
+    assert rows == ["any mode", "mostly 4 ND out of plane, 1000 Hz (T1)"]
 
 
 def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch):

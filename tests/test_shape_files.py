@@ -445,6 +445,22 @@ def test_command_names_ranked_modes(results, capsys):
     legend = Results.open(results.directory).plot.evolution(along="friction").legends[0]
     texts = [t.get_text() for t in legend.get_texts()]
     assert any(f"(T{track})" in t for t in texts for track in named)
+    capsys.readouterr()
+    assert command("rank", str(results.directory)) == 0
+    told = capsys.readouterr().out
+    assert all(f"\n{track}: {text}" in told for track, (text, no) in named.items() if not no)
+
+
+def test_labels_of_one_design_point_have_names_that_change_nowhere(results):
+    modes = results.modes
+    row = modes.loc[modes["growth_rate"].idxmax()]
+    for changes, seen, one in ((False, "4 ND", "4 ND"), (True, "mostly 4 ND", f"T{row['track']}")):
+        opened = results.with_tables()
+        opened.__dict__["track_names"] = {int(row["track"]): ("4 ND", changes)}
+        for point_id, start in ((None, seen), (row["point_id"], one)):
+            axes = opened.plot.stability_diagram(point_id=point_id).axes[0]
+            labels = [t.get_text() for t in axes.texts if f"T{row['track']}" in t.get_text()]
+            assert [t.startswith(start) for t in labels] == [True]
 
 
 def test_names_are_those_of_points_and_modes(results):

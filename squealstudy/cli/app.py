@@ -193,12 +193,13 @@ def robust(
     if csv:
         screen.show_csv(found.sobol_indices(top) if indices else found.robust())
         return
-    kept, sampled = top or LISTED, found.design == SOBOL_INDICES
+    kept, sampled, names = top or LISTED, found.design == SOBOL_INDICES, found.track_names
     if not indices:
-        screen.show(*random_screen.probabilities(found.robust().iloc[: kept + 1], sampled))
+        table = found.robust().iloc[: kept + 1]
+        screen.show(*random_screen.probabilities(table, sampled, names))
         screen.show(*([""] if sampled else []))
     if indices or sampled:
-        screen.show(*random_screen.indices(found.sobol_indices(kept)))
+        screen.show(*random_screen.indices(found.sobol_indices(kept), names))
     screen.show(*outside(found))
 
 
@@ -309,7 +310,7 @@ def compare(
     if csv:
         screen.show_csv(table)
         return
-    screen.show(*comparison(table))
+    screen.show(*comparison(table, found[0].track_names))
     for name, results in zip(("frequency", "time"), found, strict=True):
         screen.show(*outside(results, f"{name} study: "))
 

@@ -12,15 +12,20 @@ from squealstudy.screen import grid, notes
 from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
-from squealstudy.wording import SUSTAINED, figure, plural, with_unit
+from squealstudy.wording import SUSTAINED, figure, named_tracks, plural, with_unit
 
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
 MOTION = 13  # least width of what happens in time: its words stay whole
 
 
-def comparison(table: pd.DataFrame) -> list[RenderableType]:
-    """The table of `Results.compare`, one line an instability, and a summary."""
+def comparison(
+    table: pd.DataFrame, names: Mapping[int, tuple[str, bool]] | None = None
+) -> list[RenderableType]:
+    """The table of `Results.compare`, one line an instability, and a summary.
+
+    `names` are those of the frequency study's tracks, `Results.track_names`.
+    """
     if not len(table):
         return [summary(table)]
     varied = [n for n in table.attrs["parameters"] if len(table[n].unique()) > 1]
@@ -36,7 +41,8 @@ def comparison(table: pd.DataFrame) -> list[RenderableType]:
     legend = notes(
         "growth: of the frequency study; forecast: of the time study's own complex mode; fitted: "
         "in time; dev: fitted against growth; energy: share of the vibration that lasts, in the "
-        "mode's plane of motion; lives: 5 % or more of it, ? where the run does not tell"
+        "mode's plane of motion; lives: 5 % or more of it, ? where the run does not tell",
+        *named_tracks(table["track"], names or {}),
     )
     return [shown, summary(table), legend]
 

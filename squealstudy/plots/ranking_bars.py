@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,6 @@ from squealstudy.tables.mode_ranking import (
     frequency_text,
     unstable_groups,
 )
-from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -95,10 +93,7 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
     """Track, by its name where it has one, and frequency; without a track the range of these."""
     if row["kind"] == "mode":
-        if row["track"] not in names:
-            return f"T{row['track']}   {in_digits(row['frequency_hz'])} Hz"
-        text = track_name(row["track"], row["frequency_hz"], names)
-        return "\n".join(textwrap.wrap(text, LONGEST_NAME))
+        return track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
     hz = frequency_text(row)
     return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Hashable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,7 @@ from squealstudy.plots.style import (
     name_rows,
     new_figure,
     reach,
+    track_name,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.wording import in_digits, plural
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 QUANTITIES = 3  # growth rates with indices
+LONGEST_NAME = 44  # characters of a line
 HALF = 0.19  # of the height of one parameter's place, for each of its two bars
 ERROR_BARS = {"capsize": 2.5, "elinewidth": 1.1, "ecolor": "0.15"}
 
@@ -64,10 +66,14 @@ def robust(results: Results, top: int = 10) -> Figure:
     if results.design == SOBOL_INDICES:
         with contextlib.suppress(ResultsError):  # `squealstudy robust` says why
             indices = results.sobol_indices().dropna(subset=["first", "total"])
-    return robust_bars(results.robust().iloc[: top + 1], indices)
+    return robust_bars(results.robust().iloc[: top + 1], indices, results.track_names)
 
 
-def robust_bars(shown: pd.DataFrame, indices: pd.DataFrame | None) -> Figure:
+def robust_bars(
+    shown: pd.DataFrame,
+    indices: pd.DataFrame | None,
+    names: Mapping[int, tuple[str, bool]] | None = None,
+) -> Figure:
     """The figure of rows of both tables; without indices that of the probabilities alone."""
     quantities = [] if indices is None else list(indices["track"].unique()[:QUANTITIES])
     parameters = 0 if indices is None else indices["parameter"].nunique()
@@ -76,7 +82,7 @@ def robust_bars(shown: pd.DataFrame, indices: pd.DataFrame | None) -> Figure:
     panels = figure.subplots(
         1, 1 + len(quantities), width_ratios=[1.5] + [1.0] * len(quantities), squeeze=False
     )[0]
-    _probabilities(panels[0], shown)
+    _probabilities(panels[0], shown, names or {})
     for axes, track in zip(panels[1:], quantities, strict=True):
         if indices is not None:
             _indices(axes, indices[indices["track"] == track], first=axes is panels[1])
@@ -85,7 +91,7 @@ def robust_bars(shown: pd.DataFrame, indices: pd.DataFrame | None) -> Figure:
     return figure
 
 
-def _probabilities(axes: Axes, shown: pd.DataFrame) -> None:
+def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> None:
     place = np.arange(len(shown))
     percent = 100 * shown["probability"].to_numpy()
     low, high = (100 * shown[f"probability_{end}"].to_numpy() for end in ("low", "high"))
@@ -101,18 +107,18 @@ def _probabilities(axes: Axes, shown: pd.DataFrame) -> None:
     axes.set_xlim(0.0, 1.75 * max(high.max(), 1.0))
     axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 100])
     finish(axes, "Probability of instability [%]", "")
-    name_rows(axes, [_mode(row) for row in shown.to_dict("records")])
+    name_rows(axes, [_mode(row, names) for row in shown.to_dict("records")])
     failed = int(shown["failed_points"].iloc[0])
     note = f", {plural(failed, 'point')} not ok" if failed else ""
     head(axes, f"{plural(int(shown['points'].iloc[0]), 'point')}{note}; bars: confidence interval")
 
 
-def _mode(row: dict[object, object]) -> str:
+def _mode(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
     if row["quantity"] == "any":
         return "any mode"
     if row["quantity"] == "divergence":
         return "static divergence"
-    return f"T{row['track']}   {in_digits(float(str(row['frequency_hz'])))} Hz"
+    return track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
 
 
 def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +45,7 @@ DRAWN = (  # columns of modes: copies of very many rows with all of them would f
     "overdamped",
 )
 LABELS = 10  # tracks named in one picture
+LONGEST_NAME = 26  # characters of a line
 LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
 CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
@@ -109,7 +110,8 @@ def stability_diagram(
     _edge_marks(axes, drawn)
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
-    place_labels(figure, axes, _labels(drawn), _obstacles(axes, drawn))
+    names = _held(results.track_names, len(shown) == 1)
+    place_labels(figure, axes, _labels(drawn, names), _obstacles(axes, drawn))
     return figure
 
 
@@ -174,14 +176,19 @@ def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
     return np.concatenate([dots[:: max(1, len(dots) // STABLE_DOTS)], line, line])
 
 
-def _labels(modes: pd.DataFrame) -> list[Label]:
+def _held(names: Mapping[int, tuple[str, bool]], single: bool) -> dict[int, tuple[str, bool]]:
+    """Names of tracks for labels: at a single design point those that change nowhere."""
+    return {track: named for track, named in names.items() if not (single and named[1])}
+
+
+def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[Label]:
     if len(modes["point_id"].unique()) > 1:
         worst = worst_tracks(modes, LABELS)
     else:
         unstable = modes[modes["unstable"].to_numpy(bool)]
         worst = unstable.sort_values("growth_rate", ascending=False).iloc[:LABELS]
     return [
-        Label(f, 100 * z, track_name(t, f))
+        Label(f, 100 * z, track_name(t, f, names, LONGEST_NAME))
         for f, z, t in zip(
             worst["frequency_hz"], worst["damping_ratio"], worst["track"], strict=True
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from squealstudy.wording import in_digits, prefixed
+from squealstudy.wording import in_digits, mostly, prefixed
 
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
@@ -222,13 +223,19 @@ def growth_limits(growth: np.ndarray) -> tuple[float, float]:
 
 
 def track_name(
-    track: int, frequency_hz: float, names: Mapping[int, tuple[str, bool]] | None = None
+    track: int,
+    frequency_hz: float,
+    names: Mapping[int, tuple[str, bool]] | None = None,
+    width: int | None = None,
 ) -> str:
-    """A track in a legend or label, by its name where it has one (`Results.track_names`)."""
+    """A track in a legend or label, by its name where it has one (`Results.track_names`).
+
+    In lines of `width` characters at most.
+    """
     hertz = f"{in_digits(frequency_hz)} Hz"
     if track <= 0:
         return hertz
     if not names or track not in names:
         return f"T{track}  {hertz}"
-    text, changes = names[track]
-    return f"{'mostly ' * changes}{text}, {hertz} (T{track})"
+    text = f"{mostly(names[track])}, {hertz} (T{track})"
+    return text if width is None else "\n".join(wrap(text, width))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import pandas as pd
@@ -10,15 +10,19 @@ from rich.console import RenderableType
 
 from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import settings_of
-from squealstudy.wording import in_digits, percent, plural
+from squealstudy.wording import in_digits, named_tracks, percent, plural
 
+Names = Mapping[int, tuple[str, bool]]
 Row = dict[Hashable, Any]
 
 
-def probabilities(table: pd.DataFrame, sampled: bool = False) -> list[RenderableType]:
+def probabilities(
+    table: pd.DataFrame, sampled: bool = False, names: Names | None = None
+) -> list[RenderableType]:
     """The table of tables.robustness, the first row of any mode, with its legend.
 
-    `sampled`: its points are the two independent samples of a design for Sobol indices.
+    `sampled`: its points are the two independent samples of a design for Sobol indices. `names` are
+    those of tracks, `Results.track_names`.
     """
     titles = ("mode", "Hz", "known at", "unstable %", "interval %", "mean", "mean +- std")
     shown = grid(
@@ -27,7 +31,10 @@ def probabilities(table: pd.DataFrame, sampled: bool = False) -> list[Renderable
         "text:worst at",
         rows=(_probability(row) for row in table.to_dict("records")),
     )
-    return [shown, notes(*_robust_legend(table, sampled))]
+    return [
+        shown,
+        notes(*_robust_legend(table, sampled), *named_tracks(table["track"], names or {})),
+    ]
 
 
 def _probability(row: Row) -> list[str]:
@@ -87,8 +94,8 @@ def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
     return in_digits(value, digits) if value == value else unknown
 
 
-def indices(table: pd.DataFrame) -> list[RenderableType]:
-    """The table of `tables.sobol` with its legend."""
+def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableType]:
+    """The table of `tables.sobol` with its legend; `names` as of `probabilities`."""
     known = table.dropna(subset=["first", "total"])
     first = ~known["track"].duplicated()
     pairs = zip(known.to_dict("records"), first, strict=True)
@@ -108,6 +115,7 @@ def indices(table: pd.DataFrame) -> list[RenderableType]:
         if listed
         else "",
         f"modes found at too few points for indices: {rare}" if rare else "",
+        *named_tracks(table["track"], names or {}),
     )
     return [shown, legend]
 

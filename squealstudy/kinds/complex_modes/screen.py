@@ -31,7 +31,7 @@ from squealstudy.tables.stability import (
     FIRST_SEEN,
     uncertain_points,
 )
-from squealstudy.wording import failure_counts, in_digits, percent, plural
+from squealstudy.wording import failure_counts, in_digits, named_tracks, percent, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -196,7 +196,7 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
         )
     if table["ambiguous"].any():
         texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
-    return texts
+    return [*texts, *named_tracks(table["track"], results.track_names)]
 
 
 def _cells(row: Row, along: str | None, energies: bool) -> list[str]:
