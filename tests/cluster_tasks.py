@@ -17,3 +17,10 @@ def process(seconds: float) -> int:
 def refused(name: str) -> None:
     """An error that cannot be made of its text."""
     raise ParameterError(name, "too large")
+
+
+def die(told: str) -> None:
+    """Write a line to a file, then end the process as a kill does."""
+    with open(told, "a", encoding="utf-8") as file:
+        file.write("died\n")
+    os._exit(9)

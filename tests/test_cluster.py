@@ -511,7 +511,7 @@ def test_without_the_library_one_sentence_names_the_extra(here):
 
 @pytest.mark.parametrize("place", ["nowhere.json", "tcp://127.0.0.1:1"])
 def test_no_scheduler(here, place, monkeypatch):
-    monkeypatch.setattr("squealstudy.engine.cluster.CONNECT", 0.5)
+    monkeypatch.setattr("squealstudy.engine.cluster_scheduler.CONNECT", 0.5)
     with pytest.raises(MachineError, match=place):
         sq.run(study(here, HULTEN), here / "out", client=place)
 
@@ -569,6 +569,17 @@ def test_a_task_that_ends_its_workers_becomes_failed_rows(own, here):
     assert gone(own)
     with connected(own.client, print) as place, pytest.raises(MachineError, match="died"):
         list(Workers(2, cluster=place).each(os._exit, [9]))
+
+
+def test_a_task_ends_three_workers_at_most(own, here):
+    own.add("a", "b", nanny=True)
+    deaths = here / "deaths"
+    with connected(own.client, print) as place, pytest.raises(MachineError, match="died"):
+        list(Workers(2, cluster=place).each(cluster_tasks.die, [str(deaths)]))
+    assert deaths.read_text() == "died\n" * 3
+    assert own.client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.allowed_failures) == 3
+    plugins = own.client.run_on_scheduler(lambda dask_scheduler: [*dask_scheduler.plugins])
+    assert not [name for name in plugins if name.startswith("squealstudy")]
 
 
 def test_a_lost_scheduler_ends_a_run_and_the_same_command_goes_on(own, cluster, here):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
 import pickle
 import queue
 import re
@@ -26,6 +25,7 @@ import numpy as np
 
 from squealstudy.engine import cluster_worker
 from squealstudy.engine.cache import contents, folders_of, keep_contents, prepared_path
+from squealstudy.engine.cluster_scheduler import client_of, few_deaths, quiet
 from squealstudy.engine.cluster_worker import (
     SAME,
     Answer,
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 AHEAD = 3  # tasks a worker that are drawn: one at work, others there before it is free
-CONNECT, CLOSE = 10.0, 2.0  # s, for a scheduler to answer
-NAME = "squealstudy"
+CLOSE = 2.0  # s, for a scheduler to answer
 LOOK, GLANCE = 2.0, 0.2  # s between looks at who is there, and where a task may end a worker
 ALL_DIED = "every worker that tried it died"
 MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
@@ -94,12 +93,14 @@ class Cluster:
     ----------
     members : list of Worker
         Those that were there at the beginning.
+    run : str
+        With which keys of its tasks begin.
     """
 
     def __init__(self, client: Client, warn: Callable[[str], None]) -> None:
         self.client, self.warn = client, warn
         self.members: list[Worker] = []
-        self._run, self._count = f"squealstudy-{uuid4().hex[:8]}", 0
+        self.run, self._count = f"squealstudy-{uuid4().hex[:8]}", 0
         self._size, self._looked = 0, -np.inf
         self._models: dict[str, _Model] = {}
         self._present: set[str] = set()  # keys of models in the cache when tasks began
@@ -298,7 +299,7 @@ class Cluster:
 
     def _send(self, function: Callable[..., Any], *arguments: Any) -> Future:
         self._count += 1
-        key = f"{self._run}-{self._count}"
+        key = f"{self.run}-{self._count}"
         with warnings.catch_warnings():  # of large ones: they are meant to go this way
             warnings.simplefilter("ignore", UserWarning)
             return self.client.submit(function, *arguments, key=key, pure=False)
@@ -350,8 +351,8 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
         with _checked(client, warn) as cluster:
             yield cluster
         return
-    with _quiet():
-        own = _client(str(client))
+    with quiet():
+        own = client_of(str(client))
         try:
             with _checked(own, warn) as cluster:
                 yield cluster
@@ -361,42 +362,11 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the log of the library: what goes wrong is told in one sentence."""
-    names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
-    before = {name: logging.getLogger(name).level for name in names}
-    for name in names:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        for name, level in before.items():
-            logging.getLogger(name).setLevel(level)
-
-
-@contextlib.contextmanager
 def _checked(client: Client, warn: Callable[[str], None]) -> Iterator[Cluster]:
     cluster = Cluster(client, warn)
     cluster.members = cluster.workers()
     try:
-        yield cluster
+        with few_deaths(client, cluster.run):
+            yield cluster
     finally:
         cluster.release()
-
-
-def _client(scheduler: str) -> Client:
-    """A client of a scheduler, by its address or its file."""
-    from distributed import Client
-
-    place = Path(scheduler)
-    if "://" not in scheduler and not place.is_file():
-        raise MachineError(
-            f"{scheduler}: expected the address of a scheduler, tcp://host:8786, or its file"
-        )
-    given: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
-    try:
-        return Client(
-            **given or {"address": scheduler}, timeout=CONNECT, set_as_default=False, name=NAME
-        )
-    except (OSError, ValueError, KeyError) as error:
-        raise MachineError(f"{scheduler}: no scheduler answers there ({error})") from error

@@ -1,0 +1,84 @@
+"""What a scheduler of dask.distributed is asked for: a connection, and patience with tasks."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from squealstudy.errors import MachineError
+
+if TYPE_CHECKING:
+    from distributed import Client
+    from distributed.diagnostics.plugin import SchedulerPlugin
+
+CONNECT = 10.0  # s, for a scheduler to answer
+NAME = "squealstudy"
+DEATHS = 2  # of workers with a task, until it is kept back to be tried alone
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Without the log of the library: what goes wrong is told in one sentence."""
+    names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
+def client_of(scheduler: str) -> Client:
+    """A client of a scheduler, by its address or its file."""
+    from distributed import Client
+
+    place = Path(scheduler)
+    if "://" not in scheduler and not place.is_file():
+        raise MachineError(
+            f"{scheduler}: expected the address of a scheduler, tcp://host:8786, or its file"
+        )
+    given: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
+    try:
+        return Client(
+            **given or {"address": scheduler}, timeout=CONNECT, set_as_default=False, name=NAME
+        )
+    except (OSError, ValueError, KeyError) as error:
+        raise MachineError(f"{scheduler}: no scheduler answers there ({error})") from error
+
+
+@contextlib.contextmanager
+def few_deaths(client: Client, run: str) -> Iterator[None]:
+    """Tasks of a run, whose keys begin with `run`, fail when DEATHS workers died with them.
+
+    dask's own number (`allowed-failures`, 3 by default) is the scheduler's and holds for the tasks
+    of others as well; it counts what a task has more to begin with.
+    """
+    client.register_plugin(_suspicion(run, DEATHS), name=run)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(Exception):  # of a scheduler that is gone
+            client.unregister_scheduler_plugin(run)
+
+
+def _suspicion(run: str, deaths: int) -> SchedulerPlugin:
+    """What lets the scheduler count from more than zero for tasks whose keys begin with `run`.
+
+    Its class is local so that it is sent as it stands: a scheduler need not have this package.
+    """
+    from distributed.diagnostics.plugin import SchedulerPlugin
+
+    class Suspicion(SchedulerPlugin):  # type: ignore[misc]
+        def update_graph(self, scheduler: Any, *, tasks: list[str], **_: Any) -> None:
+            begin = max(0, scheduler.allowed_failures + 1 - deaths)
+            for key in tasks:
+                if str(key).startswith(run):
+                    task = scheduler.tasks[key]
+                    task.suspicious = max(task.suspicious, begin)
+
+    return Suspicion()
