@@ -6,7 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws import contact_law
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import OperatingPoint
 
 NX, NZ = 5, 6  # nodes of each block along the contact and through its height

@@ -21,15 +21,17 @@ from squealstudy import read_study
 from squealstudy.engine.export import MODEL_FILE, export_model
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
-from squealstudy.models.assembly import Assembly, SpringInterface
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake
 from squealstudy.models.components.build import build_assembly
 from squealstudy.models.components.geometry import geometry_of
 from squealstudy.models.components.inp_writer import number, write_inp
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
 from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.stress_stiffening import sliding_displacement, stress_term
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.study.components import read_model
 
@@ -81,19 +83,30 @@ class Ours:
     modes: BandRoots
 
 
-def own_modes(case: Case, band_hz: tuple[float, float], friction: float | None = None) -> Ours:
-    """The side of squealstudy: its contact, its working point, its full-order eigenproblem."""
+def own_modes(
+    case: Case, band_hz: tuple[float, float], friction: float | None = None, stress: bool = False
+) -> Ours:
+    """The side of squealstudy: its contact, its working point, its full-order eigenproblem.
+
+    With `stress` that of stresses, too, while it slides with MARGIN times the friction.
+    """
     mu = case.friction if friction is None else friction
     assembly = case.assembly
     operating = OperatingPoint(mu, case.pressure, FAST, assembly.contact.law)
     space = contact_space(assembly, case.contact_stiffness, np.zeros((assembly.n_dof, 0)))
-    point = working_point(space, replace(operating, friction=MARGIN * mu))
+    sliding = replace(operating, friction=MARGIN * mu)
+    point = working_point(space, sliding)
     contact = assembly.contact
     closed = point.tangent > 0
     across = SpringInterface(
         "stick", contact.T_perp, np.where(closed, case.stick / MARGIN * contact.area, 0.0)
     )
-    held = replace(assembly, springs=(*assembly.springs, across))
+    added: list[SpringInterface | StressStiffness] = [across]
+    if stress:
+        meshes = {name: body.mesh for name, body in geometry_of(case.brake).bodies.items()}
+        u = sliding_displacement(assembly, space, point, sliding)
+        added.append(stress_term(assembly, meshes, u))
+    held = replace(assembly, springs=(*assembly.springs, *added))
     system = full_order_system(held, {}, point, DesignState(operating), 2 * band_hz[1])
     band = (2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1])
     return Ours(held, point, full_order_roots(system, band))

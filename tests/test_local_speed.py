@@ -15,7 +15,8 @@ from scipy.integrate import solve_ivp
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laboratory.integrators.alpha_methods import GeneralisedAlpha
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import linearised_point, solve_point
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families

@@ -13,15 +13,10 @@ from conftest import benchmark, build_model
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.models.assembly import (
-    Assembly,
-    Component,
-    ContactInterface,
-    SpringInterface,
-    expand_rows,
-)
+from squealstudy.models.assembly import Assembly, Component, ContactInterface, expand_rows
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
 from squealstudy.reduction.contact_space import contact_space

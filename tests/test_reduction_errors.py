@@ -22,7 +22,8 @@ from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionE
 from squealstudy.kinds.complex_modes.rows import read_columns, uncertain_roots
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes import point as point_module
 from squealstudy.modes.full_order import finer_model

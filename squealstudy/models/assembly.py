@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.cells import ComponentCells
+from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness, check_symmetric
 
 
 @dataclass(frozen=True)
@@ -97,17 +98,6 @@ class Component:
     def places(self) -> np.ndarray:
         """3 * node + axis of each degree of freedom (n,) (3-D components)."""
         return np.arange(self.n_dof) if self.dofs is None else self.dofs
-
-
-def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
-    """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
-    if A.shape != (n, n):
-        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
-    if not np.isfinite(A.data).all():
-        raise ModelError(f"{what} has values that are not finite")
-    skew = abs(A - A.T)
-    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
-        raise ModelError(f"{what} is not symmetric")
 
 
 class ContactPoints(Protocol):
@@ -207,39 +197,6 @@ class ContactInterface:
 
 
 @dataclass(frozen=True)
-class SpringInterface:
-    """Linear springs, tied layers and points to ground: force = -B^T diag(stiffness) B q.
-
-    Attributes
-    ----------
-    name : str
-        For messages and tables.
-    B : csr_matrix (n_springs, n_dof)
-        Elongations from the assembly's degrees of freedom.
-    stiffness : ndarray (n_springs,)
-        N/m (stiffness per area times area for layers), not negative.
-    in_static : bool
-        False for a spring that is there in vibration only: the piston, whose hydraulic force pair
-        it would absorb in the static solve.
-    """
-
-    name: str
-    B: sp.csr_matrix
-    stiffness: np.ndarray
-    in_static: bool = True
-
-    def __post_init__(self) -> None:
-        if self.stiffness.shape != (self.B.shape[0],):
-            raise ModelError(f"interface '{self.name}': one stiffness a row of B is needed")
-        if not (np.isfinite(self.stiffness).all() and (self.stiffness >= 0).all()):
-            raise ModelError(f"interface '{self.name}': stiffness must be finite, not negative")
-
-    def matrix(self) -> sp.csr_matrix:
-        """Assembled stiffness (n_dof, n_dof), N/m."""
-        return (self.B.T @ sp.diags(self.stiffness) @ self.B).tocsr()
-
-
-@dataclass(frozen=True)
 class Rotors:
     """What turns, and about which axis.
 
@@ -268,7 +225,7 @@ class Assembly:
         Unique names.
     contact : ContactInterface
         All contact points.
-    springs : tuple of SpringInterface
+    springs : tuple of SpringInterface or StressStiffness
         Linear interfaces.
     load : ndarray (n_dof,)
         Nodal forces of a unit brake pressure, N/Pa.
@@ -285,7 +242,7 @@ class Assembly:
 
     components: tuple[Component, ...]
     contact: ContactInterface
-    springs: tuple[SpringInterface, ...]
+    springs: tuple[SpringInterface | StressStiffness, ...]
     load: np.ndarray
     constant_load: np.ndarray
     rotors: Rotors | None = None
@@ -295,7 +252,7 @@ class Assembly:
         if len(set(names)) != len(names) or not names:
             raise ModelError(f"component names must be unique, got {names}")
         for spring in self.springs:
-            if spring.B.shape[1] != self.n_dof:
+            if spring.n_dof != self.n_dof:
                 raise ModelError(f"interface '{spring.name}' does not have {self.n_dof} columns")
         if self.contact.N.shape[1] != self.n_dof:
             raise ModelError(f"contact interface does not have {self.n_dof} columns")

@@ -9,7 +9,8 @@ import scipy.sparse as sp
 
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.linear_interfaces import SpringInterface
 
 ARM = 1.0  # m: the torque of a minimal model is its friction force
 LAW = contact_law("bilateral")  # the areas of the points carry their stiffness

@@ -176,7 +176,7 @@ def _layer_energies(assembly: Assembly, u: np.ndarray) -> Iterator[tuple[str, fl
     """Name of each spring or layer, and u^H K u of all of that name."""
     for name in dict.fromkeys(s.name for s in assembly.springs):
         own = (s for s in assembly.springs if s.name == name)
-        yield name, sum(float(s.stiffness @ squared(s.B @ u)) for s in own)
+        yield name, sum(s.energy(u) for s in own)
 
 
 def _by_pair(pairs: tuple[str, ...], values: np.ndarray) -> Iterator[tuple[str, float]]:

@@ -9,10 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from squealstudy.errors import ModelError, ParameterError, StudyFileError
+from squealstudy.errors import ConvergenceError, ModelError, ParameterError, StudyFileError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.components.bodies import Brake, read_files
+from squealstudy.models.components.bodies import (
+    Brake,
+    body_of,
+    changed_mesh,
+    own_numbers,
+    read_files,
+)
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
 from squealstudy.models.components.model_file import (
     POSITIVE,
@@ -32,6 +38,7 @@ from squealstudy.models.operating import (
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
+    OperatingPoint,
     contact_parameters,
     friction_parameters,
 )
@@ -41,6 +48,7 @@ from squealstudy.study.family import TAKEN
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
+from squealstudy.study.stresses import law_defaults, stress_assumptions, stressed_point
 from squealstudy.study.units import Unit, in_unit_of
 
 if TYPE_CHECKING:
@@ -79,15 +87,16 @@ def read_model(path: Path) -> FileDefinition:
     digests = _digests(file, source)
     brake = Brake(path, file, hashlib.sha256("".join(digests).encode()).hexdigest())
     places = _places(file, source)
-    build = _Build(source, brake, digests, places)
+    declared = _declared(file, source, places)
+    build = _Build(source, brake, digests, places, stressed_point(file), law_defaults(declared))
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
         options=(CONTACT_OPTION, FRICTION_OPTION),
-        declared=_declared(file, source, places),
+        declared=declared,
         components=tuple(file.components),
         build=build,
-        assumptions=ASSUMPTIONS,
+        assumptions=(*ASSUMPTIONS, *stress_assumptions(build.stressed)),
         torque_unit="N m",
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
@@ -123,12 +132,18 @@ class _Build:
         Hashes of it and of its files as they were when the study was read.
     places : dict of str -> tuple of key
         Where each parameter of the file stands.
+    stressed : OperatingPoint or None
+        Whose stresses stiffen what vibrates; None where none do.
+    law_values : dict of str -> float
+        Defaults of the parameters of contact laws.
     """
 
     source: SourceText
     brake: Brake
     digests: tuple[str, ...]
     places: Mapping[str, tuple[KeyPath, ...]]
+    stressed: OperatingPoint | None
+    law_values: Mapping[str, float]
 
     def effective_radius(
         self,
@@ -160,9 +175,33 @@ class _Build:
         given = {keys: values[name] for name, all_keys in self.places.items() for keys in all_keys}
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         try:
-            return build_assembly(self.brake, law, given)
+            found = build_assembly(self.brake, law, given)
         except PlacedError as error:
             raise placed(error, self.source) from error
+        if self.stressed is None:
+            return found
+        return self._stiffened(found, replace(self.stressed, law=self._law(options)), given)
+
+    def _law(self, options: Mapping[str, str | int]) -> ContactLaw:
+        """The contact law under which stresses are found: its defaults, whatever is swept."""
+        return ContactLaw.from_values(str(options[CONTACT_OPTION.name]), self.law_values)
+
+    def _stiffened(
+        self, found: Assembly, operating: OperatingPoint, given: Mapping[KeyPath, float]
+    ) -> Assembly:
+        """The assembly with the stiffness of its stresses (`reduction.stress_stiffening`)."""
+        from squealstudy.reduction.stress_stiffening import stiffened
+
+        meshes = {
+            name: changed_mesh(body, own_numbers(name, given))
+            for name in self.brake.file.components
+            if (body := body_of(self.brake, name)).matrices is None
+        }
+        try:
+            return stiffened(found, operating, meshes)
+        except ConvergenceError as error:
+            text = f"there is no steady sliding to take stresses from: {error}"
+            raise self.source.error(("stress_stiffening",), text) from error
 
 
 def placed(error: PlacedError, source: SourceText) -> StudyFileError:

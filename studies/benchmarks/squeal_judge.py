@@ -6,8 +6,9 @@ Run:  python studies/benchmarks/squeal_judge.py blocks
 `blocks`: a slider on a plate whose meshes do not match, two meshes and two pressures. `brake`: the
 coarse generated brake, exported, of C3D20 with full integration on both sides. Both sides
 have linear unilateral contact, no damping, and friction's slope across the sliding direction
-(tests/calculix_squeal.py). A growing mode of ours is also sought at other frictions: by how much
-friction it would have to be shifted to grow as CalculiX says.
+(tests/calculix_squeal.py). Each is told without and with the stiffness of stresses on our side. A
+growing mode of ours is also sought at other frictions: by how much friction it would have to be
+shifted to grow as CalculiX says.
 """
 
 from __future__ import annotations
@@ -28,12 +29,20 @@ SHIFT = 0.01  # of friction
 
 
 def compare(name: str, case: Case, folder: Path, band: tuple[float, float], n_modes: int) -> None:
-    """Print the modes that grow on either side, and how far the others are apart."""
+    """Print modes of both sides, without and with the stiffness of our stresses."""
     judge, said = judged_modes(folder, case, n_modes)
     if not len(judge):
         sys.exit(f"ccx found no modes: {said[-2000:]}")
+    for stress in (False, True):
+        _tell(f"{name}{', stresses' * stress}", case, judge, band, stress)
+
+
+def _tell(
+    name: str, case: Case, judge: np.ndarray, band: tuple[float, float], stress: bool
+) -> None:
+    """Print the modes that grow on either side, and how far the others are apart."""
     begun = process_time()
-    own = own_modes(case, band)
+    own = own_modes(case, band, stress=stress)
     seconds = process_time() - begun
     rows = paired(own.modes.lam, judge, band[1])
     apart = np.abs(rows[:, 2] / rows[:, 0] - 1)
@@ -44,7 +53,7 @@ def compare(name: str, case: Case, folder: Path, band: tuple[float, float], n_mo
         f"modes, frequencies apart by {np.median(apart):.1e} (median), {apart.max():.1e} at most; "
         f"ours took {seconds:.0f} s"
     )
-    sides = [own_modes(case, band, case.friction + d).modes.lam for d in (-SHIFT, SHIFT)]
+    sides = [own_modes(case, band, case.friction + d, stress).modes.lam for d in (-SHIFT, SHIFT)]
     for hz, growth, hz_judge, growth_judge in rows[(rows[:, 1] > 0.1) | (rows[:, 3] > 0.1)]:
         lam = growth + 2j * np.pi * hz
         low, high = (lams[np.abs(lams - lam).argmin()].real for lams in sides)

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.models.assembly import Assembly, SpringInterface
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import register_model
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.minimal_parts import bilateral_points, point_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,

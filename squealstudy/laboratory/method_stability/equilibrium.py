@@ -31,7 +31,8 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.models.assembly import Assembly, ContactInterface, SpringInterface
+from squealstudy.models.assembly import Assembly, ContactInterface
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.minimal_parts import point_mass
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace, contact_space

@@ -24,7 +24,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
-from squealstudy.models.assembly import Assembly, SpringInterface
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.minimal_parts import mass_on_belt
 from squealstudy.models.operating import (
     ASSUMPTIONS,

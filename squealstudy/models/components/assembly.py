@@ -42,8 +42,8 @@ def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]
     ModelError
         An unknown material, or one that no element has; a negative Jacobian.
     """
-    elastic = _material(mesh, material)
-    parts = _parts(mesh, material)
+    elastic = material_of(mesh, material)
+    parts = parts_of(mesh, material)
     found = []
     linear = [p for p in parts if not p.block.kind.condensed]
     if linear:
@@ -68,11 +68,11 @@ def coefficients(
         A changed material of another kind; one whose moduli have not all changed by one factor,
         where elements have condensed inner freedoms.
     """
-    elastic = _material(mesh, material)
+    elastic = material_of(mesh, material)
     new = elastic if changed is None else changed
     if type(new) is not type(elastic):
         raise ModelError(f"material '{material}': {type(new).__name__} in place of another kind")
-    kinds = {p.block.kind.condensed for p in _parts(mesh, material)}
+    kinds = {p.block.kind.condensed for p in parts_of(mesh, material)}
     values = {m.name: m.value for m in moduli(new)} if False in kinds else {}
     if True in kinds:
         was = np.array([m.value for m in moduli(elastic)])
@@ -91,7 +91,7 @@ def stiffness_matrix(mesh: SolidMesh) -> sp.csr_matrix:
     """Stiffness (3 n, 3 n) of all materials at their own moduli, assembled at once."""
     total = sp.csr_matrix((3 * len(mesh.nodes),) * 2)
     for name in used_materials(mesh):
-        (K,) = _stiffness(mesh, _parts(mesh, name), [_material(mesh, name).stiffness()])
+        (K,) = _stiffness(mesh, parts_of(mesh, name), [material_of(mesh, name).stiffness()])
         total = total + K
     return total.tocsr()
 
@@ -99,9 +99,9 @@ def stiffness_matrix(mesh: SolidMesh) -> sp.csr_matrix:
 def element_stiffnesses(mesh: SolidMesh) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Some elements at a time: their places (e,), nodes (e, k), stiffness (e, 3 k, 3 k)."""
     for name in used_materials(mesh):
-        factors = _factors(_material(mesh, name).stiffness())
-        for part, rows, X in _chunks(mesh, _parts(mesh, name)):
-            K = _products(*_strains(mesh, part, rows, X), factors)
+        factors = _factors(material_of(mesh, name).stiffness())
+        for part, rows, X in chunks(mesh, parts_of(mesh, name)):
+            K = _products(*strain_rows(mesh, part, rows, X), factors)
             m = 3 * X.shape[1]
             yield (
                 part.start + rows,
@@ -125,13 +125,13 @@ def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
     ModelError
         Elements without material; a negative Jacobian.
     """
-    parts = [p for name in used_materials(mesh) for p in _parts(mesh, name)]
-    sums = _Sums(mesh, parts, 1)
-    for part, chunk, X in _chunks(mesh, parts):
+    parts = [p for name in used_materials(mesh) for p in parts_of(mesh, name)]
+    sums = NodeSums(mesh, parts, 1)
+    for part, chunk, X in chunks(mesh, parts):
         points = part.block.kind.mass_rule(rule)
         N, dN = part.block.kind.shape.functions(points.points)
         det, _ = jacobians(mesh, part.start, chunk, X, dN)
-        weight = det * points.weights * _material(mesh, part.material).density
+        weight = det * points.weights * material_of(mesh, part.material).density
         sums.add(part, chunk, np.matmul(N.T * weight[:, None, :], N)[..., None])
     return sp.kron(sums.matrix(), sp.eye(3), format="csr")
 
@@ -147,7 +147,8 @@ def used_materials(mesh: SolidMesh) -> list[str]:
     return names
 
 
-def _material(mesh: SolidMesh, name: str) -> Elastic:
+def material_of(mesh: SolidMesh, name: str) -> Elastic:
+    """The material of a name; ModelError where the mesh has none."""
     if name not in mesh.materials:
         known = ", ".join(sorted(mesh.materials)) or "none"
         raise mesh.error(f"there is no material '{name}', its materials are {known}")
@@ -155,7 +156,7 @@ def _material(mesh: SolidMesh, name: str) -> Elastic:
 
 
 @dataclass(frozen=True)
-class _Part:
+class ElementPart:
     """Elements of one block that have the same material and orientation.
 
     Attributes
@@ -176,22 +177,23 @@ class _Part:
     orientation: Orientation | None
 
 
-def _parts(mesh: SolidMesh, material: str) -> list[_Part]:
+def parts_of(mesh: SolidMesh, material: str) -> list[ElementPart]:
+    """The elements of a material; ModelError where there is none."""
     found = []
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
         own = mesh.material[start:end] == material
         for name in sorted(set(mesh.orientation[start:end][own])):
             rows = np.flatnonzero(own & (mesh.orientation[start:end] == name))
             axes = mesh.orientations[name] if name else None
-            found.append(_Part(block, rows, int(start), material, axes))
+            found.append(ElementPart(block, rows, int(start), material, axes))
     if not found:
         raise mesh.error(f"no element has the material '{material}'")
     return found
 
 
-def _chunks(
-    mesh: SolidMesh, parts: Sequence[_Part]
-) -> Iterator[tuple[_Part, np.ndarray, np.ndarray]]:
+def chunks(
+    mesh: SolidMesh, parts: Sequence[ElementPart]
+) -> Iterator[tuple[ElementPart, np.ndarray, np.ndarray]]:
     """Some elements at a time: their part, their rows in its block, their nodes (e, k, 3)."""
     for part in parts:
         for at in range(0, len(part.rows), CHUNK):
@@ -200,14 +202,14 @@ def _chunks(
 
 
 def _stiffness(
-    mesh: SolidMesh, parts: Sequence[_Part], tensors: Sequence[np.ndarray]
+    mesh: SolidMesh, parts: Sequence[ElementPart], tensors: Sequence[np.ndarray]
 ) -> list[sp.csr_matrix]:
     """The stiffness that each of the tensors (6, 6) gives."""
-    sums = [_Sums(mesh, parts, 9)]
+    sums = [NodeSums(mesh, parts, 9)]
     sums += [sums[0].like() for _ in tensors[1:]]
     factors = [_factors(tensor) for tensor in tensors]
-    for part, rows, X in _chunks(mesh, parts):
-        B, weight = _strains(mesh, part, rows, X)
+    for part, rows, X in chunks(mesh, parts):
+        B, weight = strain_rows(mesh, part, rows, X)
         e, k = X.shape[:2]
         for total, tensor_factors in zip(sums, factors, strict=True):
             K = _products(B, weight, tensor_factors)
@@ -237,6 +239,14 @@ def _products(
     return (K + K.transpose(0, 2, 1)) / 2
 
 
+def inner_freedoms(B: np.ndarray, weight: np.ndarray, C: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Freedoms of elements (e, m) behind those of the nodes u (e, k), which carry no load."""
+    k = u.shape[1]
+    K = _products(B, weight, _factors(C))
+    inner = -np.linalg.solve(K[:, k:, k:], np.matmul(K[:, k:, :k], u[..., None]))
+    return np.hstack([u, inner[..., 0]])
+
+
 def _condensed(K: np.ndarray, m: int) -> np.ndarray:
     """Without the freedoms from the m-th on, which carry no load."""
     inner = np.linalg.solve(K[:, m:, m:], K[:, m:, :m])
@@ -244,8 +254,8 @@ def _condensed(K: np.ndarray, m: int) -> np.ndarray:
     return (reduced + reduced.transpose(0, 2, 1)) / 2
 
 
-def _strains(
-    mesh: SolidMesh, part: _Part, rows: np.ndarray, X: np.ndarray
+def strain_rows(
+    mesh: SolidMesh, part: ElementPart, rows: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Strains (e, q, 6, m) in material axes of the m freedoms of elements, and weights (e, q)."""
     kind = part.block.kind
@@ -257,10 +267,7 @@ def _strains(
     weight = det * rule.weights
     if kind.condensed:
         G = np.concatenate([G, _inner_slopes(kind, rule.points, X, det)], axis=2)
-    axes = None
-    if part.orientation is not None:
-        axes = part.orientation.axes(np.einsum("qn,eni->eqi", N, X, optimize=True))
-    B = _strain_rows(G, axes)
+    B = _rows(G, material_axes(part, N, X))
     if kind.strains == "mean_dilatation":
         mean = (
             np.einsum("eq,eqni->eni", weight, G, optimize=True) / weight.sum(axis=1)[:, None, None]
@@ -269,7 +276,15 @@ def _strains(
     return B.reshape(*B.shape[:3], -1), weight
 
 
-def _strain_rows(G: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
+def material_axes(part: ElementPart, N: np.ndarray, X: np.ndarray) -> np.ndarray | None:
+    """Material axes, rows of (e, q, 3, 3), at functions N (q, k); None where they are x, y, z."""
+    if part.orientation is None:
+        return None
+    axes: np.ndarray = part.orientation.axes(np.einsum("qn,eni->eqi", N, X, optimize=True))
+    return axes
+
+
+def _rows(G: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
     """Strains (e, q, 6, k, 3) of slopes G (e, q, k, 3), in axes whose rows are (e, q, 3, 3)."""
     e, q, k, _ = G.shape
     B = np.zeros((e, q, 6, k, 3))
@@ -303,37 +318,37 @@ def _inner_slopes(
     return np.matmul(slopes, np.linalg.inv(J)[:, None]) * ratio[..., None, None]
 
 
-class _Sums:
+class NodeSums:
     """Sums element matrices into one sparse matrix: for each pair of nodes a block of values.
 
     Parameters
     ----------
     mesh : SolidMesh
-    parts : sequence of _Part
+    parts : sequence of ElementPart
         What will be added.
     size : int
         Values of a block: 1 or 9, which is 3 x 3.
     """
 
-    def __init__(self, mesh: SolidMesh, parts: Sequence[_Part], size: int) -> None:
+    def __init__(self, mesh: SolidMesh, parts: Sequence[ElementPart], size: int) -> None:
         self.n, self.size = len(mesh.nodes), size
         pairs = [self._pairs(p, p.rows).ravel() for p in parts]
         keys = np.sort(np.concatenate(pairs))  # faster than np.unique, which hashes
         self.keys = keys[np.append(True, keys[1:] != keys[:-1])]
         self.data = np.zeros(len(self.keys) * size)
 
-    def like(self) -> _Sums:
+    def like(self) -> NodeSums:
         """Another one of the same pairs of nodes."""
-        other = object.__new__(_Sums)
+        other = object.__new__(NodeSums)
         other.n, other.size, other.keys = self.n, self.size, self.keys
         other.data = np.zeros_like(self.data)
         return other
 
-    def _pairs(self, part: _Part, rows: np.ndarray) -> np.ndarray:
+    def _pairs(self, part: ElementPart, rows: np.ndarray) -> np.ndarray:
         nodes = part.block.nodes[rows].astype(np.int64)
         return nodes[:, :, None] * self.n + nodes[:, None, :]
 
-    def add(self, part: _Part, rows: np.ndarray, values: np.ndarray) -> None:
+    def add(self, part: ElementPart, rows: np.ndarray, values: np.ndarray) -> None:
         """Add values (e, k, k, size) of the pairs of nodes of elements."""
         at = np.searchsorted(self.keys, self._pairs(part, rows).ravel())
         np.add.at(

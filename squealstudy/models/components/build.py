@@ -10,13 +10,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import (
-    Assembly,
-    Component,
-    ContactInterface,
-    SpringInterface,
-    expand_rows,
-)
+from squealstudy.models.assembly import Assembly, Component, ContactInterface, expand_rows
 from squealstudy.models.components.bodies import (
     Body,
     Brake,
@@ -41,6 +35,7 @@ from squealstudy.models.components.model_file import (
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.components.point_masses import component_matrices
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.linear_interfaces import SpringInterface
 
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
 

@@ -14,8 +14,9 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import ContactInterface, SpringInterface, expand_rows
+from squealstudy.models.assembly import ContactInterface, expand_rows
 from squealstudy.models.components.pairs import Pair
+from squealstudy.models.linear_interfaces import SpringInterface
 
 KINDS = ("sliding", "stuck", "frictionless")
 SIDES = ("master", "slave")

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Body, Brake
-from squealstudy.models.components.dimensions import LENGTH, MASS, Dimension
+from squealstudy.models.components.dimensions import LENGTH, MASS, STRESS, Dimension
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.point_masses import component_matrices
 from squealstudy.wording import listed, plural
@@ -66,6 +66,7 @@ def inspect(brake: Brake, assembly: Assembly, pressure: float) -> Inspection:
     _contact(found, geometry, assembly, pressure)
     _rotation(found, geometry, assembly)
     _load(found, geometry)
+    _stresses(found, geometry)
     n, points = assembly.n_dof, assembly.contact.n_points
     gigabytes = 4 * 8 * n * min(points, n) / 1e9
     found.tell(
@@ -266,6 +267,17 @@ def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None
         else f"; sliding_speed is that at {middle / size:.4g} {unit}"
     )
     found.tell("rotation", text)
+
+
+def _stresses(found: Inspection, geometry: Geometry) -> None:
+    table, bodies = geometry.file.stress_stiffening, geometry.bodies.values()
+    if table is None:
+        return
+    megapascal = table.pressure * STRESS.factor(geometry.file.units) / 1e6
+    told = ", ".join(b.name for b in bodies if b.matrices is None) or "nothing"
+    text = f"stresses of {megapascal:g} MPa and a friction of {table.friction:g} stiffen {told}"
+    without = ", ".join(b.name for b in bodies if b.matrices is not None)
+    found.tell("stresses", text + (f"; not {without}, of matrices" if without else ""))
 
 
 def _load(found: Inspection, geometry: Geometry) -> None:

@@ -265,6 +265,13 @@ class LoadTable(Table):
     area: float = Field(gt=0, description="hydraulic area")
 
 
+class StressTable(Table):
+    """The steady sliding whose stresses count as stiffness."""
+
+    pressure: float = Field(gt=0, description="brake pressure")
+    friction: float = Field(ge=0, description="friction coefficient, the rotor turning forward")
+
+
 class ParameterTable(Table):
     """A number of the file, or of the operating point, that studies may vary."""
 
@@ -298,6 +305,10 @@ class ModelFile(Table):
     point_mass: Annotated[tuple[PointMassTable, ...], Strict(False)] = ()
     fixed: Annotated[tuple[FixedTable, ...], Strict(False)] = ()
     load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
+    stress_stiffening: StressTable | None = Field(
+        default=None,
+        description="its stresses stiffen what vibrates; else none do",
+    )
     parameters: dict[str, ParameterTable] = {}
 
     def at(self, keys: KeyPath) -> Any:

@@ -13,7 +13,6 @@ from squealstudy.models.assembly import (
     Component,
     ContactInterface,
     Rotors,
-    SpringInterface,
     component_slices,
     expand_rows,
 )
@@ -27,6 +26,7 @@ from squealstudy.models.fem.sampling import (
     sample_surface,
 )
 from squealstudy.models.fem.solid import Solid
+from squealstudy.models.linear_interfaces import SpringInterface
 
 AXIAL = np.array([0.0, 0.0, 1.0])
 LAYER_POINTS = 3  # Gauss points a side of a facet in the linear layers

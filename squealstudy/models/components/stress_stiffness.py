@@ -1,0 +1,73 @@
+"""Stiffness that stresses add to a meshed component, THEORY.md eq. (110)."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.components.assembly import (
+    STRAINS,
+    ElementPart,
+    NodeSums,
+    chunks,
+    inner_freedoms,
+    material_axes,
+    material_of,
+    parts_of,
+    strain_rows,
+    used_materials,
+)
+from squealstudy.models.components.formulations import integration
+from squealstudy.models.components.jacobians import jacobians
+from squealstudy.models.components.mesh import SolidMesh
+
+
+def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:
+    """Initial-stress matrix (3 n, 3 n) [N/m] of the stresses of a displacement.
+
+    The integral of grad(u_i)^T sigma grad(u_i) over the three directions i, with the points of the
+    stiffness; sigma is that of small strains, of elements with inner freedoms those of the
+    equilibrium among them. Symmetric, not definite. Translations are free; a rotation theta of the
+    whole is not, as loads stay where they point: theirs is its energy, trace(theta^T sigma theta).
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    u : ndarray (n, 3)
+        Displacements of the nodes, m.
+
+    Raises
+    ------
+    ModelError
+        Elements without material; a negative Jacobian.
+    """
+    parts = [p for name in used_materials(mesh) for p in parts_of(mesh, name)]
+    sums = NodeSums(mesh, parts, 1)
+    for part, rows, X in chunks(mesh, parts):
+        sigma, weight, slopes = _stresses(mesh, part, rows, X, u)
+        pulled = np.matmul(slopes, sigma) * weight[..., None, None]  # (e, q, k, 3)
+        own = np.einsum("eqni,eqmi->enm", pulled, slopes, optimize=True)
+        sums.add(part, rows, ((own + own.transpose(0, 2, 1)) / 2)[..., None])
+    return sp.kron(sums.matrix(), sp.eye(3), format="csr")
+
+
+def _stresses(
+    mesh: SolidMesh, part: ElementPart, rows: np.ndarray, X: np.ndarray, u: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stresses (e, q, 3, 3) in x, y, z, weights (e, q), slopes (e, q, k, 3) of the functions."""
+    kind = part.block.kind
+    C = material_of(mesh, part.material).stiffness()
+    N, dN = kind.shape.functions(integration(kind.stiffness).points)
+    _, J = jacobians(mesh, part.start, rows, X, dN)
+    B, weight = strain_rows(mesh, part, rows, X)
+    moved = u[part.block.nodes[rows]].reshape(len(rows), -1)
+    if kind.condensed:
+        moved = inner_freedoms(B, weight, C, moved)
+    six = np.einsum("ij,eqjm,em->eqi", C, B, moved, optimize=True)
+    sigma = np.empty((*six.shape[:2], 3, 3))
+    for row, (i, j) in enumerate(STRAINS):
+        sigma[..., i, j] = sigma[..., j, i] = six[..., row]
+    axes = material_axes(part, N, X)
+    if axes is not None:
+        sigma = np.matmul(axes.transpose(0, 1, 3, 2), np.matmul(sigma, axes))
+    return sigma, weight, np.matmul(dN, np.linalg.inv(J))

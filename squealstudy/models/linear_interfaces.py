@@ -1,0 +1,99 @@
+"""What is linear between and in components: springs and layers, the stiffness of stresses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+
+
+@dataclass(frozen=True)
+class SpringInterface:
+    """Linear springs, tied layers and points to ground: force = -B^T diag(stiffness) B q.
+
+    Attributes
+    ----------
+    name : str
+        For messages and tables.
+    B : csr_matrix (n_springs, n_dof)
+        Elongations from the assembly's degrees of freedom.
+    stiffness : ndarray (n_springs,)
+        N/m (stiffness per area times area for layers), not negative.
+    in_static : bool
+        False for a spring that is there in vibration only: the piston, whose hydraulic force pair
+        it would absorb in the static solve.
+    """
+
+    name: str
+    B: sp.csr_matrix
+    stiffness: np.ndarray
+    in_static: bool = True
+
+    def __post_init__(self) -> None:
+        if self.stiffness.shape != (self.B.shape[0],):
+            raise ModelError(f"interface '{self.name}': one stiffness a row of B is needed")
+        if not (np.isfinite(self.stiffness).all() and (self.stiffness >= 0).all()):
+            raise ModelError(f"interface '{self.name}': stiffness must be finite, not negative")
+
+    def matrix(self) -> sp.csr_matrix:
+        """Assembled stiffness (n_dof, n_dof), N/m."""
+        return (self.B.T @ sp.diags(self.stiffness) @ self.B).tocsr()
+
+    @property
+    def n_dof(self) -> int:
+        """Degrees of freedom of the assembly."""
+        return int(self.B.shape[1])
+
+    def energy(self, u: np.ndarray) -> float:
+        """u^H K u of displacements (n_dof,)."""
+        moved = self.B @ u
+        return float(self.stiffness @ (moved.real**2 + moved.imag**2))
+
+
+@dataclass(frozen=True)
+class StressStiffness:
+    """What the stresses of a loaded state add to the stiffness of its vibration.
+
+    Attributes
+    ----------
+    K : csr_matrix (n_dof, n_dof)
+        Symmetric, not definite, N/m.
+    name : str
+        As of a SpringInterface.
+    in_static : bool
+        False: steady sliding itself is that of small displacements.
+    """
+
+    K: sp.csr_matrix
+    name: str = "stress_stiffening"
+    in_static: bool = False
+
+    def __post_init__(self) -> None:
+        check_symmetric(f"interface '{self.name}': stiffness", self.K, self.n_dof)
+
+    @property
+    def n_dof(self) -> int:
+        """Degrees of freedom of the assembly."""
+        return int(self.K.shape[0])
+
+    def matrix(self) -> sp.csr_matrix:
+        """Assembled stiffness (n_dof, n_dof), N/m."""
+        return self.K
+
+    def energy(self, u: np.ndarray) -> float:
+        """u^H K u of displacements (n_dof,)."""
+        return float(np.vdot(u, self.K @ u).real)
+
+
+def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
+    """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
+    if A.shape != (n, n):
+        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
+    if not np.isfinite(A.data).all():
+        raise ModelError(f"{what} has values that are not finite")
+    skew = abs(A - A.T)
+    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
+        raise ModelError(f"{what} is not symmetric")

@@ -1,0 +1,84 @@
+"""Stiffness of the stresses of steady sliding, added to an assembly (THEORY.md eq. (114))."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.linalg.factor import factorise
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.linear_interfaces import StressStiffness
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.prepared import mean_contact_stiffness
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+
+
+def stiffened(
+    assembly: Assembly, operating: OperatingPoint, meshes: Mapping[str, SolidMesh]
+) -> Assembly:
+    """An assembly with the stiffness of its stresses at the working point of an operating point.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    operating : OperatingPoint
+    meshes : mapping of component -> SolidMesh
+        Of the components whose stresses count.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no such working point.
+    """
+    nothing = np.zeros((assembly.n_dof, 0))
+    space = contact_space(assembly, mean_contact_stiffness(assembly, operating), nothing)
+    point = working_point(space, operating)
+    u = sliding_displacement(assembly, space, point, operating)
+    return replace(assembly, springs=(*assembly.springs, stress_term(assembly, meshes, u)))
+
+
+def sliding_displacement(
+    assembly: Assembly, space: ContactSpace, point: WorkingPoint, operating: OperatingPoint
+) -> np.ndarray:
+    """Displacement (n_dof,) [m] of steady sliding from the unloaded assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    space : ContactSpace
+        Of it.
+    point : WorkingPoint
+        Of both, at `operating`.
+    operating : OperatingPoint
+    """
+    c = assembly.contact
+    k_c = space.k_c * c.area
+    K0 = assembly.K_el + assembly.K_springs(static=True) + c.N.T @ sp.diags(k_c) @ c.N
+    normal, drag, _ = point.forces(c, operating).T
+    load = operating.brake_pressure * assembly.load + assembly.constant_load
+    load = load + c.N.T @ (normal + k_c * (point.gap - c.gap0)) + c.T.T @ drag
+    return factorise(K0.tocsr(), definite=True).solve(load)
+
+
+def stress_term(
+    assembly: Assembly, meshes: Mapping[str, SolidMesh], u: np.ndarray
+) -> StressStiffness:
+    """The stiffness of the stresses of a displacement u (n_dof,) [m]."""
+    # scikit-fem, which elements need, is slow to load
+    from squealstudy.models.components.stress_stiffness import stress_stiffness
+
+    at, blocks = assembly.at_nodes(u), []
+    for component in assembly.components:
+        n = component.n_dof
+        if component.name in meshes:
+            own = at[assembly.node_slices[component.name]]
+            K = stress_stiffness(meshes[component.name], own)
+            blocks.append(K[component.places][:, component.places])
+        else:
+            blocks.append(sp.csr_matrix((n, n)))
+    return StressStiffness(sp.block_diag(blocks, format="csr"))
