@@ -8,12 +8,13 @@ Cholesky factors F^T F of symmetric positive definite matrices come out of Super
 from __future__ import annotations
 
 import contextlib
+import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,12 +24,16 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
 
 SINGULAR = "singular"  # status of the failure
-PLAIN_RESIDUAL = 1e-9  # largest |b - A x| / |b| of a trial after which solves are not refined
+# largest backward error of a trial after which solves are not refined: round-off is 1e-15, and what
+# a refined solve leaves of b is no smaller then, however large it is beside b
+PLAIN_ERROR = 1e-14
 # rows from which CHOLMOD is taken: a choice between a brake's 27,810, where SuperLU is as fast, and
 # sizes where SuperLU's solves with many right-hand sides take most of a reduction
 LARGE = 50_000
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
+
+DEFINITE, UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 
 MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
 
@@ -82,7 +87,7 @@ def factorise(A: sp.spmatrix, backend: str = "auto", definite: bool = False) -> 
         found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
         backend = next(found, "superlu")
     if backend == "pardiso":
-        return PardisoFactor(A)
+        return PardisoFactor(A, definite)
     return CholmodFactor(A) if backend == "cholmod" else SuperLUFactor(A)
 
 
@@ -112,7 +117,7 @@ class RefinedFactor(ABC):
 
     A: sp.csr_matrix
 
-    def __reduce__(self) -> tuple[type[RefinedFactor], tuple[sp.csr_matrix]]:
+    def __reduce__(self) -> tuple[type[RefinedFactor], tuple[Any, ...]]:
         """Factorised anew where it is unpickled."""
         return type(self), (self.A,)
 
@@ -131,17 +136,22 @@ class RefinedFactor(ABC):
         return x + self.solve_once(b - self.A @ x)
 
     @property
-    def plain_residual(self) -> float:
-        """Largest |b - A x| over largest |b| of an unrefined solve of some b."""
+    def plain_error(self) -> float:
+        """Largest |b - A x| / (|A| |x| + |b|) of an unrefined solve of some b, row by row.
+
+        The componentwise backward error (Oettli and Prager 1964).
+        """
         b = np.random.default_rng(0).standard_normal(self.A.shape[0])
-        return float(np.abs(b - self.A @ self.solve_once(b)).max() / np.abs(b).max())
+        x = self.solve_once(b)
+        size = abs(self.A) @ np.abs(x) + np.abs(b)
+        return float((np.abs(b - self.A @ x) / size).max())
 
     def lean(self) -> Callable[[np.ndarray], np.ndarray]:
         """Solutions of a real b, without refinement where a trial shows that it is not needed.
 
-        Half the time; what a smooth load leaves is far below the residual of the random one tried.
+        Half the time.
         """
-        return self.solve_once if self.plain_residual <= PLAIN_RESIDUAL else self.solve
+        return self.solve_once if self.plain_error <= PLAIN_ERROR else self.solve
 
 
 class SuperLUFactor(RefinedFactor):
@@ -165,18 +175,28 @@ class SuperLUFactor(RefinedFactor):
 
 
 class PardisoFactor(RefinedFactor):
-    """A sparse factorisation by MKL PARDISO (extra `mkl`)."""
+    """A sparse factorisation by MKL PARDISO (extra `mkl`), of a definite A by half of it."""
 
-    def __init__(self, A: sp.spmatrix) -> None:
+    def __init__(self, A: sp.spmatrix, definite: bool = False) -> None:
         from pypardiso import PyPardisoSolver
+        from pypardiso.pardiso_wrapper import PyPardisoError
 
-        self.A = A.tocsr()
-        self._solver = PyPardisoSolver()
-        self._solver.factorize(self.A)
+        self.A, self._definite = A.tocsr(), definite
+        self._held = sp.triu(self.A, format="csr") if definite else self.A
+        self._solver = PyPardisoSolver(DEFINITE if definite else UNSYMMETRIC)
+        weakref.finalize(self, self._solver.free_memory, everything=True)  # it does not by itself
+        try:
+            self._solver.factorize(self._held)
+        except PyPardisoError as error:  # a pivot that is not positive
+            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
+
+    def __reduce__(self) -> tuple[type[RefinedFactor], tuple[Any, ...]]:
+        """Factorised anew where it is unpickled."""
+        return type(self), (self.A, self._definite)
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`."""
-        return self._solver.solve(self.A, np.asfortranarray(b))
+        return self._solver.solve(self._held, np.asfortranarray(b))
 
 
 class CholmodFactor(RefinedFactor):

@@ -1,0 +1,307 @@
+"""What a study costs as the mesh grows: a model of files to a ranked study, from a cold cache.
+
+    python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2] [--table size.csv]
+    python studies/benchmarks/size.py chart size.csv size.png
+
+The generated brake is written as a model file (meshes in .inp) at growing densities: 15k, 29k, 49k,
+116k and 500k degrees of freedom. Each is read, reduced, solved at 29 frictions x 6 pressures,
+checked at full order, tracked, ranked and drawn by a process of its own with its workers, whose
+cache is empty, kernels to compile included. Printed are for each stage the seconds, the processor
+seconds and the largest memory of all its processes together (resident; what they share counts for
+each), then the parts of the reduction and what a point takes. Rows go to the table, where `chart`
+finds them; the last of each size counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import one_thread  # noqa: F401
+
+# isort: split
+
+import pandas as pd
+import psutil
+
+from squealstudy.models.catalogue.disc_brake import DISC_BRAKE
+from squealstudy.models.catalogue.disc_brake.as_files import brake_meshes, brake_tables
+from squealstudy.models.catalogue.disc_brake.solids import (
+    COARSE,
+    DENSITIES,
+    FINE,
+    MEDIUM,
+    ONE,
+    TWO,
+    WIDE,
+    Density,
+)
+from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.fem.grid import Interval
+from squealstudy.study.toml_text import toml_text
+
+ASKED, ASKED_AT = (720.0, 6144.0), 116_000  # s and MB of the study, from files; degrees of freedom
+EVERY = 0.05  # s between looks
+EXPORT, START, ALL, POINT = "files written", "start", "all, from files", "a point"
+CHECK = "full-order check"
+DRAWN = ("reduction", "design points", CHECK, "tracking", ALL, POINT)  # stages on the chart
+STUDY = """
+[study]
+name = "size"
+kind = "complex_modes"
+[model]
+file = "brake.toml"
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 0.7
+num = 29
+[[sweep]]
+parameter = "pressure"
+values = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]
+[modes]
+band = [500.0, 8000.0]
+"""
+
+
+def _around(cells: int, ears: int) -> tuple[Interval, ...]:
+    """Of a pad: its ears and the three parts between."""
+    ear, part = Interval(ears), Interval(cells)
+    return (ear, part, part, part, ear)
+
+
+SIZES: dict[str, Density] = {
+    "15k": COARSE,
+    "29k": MEDIUM,
+    "49k": replace(
+        MEDIUM,
+        around=48,
+        disc_r=(Interval(), Interval(high=ONE), Interval(), Interval(5, low=ONE)),
+        pad_r=(Interval(4),),
+        pad_theta=_around(6, 1),
+        pad_z=(Interval(3), Interval(1)),
+        caliper_r=(Interval(3), Interval(1, high=ONE), Interval(3)),
+        caliper_z=(Interval(3, high=WIDE), Interval(2, WIDE, WIDE), Interval(3)),
+    ),
+    "116k": replace(
+        FINE,
+        around=63,
+        disc_r=(Interval(), Interval(high=TWO), Interval(2), Interval(6, low=TWO)),
+        pad_r=(Interval(6),),
+        pad_theta=_around(8, 2),
+    ),
+    "500k": replace(
+        FINE, around=40, pad_r=(Interval(4),), pad_theta=_around(5, 1), split=(2, 2, 2)
+    ),
+}
+
+
+def write_model(folder: Path, size: str) -> tuple[Path, int]:
+    """The study of a brake of that size, with its model file and meshes; degrees of freedom."""
+    options = {option.name: option.choices[0] for option in DISC_BRAKE.options} | {"mesh": size}
+    values = DISC_BRAKE.defaults()
+    DENSITIES[size] = SIZES[size]
+    files, dof = {}, 0
+    for name, mesh in brake_meshes(options, values).items():
+        files[name] = f"{name}.inp"
+        write_inp(mesh, folder / files[name])
+        dof += 3 * len(mesh.nodes)
+    text = toml_text(brake_tables(options, values, files))
+    (folder / "brake.toml").write_text(text, encoding="utf-8")
+    path = folder / "study.toml"
+    path.write_text(STUDY)
+    return path, dof
+
+
+class Watch:
+    """Seconds, processor seconds and memory of a process with its children, by stage."""
+
+    def __init__(self, process: psutil.Process) -> None:
+        self.stage, self._process = START, process
+        self.wall: dict[str, float] = defaultdict(float)
+        self.cpu: dict[str, float] = defaultdict(float)
+        self.peak: dict[str, float] = defaultdict(float)
+        self._last, self._used, self.ended = time.perf_counter(), {}, False
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        while not self.ended:
+            stage, memory = self.stage, 0.0
+            with_children = [self._process]
+            try:
+                with_children += self._process.children(recursive=True)
+            except psutil.Error:
+                return
+            for one in with_children:
+                try:
+                    times, own = one.cpu_times(), one.memory_info().rss / 2**20
+                except psutil.Error:
+                    continue
+                used = times.user + times.system
+                self.cpu[stage] += used - self._used.get(one.pid, 0.0)
+                self._used[one.pid] = used
+                memory += own
+            self.peak[stage] = max(self.peak[stage], memory)
+            now = time.perf_counter()
+            self.wall[stage] += now - self._last
+            self._last = now
+            time.sleep(EVERY)
+
+    def rows(self) -> list[dict[str, object]]:
+        """A row a stage."""
+        return [
+            {"stage": s, "wall_s": self.wall[s], "cpu_s": self.cpu[s], "peak_mb": self.peak[s]}
+            for s in self.wall
+        ]
+
+
+def run_here(path: Path, directory: Path, jobs: int) -> None:
+    """Run a study, rank and draw it; stages go to stdout, and last what the manifest tells."""
+    from squealstudy.engine.runner import run_study
+    from squealstudy.face import open_results
+    from squealstudy.screen import as_text
+    from squealstudy.study.definition import load_study
+
+    told = [START]
+
+    def tell(stage: str, *_: int) -> None:
+        if stage != told[-1]:
+            told.append(stage)
+            print(f"stage {stage}", flush=True)
+
+    study = load_study(path)
+    manifest = run_study(study.kind.plan(study), directory, jobs, True, tell).manifest
+    tell("ranking and pictures")
+    found = open_results(directory)
+    ranked = as_text(found.screen.findings(found))
+    found.draw()
+    references = [{k: r.get(k) for k in KEPT} for r in manifest["reference"]]
+    facts = {"timings": manifest["timings"], "reference": references, "ranked": ranked}
+    print(json.dumps(facts), flush=True)
+
+
+KEPT = ("status", "frequency_error", "damping_error", "missed_modes", "wall_s")
+
+
+def measure(size: str, jobs: int, keep: Path | None) -> pd.DataFrame:
+    """All figures of a size."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = (keep or Path(made)) / size
+        folder.mkdir(parents=True, exist_ok=True)
+        started, used = time.perf_counter(), time.process_time()
+        path, dof = write_model(folder, size)
+        rows = [
+            {
+                "stage": EXPORT,
+                "wall_s": time.perf_counter() - started,
+                "cpu_s": time.process_time() - used,
+                "peak_mb": psutil.Process().memory_info().rss / 2**20,
+            }
+        ]
+        command = [sys.executable, __file__, "child", str(path), str(Path(made) / "results")]
+        environment = {**os.environ, "SQUEALSTUDY_CACHE": str(Path(made) / "cache")}
+        load = os.getloadavg()[0]
+        started = time.perf_counter()
+        with subprocess.Popen(
+            [*command, str(jobs)], stdout=subprocess.PIPE, text=True, env=environment
+        ) as child:
+            watch = Watch(psutil.Process(child.pid))
+            facts = {}
+            assert child.stdout is not None
+            for line in child.stdout:
+                if line.startswith("stage "):
+                    watch.stage = line[6:].strip()
+                elif line.startswith("{"):
+                    facts = json.loads(line)
+            watch.ended = True
+        if child.returncode:
+            raise SystemExit(f"{size}: the study failed, exit code {child.returncode}")
+        total = time.perf_counter() - started
+    found = watch.rows()
+    whole = {
+        "stage": ALL,
+        "wall_s": total,
+        "cpu_s": sum(float(r["cpu_s"]) for r in found),  # type: ignore[arg-type]
+        "peak_mb": max(watch.peak.values()),
+    }
+    parts = {
+        f"  {name.removeprefix('structure_').removesuffix('_s')}": value
+        for name, value in facts["timings"].items()
+        if name.startswith("structure_")
+    }
+    times = facts["timings"]
+    point = {"stage": POINT, "wall_s": times["points_worker_s"] / times["points_solved"]}
+    inner = [{"stage": name, "wall_s": value} for name, value in parts.items()]
+    table = pd.DataFrame([*rows, *found, whole, *inner, point])
+    print(f"\n{size}, {jobs} workers, load before {load:.1f}")
+    print(table.to_string(index=False, float_format=lambda x: f"{x:.1f}", na_rep=""))
+    for reference in facts["reference"]:
+        print("full order:", reference)
+    print(facts["ranked"], flush=True)
+    return table.assign(size=size, dof=dof, jobs=jobs, load=load)
+
+
+def draw(table: pd.DataFrame, path: Path) -> None:
+    """Seconds, processor seconds and memory of the stages over degrees of freedom."""
+    from squealstudy.plots.style import COLOURS, DARK, finish, new_figure
+
+    table = table.drop_duplicates(["size", "stage"], keep="last").sort_values("dof")
+    table = table[~table["stage"].str.startswith("  ")]
+    figure = new_figure(12.0, 4.4)
+    panels = figure.subplots(1, 3)
+    titles = {"wall_s": "time [s]", "cpu_s": "processor time [s]", "peak_mb": "memory [MB]"}
+    shown = [s for s in table["stage"].unique() if s in DRAWN]
+    for axes, (column, title) in zip(panels, titles.items(), strict=True):
+        for number, stage in enumerate(shown):
+            own = table[(table["stage"] == stage) & table[column].notna()]
+            look = {"color": DARK, "lw": 2.2} if stage == ALL else {"color": COLOURS[number]}
+            axes.plot(own["dof"], own[column], "o-", label=stage, **look)
+        axes.set(xscale="log", yscale="log")
+        finish(axes, "degrees of freedom", title)
+    for axes, limit in zip((panels[0], panels[2]), ASKED, strict=True):
+        axes.plot(ASKED_AT, limit, "v", color=DARK, ms=9, mfc="none", label="asked, two cores")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    figure.savefig(path, dpi=130)
+
+
+def main() -> None:
+    """Measure, print, keep; or draw."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("run")
+    run.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
+    run.add_argument("--jobs", type=int, default=2)
+    run.add_argument("--table", type=Path, default=Path("size.csv"))
+    run.add_argument("--keep", type=Path, help="folder where the model files stay")
+    chart = commands.add_parser("chart")
+    chart.add_argument("table", type=Path)
+    chart.add_argument("png", type=Path)
+    child = commands.add_parser("child")
+    child.add_argument("study", type=Path)
+    child.add_argument("results", type=Path)
+    child.add_argument("jobs", type=int)
+    given = parser.parse_args()
+    if given.command == "child":
+        run_here(given.study, given.results, given.jobs)
+        return
+    if given.command == "chart":
+        draw(pd.read_csv(given.table), given.png)
+        return
+    for size in given.sizes:
+        rows = measure(size, given.jobs, given.keep)
+        rows.to_csv(given.table, mode="a", header=not given.table.exists(), index=False)
+
+
+if __name__ == "__main__":
+    main()
