@@ -20,7 +20,8 @@ from squealstudy.kinds.complex_modes.measuring import first_onset
 from squealstudy.kinds.complex_modes.neighbourhood import StudyNeighbourhoods
 from squealstudy.modes.tracking.onsets import FollowedMode, SolvedLine, cubic_onsets, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
-from squealstudy.plots.plane import stability_boundary, study_plane
+from squealstudy.plots.boundary_lines import stability_boundary
+from squealstudy.plots.plane import study_plane
 from squealstudy.tables.stability import line_crossings
 
 HZ = 2 * np.pi

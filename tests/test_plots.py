@@ -621,6 +621,18 @@ def test_scattered_points_in_three_parameters_are_dots_only():
     assert "also varied: contact.lambda" in drawn(figure)
 
 
+def test_flat_triangles_along_the_edge_join_no_points():
+    rng = np.random.default_rng(3)
+    mu, p = rng.uniform(0.0, 1.0, (2, 400))
+    mu, p = np.append(mu, [0.1, 0.9]), np.append(p, [-1e-4, -1e-4])  # an edge of one long triangle
+    points = points_table(mu, 1e6 * (1 + p))
+    figure = stability_map(points, modes_table(points), "friction", "pressure")
+    (drawn_mesh,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    sides = [np.ptp(path.vertices[:, 0]) for path in drawn_mesh.get_paths()]
+    assert len(sides) > 700
+    assert max(sides) < 0.5
+
+
 def test_points_on_a_line_span_no_triangles():
     mu = np.linspace(0, 0.7, 6)
     points = points_table(mu, 1e6 * (1 + mu))

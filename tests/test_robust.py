@@ -19,6 +19,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.random_screen import indices as indices_screen
 from squealstudy.plots.robust_bars import robust_bars
+from squealstudy.tables import sobol
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.robustness import probability_interval, robust_table
 from squealstudy.tables.sobol import saltelli_estimate, saltelli_rows, sobol_table
@@ -94,6 +95,14 @@ def test_indices_are_those_of_scipy_and_the_same_every_time():
     np.testing.assert_allclose(table["first"][:3], found.first_order, rtol=1e-12)
     np.testing.assert_allclose(table["total"][:3], found.total_order, rtol=1e-12)
     pd.testing.assert_frame_equal(table, sobol_table(*tables(x, f.ravel()), NAMES))
+
+
+def test_intervals_do_not_depend_on_how_many_resamples_are_drawn_at_once(monkeypatch):
+    rng = np.random.default_rng(5)
+    groups = sobol.Groups(*rng.normal(size=(2, 101)), rng.normal(size=(3, 101)))
+    at_once = sobol._indices(groups, 0.95)
+    monkeypatch.setattr(sobol, "DRAWN", 707)
+    pd.testing.assert_frame_equal(sobol._indices(groups, 0.95), at_once, check_exact=True)
 
 
 def test_intervals_narrow_as_the_sample_grows():

@@ -17,13 +17,8 @@ from matplotlib.patheffects import withTickedStroke
 
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
-from squealstudy.plots.plane import (
-    MEASURES,
-    Boundary,
-    StudyPlane,
-    stability_boundary,
-    study_plane,
-)
+from squealstudy.plots.boundary_lines import Boundary, stability_boundary
+from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
 from squealstudy.plots.style import (
     COLOURS,
     finish,
@@ -63,7 +58,7 @@ def stability_map(
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
     A line parts the points at which any mode is unstable from those at which none is; ticks point
-    to the unstable side (plots.plane). The nodes of a boundary design that were solved
+    to the unstable side (plots.boundary_lines). The nodes of a boundary design that were solved
     are marked.
 
     Parameters

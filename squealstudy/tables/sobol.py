@@ -69,6 +69,7 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
 LEAST_SHARE = 0.5  # of the groups that must be whole
 LEAST_GROUPS = 8
 RESAMPLES = 999
+DRAWN = 2**20  # rows of groups that are drawn at once
 COLUMNS = (
     {"quantity": "str", "track": "int64", "frequency_hz": "f8", "parameter": "str"}
     | {"first": "f8", "first_low": "f8", "first_high": "f8"}
@@ -175,6 +176,7 @@ def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
         [np.arange(n)],
         resampled,
         n_resamples=RESAMPLES,
+        batch=max(1, DRAWN // n),
         confidence_level=confidence,
         method="percentile",
         vectorized=False,
