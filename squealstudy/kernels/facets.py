@@ -18,6 +18,7 @@ SETTLED = 1e-10  # last step in local coordinates, above round-off far from the 
 FAR = 1e3  # local coordinates that nothing asks for
 PATH = 16  # steps from the centre of a distorted facet
 EDGE = 1e-9  # of local coordinates: round-off on an edge is not outside
+BESIDE = 0.01  # of local coordinates: where a point beside a facet is still on it
 BULGE = 1.2  # a curved facet lies within this times the radius of its nodes
 
 
@@ -317,3 +318,59 @@ def project(
                     values[i, k] = N[0, k]
                 for k in range(kinds[m], MOST):
                     values[i, k] = 0.0
+
+
+@kernel
+def feet(
+    points: np.ndarray,
+    start: np.ndarray,
+    candidates: np.ndarray,
+    kinds: np.ndarray,
+    nodes: np.ndarray,
+    search: float,
+    facet: np.ndarray,
+    distance: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """The nearest facet on which each point has a foot, at most BESIDE beyond its edges.
+
+    Parameters
+    ----------
+    points : ndarray (n, 3)
+        m.
+    start, candidates : ndarray of int
+        Point i looks among the facets candidates[start[i] : start[i + 1]].
+    kinds, nodes : ndarray (m,), (m, 9, 3)
+        The facets.
+    search : float
+        Greatest distance, m.
+    facet : ndarray (n,) of int
+        Result: number of the facet, -1 for none.
+    distance : ndarray (n,)
+        Result: of the foot, m.
+    values : ndarray (n, 9)
+        Result: shape functions of the facet at the foot.
+    """
+    N, x = np.zeros((3, MOST)), np.zeros((3, 3))
+    for i in range(len(points)):
+        facet[i] = -1
+        distance[i] = np.inf
+        best = np.inf
+        for m in candidates[start[i] : start[i + 1]]:
+            a, b, found = foot(kinds[m], nodes[m], points[i], N, x)
+            beyond = max(outside(kinds[m], a, b), 0.0)
+            if not found or beyond > BESIDE:
+                continue
+            off = 0.0
+            for j in range(3):
+                off += (x[0, j] - points[i, j]) ** 2
+            off = np.sqrt(off)
+            if off > search or off + beyond * search >= best:  # of two, that which it lies on
+                continue
+            best = off + beyond * search
+            facet[i] = m
+            distance[i] = off
+            for k in range(kinds[m]):
+                values[i, k] = N[0, k]
+            for k in range(kinds[m], MOST):
+                values[i, k] = 0.0

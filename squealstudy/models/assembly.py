@@ -39,8 +39,10 @@ class Component:
     cells : ComponentCells or None
         Of a meshed component, for pictures of its shapes.
     dofs : ndarray (n,) of int or None
-        Which of 3 * node + axis each degree of freedom is, ascending, where some are held; None:
-        there are all of them.
+        Which of 3 * node + axis each degree of freedom is, where some are held or nodes follow
+        others; -1: none, but a turn or a modal coordinate. None: there are all of them.
+    expansion : csr_matrix (3 n_nodes, n) or None
+        Displacements of the nodes, where some follow others; None: those of `dofs`.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class Component:
     correspondence: sp.csr_matrix | None = None
     cells: ComponentCells | None = None
     dofs: np.ndarray | None = None
+    expansion: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -91,13 +94,29 @@ class Component:
     @property
     def mass(self) -> float:
         """Mass [kg] that moves in a unit translation along x (3-D components)."""
-        t = (self.places % 3 == 0).astype(float)
+        t = ((self.places >= 0) & (self.places % 3 == 0)).astype(float)
         return float(t @ (self.M @ t))
 
     @property
     def places(self) -> np.ndarray:
-        """3 * node + axis of each degree of freedom (n,) (3-D components)."""
+        """3 * node + axis of each degree of freedom (n,) (3-D components), -1 for none."""
         return np.arange(self.n_dof) if self.dofs is None else self.dofs
+
+    def at_nodes(self, u: np.ndarray) -> np.ndarray:
+        """Displacements (3 n_nodes, ...) of all nodes, held ones too, from those of freedoms."""
+        if self.expansion is not None:
+            expanded: np.ndarray = self.expansion @ u
+            return expanded
+        moved = np.zeros((3 * len(self.coordinates), *u.shape[1:]), dtype=u.dtype)
+        moved[self.places] = u
+        return moved
+
+    def restricted(self, A: sp.csr_matrix) -> sp.csr_matrix:
+        """A matrix (3 n_nodes, 3 n_nodes) of the nodes, for the degrees of freedom (n, n)."""
+        if self.expansion is None:
+            return A[self.places][:, self.places]
+        both = (self.expansion.T @ A @ self.expansion).tocsr()
+        return ((both + both.T) / 2).tocsr()
 
 
 class ContactPoints(Protocol):
@@ -305,10 +324,8 @@ class Assembly:
 
         Every component needs coordinates.
         """
-        moved = np.zeros(3 * sum(len(c.coordinates) for c in self.components), dtype=u.dtype)
-        for c in self.components:
-            moved[3 * self.node_slices[c.name].start + c.places] = u[self.slices[c.name]]
-        return moved.reshape(-1, 3)
+        moved = [c.at_nodes(u[self.slices[c.name]]) for c in self.components]
+        return np.concatenate(moved).reshape(-1, 3)
 
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
         """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""

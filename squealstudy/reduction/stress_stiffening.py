@@ -78,7 +78,7 @@ def stress_term(
         if component.name in meshes:
             own = at[assembly.node_slices[component.name]]
             K = stress_stiffness(meshes[component.name], own)
-            blocks.append(K[component.places][:, component.places])
+            blocks.append(component.restricted(K))
         else:
             blocks.append(sp.csr_matrix((n, n)))
     return StressStiffness(sp.block_diag(blocks, format="csr"))

@@ -20,12 +20,12 @@ from squealstudy.models.components.bodies import (
     read_files,
 )
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
+from squealstudy.models.components.file_tables import ParameterTable
 from squealstudy.models.components.model_file import (
     POSITIVE,
     KeyPath,
     ModelFile,
     Numbers,
-    ParameterTable,
     PlacedError,
     dimension_of,
 )

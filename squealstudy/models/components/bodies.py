@@ -15,12 +15,13 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
+from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import placed_matrices, symmetric
+from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import (
-    ComponentTable,
     KeyPath,
     ModelFile,
     Numbers,
@@ -70,15 +71,15 @@ class Body:
     mesh : SolidMesh
         Its nodes and faces, and unless there are matrices its elements' materials.
     matrices : (K, M) or None
-        Over 3 * node + axis of all nodes of the mesh, where they come from files.
-    held : ndarray (3 n_nodes,) of bool
-        Degrees of freedom that the matrices do not have.
+        Over the degrees of freedom, where they come from files.
+    expansion : Expansion
+        Displacements of its nodes from its degrees of freedom.
     """
 
     name: str
     mesh: SolidMesh
     matrices: tuple[sp.csr_matrix, sp.csr_matrix] | None
-    held: np.ndarray
+    expansion: Expansion
 
     @property
     def nodes(self) -> np.ndarray:
@@ -154,12 +155,23 @@ def body_of(brake: Brake, name: str) -> Body:
     mesh = _in_si(mesh, brake.file.units)
     mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
     turn, shift = placement(name, table, brake.file.units)
-    matrices, held = None, np.zeros(3 * len(mesh.nodes), dtype=bool)
+    placed = _moved(mesh, turn, shift)
     if table.mesh is None:
-        matrices, held = placed_matrices(
+        if mesh.constraints:
+            raise PlacedError(
+                place,
+                f"{mesh.constraints[0].name}: ties and couplings belong to the matrices, which "
+                "hold them already: name their keywords in pass_over",
+            )
+        matrices, expansion = placed_matrices(
             brake.path.parent, brake.file.units, name, table, mesh, turn
         )
-    return Body(name, _moved(mesh, turn, shift), matrices, held)
+        return Body(name, placed, matrices, expansion)
+    try:
+        placed, expansion = expanded(placed)
+    except ModelError as error:
+        raise PlacedError(place, str(error)) from error
+    return Body(name, placed, None, expansion)
 
 
 def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +205,13 @@ def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
             materials[name] = replace(m, entries=entries, density=density * m.density)
     grown = size * np.eye(3)
     orientations = {n: o.moved(grown, np.zeros(3)) for n, o in mesh.orientations.items()}
-    return replace(mesh, nodes=size * mesh.nodes, materials=materials, orientations=orientations)
+    return replace(
+        mesh,
+        nodes=size * mesh.nodes,
+        materials=materials,
+        orientations=orientations,
+        constraints=tuple(c.scaled(size) for c in mesh.constraints),
+    )
 
 
 def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
@@ -217,7 +235,9 @@ def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
 def body_matrices(
     brake: Brake, name: str, given: Mapping[KeyPath, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """K and M (3 n, 3 n) of a component with values of its materials in SI, by keys of the file.
+    """K and M over a component's degrees of freedom, with other values of its materials.
+
+    `given` are SI, by keys of the file.
 
     Raises
     ------
@@ -244,7 +264,8 @@ def _body_matrices(
         K, M = stiffness_matrix(mesh), mass_matrix(mesh, brake.file.components[name].mass)
     except ModelError as error:
         raise PlacedError(("components", name), str(error)) from error
-    return symmetric(K), symmetric(M)
+    K, M = (symmetric(body.expansion.restricted(A)) for A in (K, M))
+    return K, M
 
 
 def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:

@@ -61,13 +61,13 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     geometry = geometry_of(brake)
     numbers = Numbers(brake.file, given)
     matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
-    kept = {name: np.flatnonzero(~held) for name, held in geometry.held.items()}
+    kept = geometry.kept
     components = tuple(
         _component(body, changed_mesh(body, own_numbers(name, given)), *matrices[name], kept[name])
         for name, body in geometry.bodies.items()
     )
-    columns = np.concatenate([geometry.spans[n].start + kept[n] for n in geometry.bodies])
-    interfaces = _Interfaces(geometry, numbers, columns)
+    blocks = [body.expansion.E[:, kept[name]] for name, body in geometry.bodies.items()]
+    interfaces = _Interfaces(geometry, numbers, sp.block_diag(blocks, format="csr"))
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
@@ -80,17 +80,21 @@ def _component(
     whole = len(kept) == K.shape[0]
     K, M = (A if whole else A[kept][:, kept].tocsr() for A in (K, M))
     if (M.diagonal() <= 0).any():
-        bad = np.unique(kept[M.diagonal() <= 0] // 3)
-        raise PlacedError(
-            ("components", body.name), f"{body.mesh.nodes_named(bad)}: there is no mass"
-        )
+        places = body.expansion.places[kept[M.diagonal() <= 0]]
+        bad = np.unique(places[places >= 0] // 3)
+        which = body.mesh.nodes_named(bad) if len(bad) else "turns of a reference node"
+        raise PlacedError(("components", body.name), f"{which}: there is no mass")
+    expansion = body.expansion
+    plain = expansion.plain
+    places = expansion.places[kept]
     return Component(
         body.name,
         M,
         K,
         coordinates=body.nodes,
         correspondence=_compared(M),
-        dofs=None if whole else kept,
+        dofs=None if whole and plain and len(kept) == 3 * len(body.nodes) else places,
+        expansion=None if plain else expansion.E[:, kept].tocsr(),
         cells=None if body.matrices else mesh_cells(mesh),
     )
 
@@ -106,11 +110,13 @@ def _compared(M: sp.csr_matrix) -> sp.csr_matrix:
 class _Interfaces:
     """Rows of a brake over the degrees of freedom that are not held."""
 
-    def __init__(self, geometry: Geometry, numbers: Numbers, columns: np.ndarray) -> None:
-        self._g, self._numbers, self._columns = geometry, numbers, columns
+    def __init__(self, geometry: Geometry, numbers: Numbers, expansion: sp.csr_matrix) -> None:
+        self._g, self._numbers, self._expansion = geometry, numbers, expansion
 
     def _kept(self, rows: sp.spmatrix) -> sp.csr_matrix:
-        return rows.tocsr()[:, self._columns]
+        kept = (rows.tocsr() @ self._expansion).tocsr()
+        kept.sort_indices()
+        return kept
 
     def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
         return self._kept(expand_rows(parts, self._g.spans, self._g.n_dof))
@@ -184,9 +190,19 @@ class _Interfaces:
 
     # -- layers and springs ----------------------------------------------------------------------
     def springs(self) -> list[SpringInterface]:
-        """Of all layers and springs."""
+        """Of all ties, layers and springs."""
+        ties = [self._tie(i) for i in range(len(self._g.file.tie))]
         layers = [self._layer(i) for i in range(len(self._g.file.layer))]
-        return [*layers, *(self._spring(i) for i in range(len(self._g.file.spring)))]
+        return [*ties, *layers, *(self._spring(i) for i in range(len(self._g.file.spring)))]
+
+    def _tie(self, number: int) -> SpringInterface:
+        table, found = self._g.file.tie[number], self._g.ties[number]
+        rows = self._pair_rows(number, "frictionless", found, (table.slave, table.master))
+        B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
+        keys: KeyPath = ("tie", number, "bedding")
+        known = table.bedding is not None or keys in self._numbers.given
+        bedding = self._numbers.at(*keys) if known else self._g.tie_bedding(number)
+        return SpringInterface(table.name, B, np.tile(bedding * rows.area, 3))
 
     def _layer(self, number: int) -> SpringInterface:
         table, found = self._g.file.layer[number], self._g.layers[number]
@@ -253,7 +269,7 @@ class _Interfaces:
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:
         """Forces (n_dof,) of a unit brake pressure, N/Pa."""
-        total = np.zeros(len(self._columns))
+        total = np.zeros(self._expansion.shape[1])
         for i, table in enumerate(self._g.file.load):
             area = self._numbers.at("load", i, "area")
             sides = zip(self._g.loads[i], (table.pressure_on, table.reaction_on), strict=True)

@@ -40,6 +40,7 @@ def check_mesh(mesh: SolidMesh) -> None:
     unused = np.ones(len(mesh.nodes), dtype=bool)
     for block in mesh.blocks:
         unused[block.nodes] = False
+    unused[mesh.references] = False
     if unused.any():
         raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
     _check_doubled(mesh)
@@ -71,6 +72,7 @@ def _check_doubled(mesh: SolidMesh) -> None:
             owner = np.repeat(rows + start, len(face))
             outer.append(np.column_stack([nodes.ravel(), owner]))
     of = np.vstack(outer)
+    of = of[~np.isin(of[:, 0], mesh.tied)]
     nodes, first = np.unique(of[:, 0], return_index=True)
     pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
     if len(pairs):

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Elastic, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh, has_name
 from squealstudy.models.components.model_file import (
-    ComponentTable,
     KeyPath,
     Numbers,
     PlacedError,

@@ -9,8 +9,10 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.dimensions import MASS, STIFFNESS
+from squealstudy.models.components.expansion import Expansion
+from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import ComponentTable, KeyPath, PlacedError
+from squealstudy.models.components.model_file import KeyPath, PlacedError
 from squealstudy.models.components.node_maps import FreedomsOf, read_map
 from squealstudy.models.matrices.files import read_component_matrix
 from squealstudy.models.matrices.labelled import LabelledMatrix
@@ -25,8 +27,8 @@ def symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 def placed_matrices(
     folder: Path, units: str, name: str, table: ComponentTable, mesh: SolidMesh, turn: np.ndarray
-) -> tuple[tuple[sp.csr_matrix, sp.csr_matrix], np.ndarray]:
-    """K and M over all nodes of a mesh, and which degrees of freedom they lack."""
+) -> tuple[tuple[sp.csr_matrix, sp.csr_matrix], Expansion]:
+    """K and M over the degrees of freedom that they have, and how these move the mesh's nodes."""
     n = 3 * len(mesh.nodes)
     freedoms = FreedomsOf(mesh, str(table.nodes))
     there = np.zeros(n, dtype=bool)
@@ -57,8 +59,10 @@ def placed_matrices(
             )
         turned = sp.kron(sp.eye(len(mesh.nodes)), turn)
         found = [turned @ A @ turned.T for A in found]
-    K, M = (symmetric(A) for A in found)
-    return (K, M), ~there
+    kept = np.flatnonzero(there)
+    K, M = (symmetric(A[kept][:, kept]) for A in found)
+    E = sp.csr_matrix((np.ones(len(kept)), (kept, np.arange(len(kept)))), (n, len(kept)))
+    return (K, M), Expansion(E, kept)
 
 
 def _named(

@@ -23,6 +23,8 @@ from squealstudy.models.fem.sampling import Surface
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
 REACH = 0.5  # of the size of a facet: how far the faces of a layer may be apart
 LAYER_POINTS = 3  # a side of a facet
+CLOSE = 1e-4  # of a facet: a gap over which a tie strains next to nothing in rigid turns
+STIFFER = 1000.0  # a tie than a layer of elements: it gives a thousandth of one's compliance
 
 
 class Geometry:
@@ -37,13 +39,16 @@ class Geometry:
     bodies : dict of str -> Body
         In the order of the file.
     spans : dict of str -> slice
-        Of each body among all degrees of freedom, held ones too.
+        Of each body among the displacements 3 * node + axis of all nodes.
     n_dof : int
-    held : dict of str -> ndarray of bool
-        Degrees of freedom that are held, by the matrices' files or by the model file.
+        Number of these.
+    kept : dict of str -> ndarray of int
+        Degrees of freedom of each body that the model file does not hold.
     rotation : Rotation or None
     contacts : list of Pair
         Of each contact of the file.
+    ties : list of Pair
+        Of each tie of the file.
     layers : list of Surface or Pair
         Of each layer of the file; Surface where it is to ground.
     loads : list of (Surface, Surface or None)
@@ -60,13 +65,10 @@ class Geometry:
         self.n_dof = int(ends[-1])
         self.rotation = self._rotation()
         self.contacts = [self._contact(i) for i in range(len(self.file.contact))]
+        self.ties = [self._tie(i) for i in range(len(self.file.tie))]
         self.layers = [self._layer(i) for i in range(len(self.file.layer))]
         self.loads = [self._load(i) for i in range(len(self.file.load))]
-        self.held = {name: body.held.copy() for name, body in self.bodies.items()}
-        for i, fixed in enumerate(self.file.fixed):
-            name, nodes = self.nodes(fixed.set, ("fixed", i, "set"))
-            for direction in fixed.dofs:
-                self.held[name][3 * nodes + direction - 1] = True
+        self.kept = self._kept()
 
     # -- names of the file -----------------------------------------------------------------------
     def split(self, reference: str, keys: KeyPath) -> tuple[str, str]:
@@ -102,7 +104,7 @@ class Geometry:
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         used = np.unique(np.concatenate([b.ravel() for b in blocks]))
-        lost = used[body.held.reshape(-1, 3)[used].all(axis=1)]
+        lost = used[body.expansion.lacking.reshape(-1, 3)[used].all(axis=1)]
         if len(lost):
             map_file = self.file.components[name].dof
             asked = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
@@ -132,6 +134,24 @@ class Geometry:
             upwards = np.tile([0.0, 0.0, 1.0], (len(nodes), 1))
             return name, Surface(body.nodes[nodes], ones, upwards, shape)
         return name, self.face(reference, keys)[1].gauss_points(LAYER_POINTS)[0]
+
+    def _kept(self) -> dict[str, np.ndarray]:
+        held = {name: np.zeros(b.expansion.E.shape[1], bool) for name, b in self.bodies.items()}
+        for i, fixed in enumerate(self.file.fixed):
+            keys: KeyPath = ("fixed", i, "set")
+            name, nodes = self.nodes(fixed.set, keys)
+            of = self.bodies[name]
+            asked = np.concatenate([3 * nodes + direction - 1 for direction in fixed.dofs])
+            asked = asked[~of.expansion.lacking[asked]]
+            follows = asked[~np.isin(asked, of.expansion.places)]
+            if len(follows):
+                raise PlacedError(
+                    keys,
+                    f"{of.mesh.nodes_named(np.unique(follows // 3))} of {fixed.set} follow others "
+                    "by a tie or a coupling: hold those",
+                )
+            held[name] |= np.isin(of.expansion.places, asked)
+        return {name: np.flatnonzero(~h) for name, h in held.items()}
 
     # -- where faces meet ------------------------------------------------------------------------
     def _rotation(self) -> Rotation | None:
@@ -188,14 +208,60 @@ class Geometry:
         if other is None:
             return slave.gauss_points(LAYER_POINTS)[0]
         _, master = self.face(other, (*keys, "between"))
+        return self._opposite(slave, master, keys, table.search, table.quadrature)
+
+    def _opposite(
+        self, slave: Facets, master: Facets, keys: KeyPath, given: float | None, quadrature: str
+    ) -> Pair:
+        """Two faces within a distance, or within half the size of a facet."""
         size = LENGTH.factor(self.file.units)
-        search = REACH * float(slave.radii.mean()) if table.search is None else table.search * size
+        search = REACH * float(slave.radii.mean()) if given is None else given * size
         try:
-            found = pair(slave, master, search=search, quadrature=table.quadrature)
+            found = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(found, keys, one, other, search / size)
+        self._check_reach(found, keys, slave.name, master.name, search / size)
         return found
+
+    def _tie(self, number: int) -> Pair:
+        table = self.file.tie[number]
+        keys: KeyPath = ("tie", number)
+        (one, slave), (other, master) = (
+            self.face(getattr(table, key), (*keys, key)) for key in ("slave", "master")
+        )
+        if one == other:
+            raise PlacedError(keys, f"expected faces of two components, got two of {one}")
+        found = self._opposite(slave, master, keys, table.search, "clipped")
+        facet = 2 * float(slave.radii.mean())
+        widest = float(np.abs(found.geometric_gap).max())
+        if widest > CLOSE * facet:
+            raise PlacedError(
+                keys,
+                f"the faces are up to {widest / facet:.1g} of a facet apart, more than {CLOSE:g}: "
+                "a tie over a gap would strain in rigid turns. Join the meshes in one .inp with "
+                "*TIE, which moves the nodes, or use a [[layer]] of finite stiffness",
+            )
+        return found
+
+    def tie_bedding(self, number: int) -> float:
+        """Stiffness per area [N/m3] of a tie for which the file states none.
+
+        Raises PlacedError where no component beside it has materials.
+        """
+        table = self.file.tie[number]
+        keys: KeyPath = ("tie", number)
+        stiffest = 0.0
+        for key in ("slave", "master"):
+            body = self.bodies[self.split(getattr(table, key), (*keys, key))[0]]
+            if body.matrices is None:
+                tensors = [m.stiffness() for m in body.mesh.materials.values()]
+                stiffest = max(stiffest, *(float(C.diagonal()[:3].max()) for C in tensors))
+        if not stiffest:
+            raise PlacedError(
+                keys, "expected bedding = STIFFNESS PER AREA: the matrices have no materials"
+            )
+        _, slave = self.face(table.slave, (*keys, "slave"))
+        return STIFFER * stiffest / (2 * float(slave.radii.mean()))
 
     def _load(self, number: int) -> tuple[Surface, Surface | None]:
         table = self.file.load[number]

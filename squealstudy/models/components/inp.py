@@ -13,6 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component, Text, passed
+from squealstudy.models.components.inp_couplings import KEYWORDS
 from squealstudy.models.components.inp_faces import FACES, NODES
 from squealstudy.models.components.inp_keywords import ELEMENTS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
@@ -21,7 +22,7 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 Dialect = Literal["abaqus", "calculix"]
 OWN = ("C3D8_BBAR",)  # formulations that no file can name
 ABAQUS_ONLY = ("PART", "ASSEMBLY", "INSTANCE")
-OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE")
+OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", *KEYWORDS)
 
 
 @dataclass
@@ -222,7 +223,7 @@ def _place(contents: Contents, card: Card, inside: list[Card]) -> None:
     elif card.keyword == "NODE":
         contents.passed_over.append(passed(card, "nodes of the assembly belong to no component"))
     else:
-        raise card.error(f"{card.shown} in the assembly is not supported: {REFUSED['COUPLING']}")
+        raise card.error(f"{card.shown} in the assembly is not supported: {REFUSED['MPC']}")
 
 
 def _of_instance(

@@ -11,19 +11,20 @@ import numpy as np
 from squealstudy.models.components.facets import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
 from squealstudy.models.components.inp_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.inp_keywords import ELEMENTS
-from squealstudy.models.components.inp_materials import MaterialText, read_orientation
+from squealstudy.models.components.inp_materials import MaterialText
+from squealstudy.models.components.inp_sections import with_sections
 from squealstudy.models.components.inp_sets import NOTHING, Sets
-from squealstudy.models.components.materials import Elastic, Orientation
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 NODE = ("NSET", "INPUT")
 ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
-SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
-READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "SOLIDSECTION", "ORIENTATION")
+SECTIONS = ("SOLIDSECTION", "ORIENTATION")
+READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS)
 
 
 @dataclass
@@ -96,7 +97,7 @@ class Component:
             node_sets=self._resolved(self.node_sets, self.of_assembly[0], self._nodes),
         )
         mesh = self._with_surfaces(self._with_sections(mesh))
-        mesh = self._with_marked_faces(mesh)
+        mesh = self._with_couplings(self._with_marked_faces(mesh))
         mesh = self._without_unused(mesh)
         for sets in (self.node_sets, self.element_sets):
             for card, missing in sets.absent:
@@ -347,45 +348,32 @@ class Component:
             found.append(np.column_stack([elements, np.full(len(elements), int(number))]))
         return np.unique(np.concatenate(found), axis=0)
 
-    # -- materials -------------------------------------------------------------------------------
+    # -- sections and couplings ------------------------------------------------------------------
     def _with_sections(self, mesh: SolidMesh) -> SolidMesh:
-        material = np.full(mesh.n_elements, "", dtype=object)
-        orientation = material.copy()
-        materials: dict[str, Elastic] = {}
-        orientations: dict[str, Orientation] = {}
-        axes = {c.value("NAME").upper(): c for c in self._cards("ORIENTATION")}
-        for card in self._cards("SOLIDSECTION"):
-            card.check(SECTION)
-            elements = self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
-            name = card.value("MATERIAL")
-            if name.upper() not in self.text.materials:
-                known = ", ".join(m.name for m in self.text.materials.values()) or "none"
-                raise card.error(f"there is no material '{name}'; there is {known}")
-            text = self.text.materials[name.upper()]
-            if text.name not in materials:
-                materials[text.name] = text.read()
-            if (material[elements] != "").any():
-                twice = elements[material[elements] != ""]
-                raise card.error(f"{mesh.elements_named(twice)}: a section is given already")
-            material[elements] = text.name
-            if turned := card.parameters.get("ORIENTATION"):
-                if turned.upper() not in axes:
-                    raise card.error(f"there is no orientation '{turned}'")
-                key = axes[turned.upper()].parameters["NAME"]
-                orientations[key] = read_orientation(axes[turned.upper()])
-                orientation[elements] = key
-        return replace(
-            mesh,
-            materials=materials,
-            material=material,
-            orientations=orientations,
-            orientation=orientation,
-        )
+        def elements_of(card: Card) -> np.ndarray:
+            return self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
+
+        return with_sections(mesh, self.text.part, self.text.materials, elements_of)
+
+    def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
+        cards = (*self.text.part, *self.text.assembly)
+        known = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
+            name.upper() for sets in (self.node_sets, self.of_assembly[0]) for name in sets.shown
+        }
+        read = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read
+        part = Where(self.text.part, self.node_sets, self.element_sets, "", known)
+        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
+        return replace(mesh, constraints=(*read(part), *read(assembly)))
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = np.zeros(len(mesh.nodes), dtype=bool)
         for block in mesh.blocks:
             used[block.nodes] = True
+        used[mesh.references] = True
+        for c in mesh.constraints:
+            if not used[c.nodes].all():
+                bare = mesh.nodes_named(c.nodes[~used[c.nodes]])
+                raise mesh.error(f"{c.name}: {bare}: no element has what it couples")
         if used.all():
             return mesh
         unused = np.flatnonzero(~used)

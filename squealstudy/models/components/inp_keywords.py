@@ -56,16 +56,11 @@ _GENERATE = "let the preprocessor write all nodes and elements"
 
 # keywords that change the component and cannot be read, and what to do
 REFUSED: dict[str, str] = {
-    "TIE": _MERGE,
     "CYCLICSYMMETRYMODEL": "write the whole body",
-    "COUPLING": _COUPLE,
-    "KINEMATIC": _COUPLE,
-    "DISTRIBUTING": _COUPLE,
-    "KINEMATICCOUPLING": _COUPLE,
-    "DISTRIBUTINGCOUPLING": _COUPLE,
+    "KINEMATICCOUPLING": "write *COUPLING with *KINEMATIC",
+    "DISTRIBUTINGCOUPLING": "write *COUPLING with *DISTRIBUTING",
     "MPC": _COUPLE,
     "EQUATION": _COUPLE,
-    "RIGIDBODY": "mesh the body, with a large modulus",
     "EMBEDDEDELEMENT": _MERGE,
     "FASTENER": _COUPLE,
     "SPRING": "springs are stated in the model file",

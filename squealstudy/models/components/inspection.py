@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Body, Brake
+from squealstudy.models.components.constraints import Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, STRESS, Dimension
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.point_masses import component_matrices
@@ -98,8 +99,16 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
             if "K and M" not in verified:
                 found.tell("", f"{formulation}: confirmed by CalculiX: {verified}")
     else:
-        held = f", {int(body.held.sum())} freedoms are not in them" if body.held.any() else ""
+        lacking = int(body.expansion.lacking.sum())
+        held = f", {lacking} freedoms are not in them" if lacking else ""
         found.tell(name, f"{source} of matrices{held}")
+    for constraint in mesh.constraints:
+        found.tell("", constraint.told)
+        if isinstance(constraint, Tie) and constraint.coarse:
+            found.doubts.append(
+                f"{name}: {constraint.name}: the slave has the coarser mesh, and the master "
+                "is free between its nodes: make the finer face the slave"
+            )
     for point_mass in geometry.file.point_mass:
         if point_mass.on.partition(".")[0] == name:
             where = "spread over" if point_mass.at is None else f"at {list(point_mass.at)} by"
@@ -117,7 +126,7 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
 
 def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
     """Mass, sides and inertia, and whether they are a brake's."""
-    R = rigid_shapes(body.nodes)
+    R = body.expansion.freedoms(rigid_shapes(body.nodes))
     about = R.T @ (M @ R)
     mass = float(about[0, 0])
     offset = np.array([about[5, 1], -about[5, 0], about[4, 0]]) / max(mass, 1e-300)
@@ -143,9 +152,7 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
 def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
     """Rigid modes, six of a free body, and the first elastic frequencies."""
     R = rigid_shapes(body.nodes)
-    R /= np.linalg.norm(R, axis=0)
-    own = np.flatnonzero(~body.held)
-    K, M, R = K[own][:, own].tocsr(), M[own][:, own].tocsr(), R[own]
+    R = body.expansion.freedoms(R / np.linalg.norm(R, axis=0))
     forces = np.linalg.norm(K @ R, axis=0) / max(abs(K).max(), 1e-300)
     costly = [m for m, f in zip(MOTIONS, forces, strict=True) if f > RIGID]
     cutoff, elastic, rigid = FIRST_CUTOFF, np.zeros(0), 0
@@ -180,11 +187,10 @@ def _held(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     """Rigid motions of components that neither springs nor contact hold."""
     columns, names = [], []
     for component in assembly.components:
-        whole = rigid_shapes(geometry.bodies[component.name].nodes)
-        if component.dofs is not None:
-            whole = whole[component.dofs]
+        body = geometry.bodies[component.name]
+        whole = body.expansion.freedoms(rigid_shapes(body.nodes))
         part = np.zeros((assembly.n_dof, 6))
-        part[assembly.slices[component.name]] = whole
+        part[assembly.slices[component.name]] = whole[geometry.kept[component.name]]
         columns.append(part)
         names += [(component.name, motion) for motion in MOTIONS]
     R = np.hstack(columns)

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.constraints import Constraint, Coupling, Kept, Tie
 from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation
 
@@ -83,6 +84,8 @@ class SolidMesh:
     orientations : dict of str -> Orientation
     orientation : ndarray (n_elements,) of str
         Name of each element's material axes; empty where they are the global ones.
+    constraints : tuple of Tie or Coupling
+        Nodes that follow others.
     passed_over : tuple of PassedOver
         What the file says and the mesh does not.
     """
@@ -98,6 +101,7 @@ class SolidMesh:
     material: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))
     orientations: Mapping[str, Orientation] = field(default_factory=dict)
     orientation: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))
+    constraints: tuple[Constraint, ...] = ()
     passed_over: tuple[PassedOver, ...] = ()
 
     def __post_init__(self) -> None:
@@ -116,6 +120,19 @@ class SolidMesh:
     def starts(self) -> np.ndarray:
         """Place of the first element of each block, and the number of elements at the end."""
         return np.cumsum([0, *(len(b.labels) for b in self.blocks)])
+
+    @property
+    def references(self) -> np.ndarray:
+        """Reference nodes of couplings: they may belong to no element."""
+        return np.array(
+            [c.reference for c in self.constraints if isinstance(c, Coupling)], dtype=np.int64
+        )
+
+    @property
+    def tied(self) -> np.ndarray:
+        """Slave nodes of ties: they may lie where others do."""
+        parts = [c.nodes for c in self.constraints if isinstance(c, Tie)]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
     @property
     def n_elements(self) -> int:
@@ -210,7 +227,10 @@ class SolidMesh:
         )
 
     def part(self, elements: np.ndarray) -> SolidMesh:
-        """Only these elements (places), and the nodes, sets, faces that belong to them."""
+        """Only these elements (places), and the nodes, sets, faces, couplings that belong to them.
+
+        Raises ModelError about a coupling of them and others.
+        """
         keep = np.zeros(self.n_elements, dtype=bool)
         keep[elements] = True
         blocks = [
@@ -220,7 +240,18 @@ class SolidMesh:
         used = np.zeros(len(self.nodes), dtype=bool)
         for b in blocks:
             used[b.nodes] = True
+        constraints = []
+        for c in self.constraints[::-1] + self.constraints:  # one may couple what another moves
+            if isinstance(c, Coupling) and used[c.nodes].all():
+                used[c.reference] = True
         node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
+        for c in self.constraints:
+            try:
+                inside = c.kept(Kept(used, node_at, keep, element_at))
+            except ModelError as error:
+                raise self.error(str(error)) from error
+            if inside is not None:
+                constraints.append(inside)
         faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}
         return replace(
             self,
@@ -234,6 +265,7 @@ class SolidMesh:
             ),
             material=self.material[keep],
             orientation=self.orientation[keep],
+            constraints=tuple(constraints),
         )
 
 

@@ -11,21 +11,22 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import body_matrices
 from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.expansion import mean_motion
 from squealstudy.models.components.file_matrices import symmetric
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.model_file import KeyPath, Numbers, PlacedError
 from squealstudy.models.fem.sampling import Surface
 
 MOST_NODES = 600  # of a set that moves one mass: every pair of them is coupled
-ON_A_LINE = 1e-8  # smallest moment of a set's points beside the largest: turns about it are free
 
 
 def component_matrices(
     geometry: Geometry, name: str, given: Mapping[KeyPath, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """K and M (3 n, 3 n) of a component as `body_matrices`, the masses on it among them.
+    """K and M of a component as `body_matrices`, the masses on it among them.
 
     Raises
     ------
@@ -44,7 +45,8 @@ def component_matrices(
             at = None
             if table.at is not None:
                 at = np.array(table.at) * LENGTH.factor(geometry.file.units)
-            M = M + (_spread(points, mass) if at is None else _moved(points, mass, at, keys))
+            added = _spread(points, mass) if at is None else _moved(points, mass, at, keys)
+            M = M + geometry.bodies[name].expansion.restricted(added)
     return K, symmetric(M)
 
 
@@ -70,26 +72,10 @@ def _moved(points: Surface, mass: float, at: np.ndarray, keys: KeyPath) -> sp.cs
 
 def rigid_motion(points: Surface, at: np.ndarray, keys: KeyPath) -> sp.csr_matrix:
     """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'."""
-    weight = points.area / points.area.sum()
-    centre = weight @ points.points
-    G = _motions(points.points - centre)  # (n, 3, 6)
-    moments = np.einsum("i,iab,iac->bc", weight, G, G)
-    inertia = np.linalg.eigvalsh(moments[3:, 3:])
-    if not inertia[0] > ON_A_LINE * inertia[-1]:
-        raise PlacedError(
-            (*keys, "on"), "the points of the set lie on a line: a mass cannot be at another place"
-        )
-    nearest = np.linalg.solve(moments, np.einsum("i,iab->bia", weight, G).reshape(6, -1))
-    there = _motions((at - centre)[None])[0] @ nearest  # (3, 3 n) of point and axis
-    columns = there.reshape(3, -1, 3)
+    try:
+        there = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
+    except ModelError as error:
+        message = f"{error}: a mass cannot be at another place"
+        raise PlacedError((*keys, "on"), message) from error
     rows = [points.observe(axis) for axis in np.eye(3)]
-    return sum(sp.csr_matrix(columns[:, :, a]) @ rows[a] for a in range(3)).tocsr()
-
-
-def _motions(r: np.ndarray) -> np.ndarray:
-    """Displacements (n, 3, 6) at r (n, 3) of unit translations and turns about the origin."""
-    G = np.zeros((len(r), 3, 6))
-    G[:, :, :3] = np.eye(3)
-    for axis in range(3):
-        G[:, :, 3 + axis] = np.cross(np.eye(3)[axis], r)
-    return G
+    return sum(sp.csr_matrix(there[:, :, a]) @ rows[a] for a in range(3)).tocsr()

@@ -1,0 +1,132 @@
+"""What ties nodes of a component to others: ties of faces, rigid and distributing couplings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+
+NO_FACES = np.zeros((0, 2), dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Which nodes and elements of a mesh are kept, and their places then."""
+
+    nodes: np.ndarray
+    node_at: np.ndarray
+    elements: np.ndarray
+    element_at: np.ndarray
+
+    def faces(self, faces: np.ndarray) -> np.ndarray:
+        """Faces (p, 2) by the new places of their elements, all of which are kept."""
+        return np.column_stack([self.element_at[faces[:, 0]], faces[:, 1]])
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Nodes that follow the places of master faces which they lie on.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    nodes : ndarray of int
+        The slave's, by their places in the mesh.
+    faces : ndarray (p, 2) of int
+        The master's, as surfaces of `SolidMesh`.
+    tolerance : float or None
+        Greatest distance of a node that is tied, in the units of the mesh; None: a share of the
+        size of the master's facets.
+    adjusted : bool
+        Nodes move onto the master; else one that is off it is an error.
+    coarse : bool
+        The master has more nodes there than follow it: what is between them is free.
+    """
+
+    name: str
+    nodes: np.ndarray
+    faces: np.ndarray
+    tolerance: float | None = None
+    adjusted: bool = True
+    coarse: bool = False
+
+    @property
+    def told(self) -> str:
+        """What it does, for an inspection."""
+        return f"{self.name}: {len(self.nodes)} nodes follow {len(self.faces)} faces"
+
+    def scaled(self, size: float) -> Tie:
+        """The same in another unit of length."""
+        return self if self.tolerance is None else replace(self, tolerance=size * self.tolerance)
+
+    def kept(self, kept: Kept) -> Tie | None:
+        """The same in a part of the mesh; None where that has nothing of it."""
+        of = [*kept.nodes[self.nodes], *kept.elements[self.faces[:, 0]]]
+        if not _all_or_none(self.name, of):
+            return None
+        return replace(self, nodes=kept.node_at[self.nodes], faces=kept.faces(self.faces))
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A reference node and nodes that it moves, or whose mean motion it follows.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    kind : str
+        rigid: the nodes move as one rigid body with the reference node, which has turns of its
+        own; distributing: the reference node has the rigid motion that is nearest to theirs.
+    reference : int
+        Place of the reference node in the mesh.
+    nodes : ndarray of int
+        The others, without the reference node.
+    directions : tuple of int
+        Of a rigid coupling, from 1 to 3: those in which the nodes follow.
+    faces : ndarray (p, 2) of int
+        Where the nodes of a distributing one are those of faces: they count by area, else alike.
+    """
+
+    name: str
+    kind: Literal["rigid", "distributing"]
+    reference: int
+    nodes: np.ndarray
+    directions: tuple[int, ...] = (1, 2, 3)
+    faces: np.ndarray = field(default_factory=lambda: NO_FACES)
+
+    @property
+    def told(self) -> str:
+        """What it does, for an inspection."""
+        how = "moves" if self.kind == "rigid" else "follows the mean motion of"
+        return f"{self.name}: a reference node {how} {len(self.nodes)} nodes"
+
+    def scaled(self, size: float) -> Coupling:
+        """The same in another unit of length."""
+        return self
+
+    def kept(self, kept: Kept) -> Coupling | None:
+        """The same in a part of the mesh; None where that has nothing of it."""
+        if not _all_or_none(self.name, kept.nodes[self.nodes]):
+            return None
+        return replace(
+            self,
+            reference=int(kept.node_at[self.reference]),
+            nodes=kept.node_at[self.nodes],
+            faces=kept.faces(self.faces),
+        )
+
+
+Constraint = Tie | Coupling
+
+
+def _all_or_none(name: str, kept: list[bool] | np.ndarray) -> bool:
+    if np.all(kept):
+        return True
+    if np.any(kept):
+        raise ModelError(f"{name} couples this part to others: read all of them as one component")
+    return False

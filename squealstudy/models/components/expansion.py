@@ -1,0 +1,306 @@
+"""Displacements of all nodes of a component from its degrees of freedom.
+
+Without ties and couplings these are the same. A slave node of a tie has the displacement of its
+place on the master (node to surface, as in CalculiX); nodes of a rigid coupling have that of their
+reference node and its turn; the reference node of a distributing one follows the nodes' mean
+motion. What follows is eliminated: u = E q, K and M become E^T K E and E^T M E.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from squealstudy.errors import ModelError
+from squealstudy.kernels.facets import MOST, feet
+from squealstudy.models.components.constraints import Coupling, Tie
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.facets import facet_groups
+from squealstudy.models.components.mesh import PassedOver, SolidMesh
+
+TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus
+APART = 1e-6  # of a facet: distance that strains nothing in a rigid turn
+ON_A_LINE = 1e-8  # smallest moment of points beside the largest: turns about it are free
+COARSER = 1.3  # times as many nodes of the master as are tied to it: the slave is the coarser one
+DEEPEST = 20  # what follows what follows ...
+GAUSS = 3  # points a side of a facet, by whose areas nodes of faces count
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """u = E q.
+
+    Attributes
+    ----------
+    E : csr_matrix (3 n_nodes, n)
+        Displacements 3 * node + axis from degrees of freedom.
+    places : ndarray (n,) of int
+        Which 3 * node + axis a degree of freedom is; -1 for turns and modal coordinates.
+    """
+
+    E: sp.csr_matrix
+    places: np.ndarray
+
+    @property
+    def plain(self) -> bool:
+        """Whether each degree of freedom moves one node alone, and no node follows others."""
+        return bool((self.places >= 0).all()) and self.E.nnz == len(self.places)
+
+    @property
+    def lacking(self) -> np.ndarray:
+        """Displacements (3 n_nodes,) of bool that no degree of freedom moves."""
+        return np.diff(self.E.indptr) == 0
+
+    def restricted(self, A: sp.csr_matrix) -> sp.csr_matrix:
+        """E^T A E of a matrix (3 n_nodes, 3 n_nodes)."""
+        return A if self.E.shape[0] == self.E.shape[1] and self.plain else self.E.T @ A @ self.E
+
+    def freedoms(self, moved: np.ndarray) -> np.ndarray:
+        """Degrees of freedom (n, k) of displacements (3 n_nodes, k) that they can have.
+
+        Those that move no node are zero.
+        """
+        q = np.zeros((self.E.shape[1], moved.shape[1]))
+        of_nodes = self.places >= 0
+        q[of_nodes] = moved[self.places[of_nodes]]
+        rest = np.flatnonzero(~of_nodes & (np.diff(self.E.tocsc().indptr) > 0))
+        if len(rest):
+            R = self.E[:, rest]
+            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ (moved - self.E @ q))
+        return q
+
+
+def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
+    """The mesh with tied nodes moved onto their masters, and its expansion.
+
+    Raises
+    ------
+    ModelError
+        About what cannot be tied or coupled: with its name.
+    """
+    n = len(mesh.nodes)
+    mesh = _adjusted(mesh)
+    if not mesh.constraints:
+        return mesh, Expansion(sp.identity(3 * n, format="csr"), np.arange(3 * n))
+    turning = sorted({c.reference for c in _couplings(mesh) if c.kind == "rigid"})
+    whole = 3 * n + 3 * len(turning)
+    owner: dict[int, str] = {}
+    entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    for name, rows, columns, values in _relations(mesh, {r: i for i, r in enumerate(turning)}):
+        for row in np.unique(rows):
+            other = owner.setdefault(int(row), name)
+            if other != name:
+                raise mesh.error(
+                    f"{mesh.nodes_named(np.array([row // 3]))} follows others by {other} and by "
+                    f"{name}: expected one of them"
+                )
+        entries.append((rows, columns, values))
+    dependent = np.zeros(whole, dtype=bool)
+    dependent[list(owner)] = True
+    free = np.flatnonzero(~dependent)
+    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+    S = sp.csr_matrix(
+        (
+            np.concatenate([values, np.ones(len(free))]),
+            (np.concatenate([rows, free]), np.concatenate([columns, free])),
+        ),
+        (whole, whole),
+    )
+    E, depth = S, 0
+    while abs(E[:, np.flatnonzero(dependent)]).sum() > 0:
+        depth += 1
+        if depth > DEEPEST:
+            raise mesh.error("ties and couplings follow each other in a circle")
+        E = E @ S
+    E = E[: 3 * n]
+    moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
+    alone = np.zeros(whole, dtype=bool)
+    alone[: 3 * n] = np.repeat(_bare(mesh), 3)
+    kept = free[moves[free] > alone[free]]
+    E = E[:, kept].tocsr()
+    E.eliminate_zeros()
+    return mesh, Expansion(E, np.where(kept < 3 * n, kept, -1))
+
+
+def _bare(mesh: SolidMesh) -> np.ndarray:
+    """Nodes (n,) that belong to no element."""
+    bare = np.ones(len(mesh.nodes), dtype=bool)
+    for block in mesh.blocks:
+        bare[block.nodes] = False
+    return bare
+
+
+def _couplings(mesh: SolidMesh) -> Iterator[Coupling]:
+    return (c for c in mesh.constraints if isinstance(c, Coupling))
+
+
+def _relations(
+    mesh: SolidMesh, turning: dict[int, int]
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Name, and rows, columns, values of what follows, of each tie and coupling."""
+    n = len(mesh.nodes)
+    for c in mesh.constraints:
+        if isinstance(c, Tie):
+            nodes, values, masters, _ = _feet(mesh, c)
+            row, k = np.nonzero(values)
+            for axis in range(3):
+                rows = 3 * nodes[row] + axis
+                yield c.name, rows, 3 * masters[row, k] + axis, values[row, k]
+        elif c.kind == "rigid":
+            yield (c.name, *_rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
+        else:
+            yield (c.name, *_mean(mesh, c))
+
+
+# -- couplings -----------------------------------------------------------------------------------
+def _rigid(mesh: SolidMesh, c: Coupling, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """U = u_reference + turn x (x - x_reference) in the directions of the coupling."""
+    arm = mesh.nodes[c.nodes] - mesh.nodes[c.reference]
+    if _on_a_line(arm):
+        raise mesh.error(
+            f"{c.name}: its nodes lie on a line with the reference node, about which it could turn "
+            "freely: expected nodes of a face"
+        )
+    rows, columns, values = [], [], []
+    for direction in c.directions:
+        axis = direction - 1
+        own = 3 * c.nodes + axis
+        for column, value in (
+            (3 * c.reference + axis, np.ones(len(own))),
+            (turns + (axis + 1) % 3, arm[:, (axis + 2) % 3]),
+            (turns + (axis + 2) % 3, -arm[:, (axis + 1) % 3]),
+        ):
+            rows.append(own)
+            columns.append(np.full(len(own), column))
+            values.append(value)
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+def _on_a_line(arm: np.ndarray) -> bool:
+    moments = np.linalg.eigvalsh(np.sum(arm**2) * np.eye(3) - arm.T @ arm)
+    return not moments[0] > ON_A_LINE * moments[-1]
+
+
+def _mean(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The reference node by the mean motion of the nodes."""
+    if len(c.faces):
+        surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
+        points, weight, shape = surface.points, surface.area, surface.shape
+    else:
+        points, weight = mesh.nodes[c.nodes], np.ones(len(c.nodes))
+        at = (np.arange(len(c.nodes)), c.nodes)
+        shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
+    try:
+        follows = mean_motion(points, weight, mesh.nodes[c.reference])
+    except ModelError as error:
+        raise mesh.error(f"{c.name}: {error}") from error
+    rows, columns, values = [], [], []
+    for axis in range(3):
+        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
+        rows.append(3 * c.reference + A.row)
+        columns.append(3 * A.col + axis)
+        values.append(A.data)
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Displacement at a place, of the rigid motion nearest to that of points.
+
+    Returns
+    -------
+    ndarray (3, n, 3)
+        What the displacement of each of the points (n, 3) along each axis contributes.
+
+    Raises
+    ------
+    ModelError
+        Points on a line, about which a rigid motion could turn freely.
+    """
+    weight = weight / weight.sum()
+    centre = weight @ points
+    G = _motions(points - centre)  # (n, 3, 6)
+    moments = np.einsum("i,iab,iac->bc", weight, G, G)
+    inertia = np.linalg.eigvalsh(moments[3:, 3:])
+    if not inertia[0] > ON_A_LINE * inertia[-1]:
+        raise ModelError("the points of the set lie on a line")
+    nearest = np.linalg.solve(moments, np.einsum("i,iab->bia", weight, G).reshape(6, -1))
+    there: np.ndarray = _motions((at - centre)[None])[0] @ nearest
+    return there.reshape(3, -1, 3)
+
+
+def _motions(r: np.ndarray) -> np.ndarray:
+    """Displacements (n, 3, 6) at r (n, 3) of unit translations and turns about the origin."""
+    G = np.zeros((len(r), 3, 6))
+    G[:, :, :3] = np.eye(3)
+    for axis in range(3):
+        G[:, :, 3 + axis] = np.cross(np.eye(3)[axis], r)
+    return G
+
+
+# -- ties ----------------------------------------------------------------------------------------
+def facets_of(mesh: SolidMesh, faces: np.ndarray, name: str) -> Facets:
+    """Facets of faces (p, 2)."""
+    return Facets(mesh.nodes, tuple(g.nodes for g in facet_groups(mesh, faces)), name)
+
+
+def _adjusted(mesh: SolidMesh) -> SolidMesh:
+    """Tied nodes on their masters; those that are too far off are reported, and tied no more."""
+    constraints: list[Tie | Coupling] = []
+    for c in mesh.constraints:
+        if not isinstance(c, Tie):
+            constraints.append(c)
+            continue
+        tied, values, masters, off = _feet(mesh, c)
+        if not len(tied):
+            raise mesh.error(f"{c.name}: no node of its slave lies on its master")
+        free = len(c.nodes) - len(tied)
+        if free:
+            why = f"{free} of {len(c.nodes)} nodes of the slave are not on the master, and free"
+            note = PassedOver(c.name, mesh.origin, 0, why)
+            mesh = replace(mesh, passed_over=(*mesh.passed_over, note))
+        size = 2 * facets_of(mesh, c.faces, c.name).radii.mean()
+        if not c.adjusted and off.max() > APART * size:
+            raise mesh.error(
+                f"{c.name}: {mesh.nodes_named(tied[off > APART * size])} lie off the master and "
+                "are not to be moved (ADJUST=NO): turns of the component would strain it"
+            )
+        nodes = mesh.nodes.copy()
+        nodes[tied] = np.einsum("ik,ikj->ij", values, mesh.nodes[masters])
+        mesh = replace(mesh, nodes=nodes)
+        beneath = len(np.unique(masters))
+        constraints.append(replace(c, nodes=tied, coarse=beneath > COARSER * len(tied)))
+    return replace(mesh, constraints=tuple(constraints))
+
+
+def _feet(mesh: SolidMesh, tie: Tie) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Tied nodes (m,), master functions (m, 9) of their nodes (m, 9), distances (m,)."""
+    from scipy.spatial import cKDTree
+
+    master = facets_of(mesh, tie.faces, tie.name)
+    nodes = np.setdiff1d(tie.nodes, master.table)
+    far = tie.tolerance
+    if far is None:
+        far = TOLERANCE * 2 * float(master.radii.mean())
+    reach = far + 1.2 * float(master.radii.max())
+    lists = cKDTree(master.centres).query_ball_point(mesh.nodes[nodes], reach)
+    start = np.cumsum([0, *map(len, lists)])
+    candidates = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.sort, lists)])
+    facet = np.zeros(len(nodes), dtype=np.int64)
+    distance, values = np.zeros(len(nodes)), np.zeros((len(nodes), MOST))
+    feet(
+        np.ascontiguousarray(mesh.nodes[nodes]),
+        start,
+        candidates.astype(np.int64),
+        master.kinds,
+        master.nodes,
+        far,
+        facet,
+        distance,
+        values,
+    )
+    found = facet >= 0
+    return nodes[found], values[found], master.table[facet[found]], distance[found]

@@ -1,0 +1,222 @@
+"""Ties, rigid bodies and couplings in files of Abaqus and CalculiX."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
+from squealstudy.models.components.facets import facet_groups
+from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_sets import Sets
+from squealstudy.models.components.mesh import SolidMesh, has_name
+
+TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION")
+COUPLING = ("CONSTRAINTNAME", "REFNODE", "SURFACE")
+RIGID_BODY = ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET")
+DISTRIBUTING = ("COUPLING", "WEIGHTINGMETHOD")
+NODES_TO_SURFACE = "NODETOSURFACE"
+OF_COUPLING = ("KINEMATIC", "DISTRIBUTING")
+KEYWORDS = ("TIE", "COUPLING", "RIGIDBODY", *OF_COUPLING)
+ELSEWHERE = "state a [[tie]] or a spring in the model file, and name the keyword in pass_over"
+
+
+@dataclass
+class Where:
+    """Sets of a part, or of the assembly as one instance has them.
+
+    Attributes
+    ----------
+    cards : sequence of Card
+    nodes, elements : Sets
+    prefix : str
+        What names of the assembly begin with where the part has the same.
+    known : set of str
+        Names, in capitals, of all surfaces of the file: one may be of another instance.
+    """
+
+    cards: Sequence[Card]
+    nodes: Sets
+    elements: Sets
+    prefix: str
+    known: set[str]
+
+
+class Couplings:
+    """Reads the ties and couplings of a component."""
+
+    def __init__(
+        self,
+        mesh: SolidMesh,
+        places: Callable[[np.ndarray], np.ndarray],
+        nodes_of: Callable[[np.ndarray], np.ndarray],
+        note: Callable[[Card, str], None],
+    ) -> None:
+        """`places` of node numbers in the mesh; `nodes_of` elements, both by number; `note`."""
+        self._mesh, self._places, self._nodes_of, self._note = mesh, places, nodes_of, note
+
+    def read(self, where: Where) -> list[Constraint]:
+        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
+        found: list[Constraint | None] = []
+        cards = list(where.cards)
+        for number, card in enumerate(cards):
+            if card.keyword == "TIE":
+                found += [self._tie(card, line, where) for line in self._lines(card)]
+            elif card.keyword == "RIGIDBODY":
+                found.append(self._rigid_body(card, where))
+            elif card.keyword == "COUPLING":
+                after = cards[number + 1] if number + 1 < len(cards) else None
+                if after is None or after.keyword not in OF_COUPLING:
+                    raise card.error("expected *KINEMATIC or *DISTRIBUTING after *COUPLING")
+                found.append(self._coupling(card, after, where))
+            elif card.keyword in OF_COUPLING:
+                before = cards[number - 1].keyword if number else ""
+                if before != "COUPLING":
+                    raise card.error(f"{card.shown} belongs after *COUPLING")
+        return [c for c in found if c is not None]
+
+    @staticmethod
+    def _lines(card: Card) -> list[Line]:
+        if not card.data:
+            raise card.error(f"{card.shown}: expected a line with a slave and a master surface")
+        return card.data
+
+    def _tie(self, card: Card, line: Line, where: Where) -> Tie | None:
+        card.check(TIE)
+        kind = "".join(card.parameters.get("TYPE", "").upper().split())
+        if kind not in ("", NODES_TO_SURFACE, "SURFACETOSURFACE"):
+            raise card.error(f"*TIE, TYPE={kind} is not supported")
+        words = line.words()
+        if len(words) != 2:
+            raise line.error("expected a slave and a master surface")
+        (slave, _), (master, faces) = (self._surface(line, w, where) for w in words)
+        name = self._name(card, card.parameters.get("NAME", ""))
+        if not len(slave) and not len(master):
+            self._note(card, "of other instances")
+            return None
+        for word, members in zip(words, (slave, master), strict=True):
+            if not len(members):
+                raise line.error(f"'{word}' has nothing of this instance: {ELSEWHERE}")
+        if not len(faces):
+            raise line.error(
+                f"the master '{words[1]}' has no faces: expected a surface of elements"
+            )
+        if kind != NODES_TO_SURFACE:
+            self._note(card, "read as nodes that follow the master's surface, as CalculiX does")
+        tolerance = None
+        if text := card.parameters.get("POSITIONTOLERANCE"):
+            tolerance = card.line.real(text, "a distance")
+        adjust = card.parameters.get("ADJUST", "YES").upper()
+        if adjust not in ("YES", "NO"):
+            raise card.error(f"ADJUST={adjust} is not supported: expected YES or NO")
+        return Tie(name, slave, faces, tolerance, adjust == "YES")
+
+    def _rigid_body(self, card: Card, where: Where) -> Coupling | None:
+        card.check(RIGID_BODY)
+        if "ROTNODE" in card.parameters:
+            self._note(card, "ROT NODE: nothing can be said of its turns here")
+        named = [card.parameters.get(key) for key in ("NSET", "TIENSET", "PINNSET")]
+        found = [self._places(where.nodes.labels(name, card.line)) for name in named if name]
+        if name := card.parameters.get("ELSET"):
+            elements = where.elements.labels(name, card.line)
+            found.append(self._places(self._nodes_of(elements)))
+        if not found:
+            raise card.error("*RIGID BODY needs NSET=... or ELSET=...")
+        nodes = np.unique(np.concatenate(found))
+        return self._coupled(card, self._name(card, ""), nodes, where, "rigid", (1, 2, 3), NO_FACES)
+
+    def _coupling(self, card: Card, how: Card, where: Where) -> Coupling | None:
+        card.check(COUPLING)
+        name = self._name(card, card.parameters.get("CONSTRAINTNAME", ""))
+        nodes, faces = self._surface(card.line, card.value("SURFACE"), where)
+        directions = self._directions(how)
+        if how.keyword == "KINEMATIC":
+            how.check(())
+            return self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
+        how.check(DISTRIBUTING)
+        method = how.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper()
+        if method != "UNIFORM":
+            raise how.error(f"WEIGHTING METHOD={method} is not supported: expected UNIFORM")
+        if directions != (1, 2, 3):
+            raise how.error("*DISTRIBUTING: expected the directions 1 to 3")
+        return self._coupled(card, name, nodes, where, "distributing", directions, faces)
+
+    @staticmethod
+    def _directions(card: Card) -> tuple[int, ...]:
+        """Of 1 to 3, those that the lines name; turns of the nodes of solids there are none."""
+        found: set[int] = set()
+        for line in card.data:
+            words = [line.whole(w, "a direction 1 to 6") for w in line.words() if w]
+            if not 1 <= len(words) <= 2 or not all(1 <= w <= 6 for w in words):
+                raise line.error("expected the first and the last of the directions 1 to 6")
+            found |= set(range(words[0], words[-1] + 1))
+        return tuple(d for d in (1, 2, 3) if d in found or not card.data)
+
+    def _coupled(
+        self,
+        card: Card,
+        name: str,
+        nodes: np.ndarray,
+        where: Where,
+        kind: str,
+        directions: tuple[int, ...],
+        faces: np.ndarray,
+    ) -> Coupling | None:
+        reference = self._reference(card, where)
+        if not len(nodes) and not len(reference):
+            self._note(card, "of other instances")
+            return None
+        if len(reference) != 1:
+            raise card.error(
+                f"REF NODE={card.value('REFNODE')} is {len(reference)} nodes of this part: "
+                "expected one; a reference node of the assembly belongs into the part"
+            )
+        if not directions:
+            raise card.error(f"{card.shown}: none of the directions 1 to 3 is coupled")
+        others = np.setdiff1d(nodes, reference)
+        if not len(others):
+            raise card.error(f"{card.shown}: it has no node of this instance: {ELSEWHERE}")
+        rigid = kind == "rigid"
+        place = int(reference[0])
+        return Coupling(
+            name, "rigid" if rigid else "distributing", place, others, directions, faces
+        )
+
+    def _reference(self, card: Card, where: Where) -> np.ndarray:
+        """Place of the reference node: a number, instance.number, or a set of one node."""
+        word = card.value("REFNODE")
+        sets, (owner, _, label) = where.nodes, word.rpartition(".")
+        if not WHOLE.fullmatch(label):
+            return self._places(sets.labels(word, card.line))
+        if sets.part is None and not owner:
+            sets.check(card.line, int(label))
+            return self._places(np.array([int(label)]))
+        if sets.part is not None and owner.upper() == sets.instance:
+            sets.part.check(card.line, int(label))
+            return self._places(np.array([int(label)]))
+        return np.zeros(0, dtype=np.int64)
+
+    def _surface(self, line: Line, word: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of a surface, and its faces; of a node set none."""
+        mesh = self._mesh
+        for name in (where.prefix + word, word):
+            if has_name(mesh.surfaces, name):
+                faces = mesh.find("surfaces", name)
+                nodes = [g.nodes.ravel() for g in facet_groups(mesh, faces)]
+                return np.unique(np.concatenate(nodes)), faces
+            if has_name(mesh.node_sets, name):
+                return mesh.node_set(name), NO_FACES
+        owner, _, inner = word.rpartition(".")
+        if where.prefix and owner and owner.upper() == where.nodes.instance:
+            return self._surface(line, inner, where)
+        if inner.upper() in where.known:
+            return np.zeros(0, dtype=np.int64), NO_FACES
+        known = ", ".join([*mesh.surfaces, *mesh.node_sets]) or "none"
+        raise line.error(f"there is no surface '{word}'; there is {known}")
+
+    @staticmethod
+    def _name(card: Card, name: str) -> str:
+        called = f" {name}" if name else ""
+        return f"{card.shown}{called} (line {card.line.place + 1})"
