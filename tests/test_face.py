@@ -316,7 +316,7 @@ def test_what_a_kind_does_not_have_is_told(results):
 def test_results_of_an_unknown_kind_are_one_clear_error(results, tmp_path):
     manifest = results["complex_modes"].manifest
     write_manifest(tmp_path, manifest | {"kind": "of_tomorrow"})
-    with pytest.raises(ResultsError, match="kind 'of_tomorrow', which this version"):
+    with pytest.raises(ResultsError, match="kind 'of_tomorrow', which is not known here"):
         sq.open_results(tmp_path)
 
 

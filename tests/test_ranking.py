@@ -304,6 +304,19 @@ def test_a_random_design_has_no_beginning_of_a_range():
     assert (row["threshold_kind"], row["threshold"]) == ("first seen", 0.13)
 
 
+def test_far_neighbours_of_a_random_design_bound_the_onset():
+    def flutter(m, q):  # 0.3 is the onset; straight between far points it would be 0.026
+        return 0.001 if m < 0.3 else -0.02 - 0.1 * m
+
+    lines = [0.01, 0.33], [0.02, 0.7], [0.2, 0.65]
+    for on_line in lines:
+        points, modes = linear_study({1: flutter}, on_line, [1.0])
+        interpolated = rank_modes(points, modes, along="friction").iloc[0]["threshold"]
+        assert interpolated < 0.3
+        row = rank_modes(points, modes, along="friction", scattered=True).iloc[0]
+        assert (row["threshold_kind"], row["threshold"]) == ("bracketed", on_line[1])
+
+
 def test_an_ambiguous_label_anywhere_unstable_shows():
     points, modes = linear_study(STUDY, MU, P)
     modes.loc[
@@ -377,7 +390,7 @@ def test_onsets_that_are_not_refined_are_marked(capsys):
     assert "~0.65" in text  # interpolated
     assert "<= 0.3" in text  # nothing is damped before
     assert "below range" in text
-    for said in ("interpolated between two design points", "between an undamped point and this"):
+    for said in ("interpolated between two design points", "between a stable point and this"):
         assert said in text
 
 

@@ -58,6 +58,25 @@ Where = Annotated[
 ]
 
 
+@app.callback()
+def extended(
+    extension: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="File of Python with a law, a model, a kind or a plot of your own, executed "
+            "first; a study names its own. Before the command; may be repeated.",
+        ),
+    ] = None,
+) -> None:
+    """Which modes of a brake squeal, why, and which design change silences them."""
+    if extension:
+        from squealstudy.extensions import load_extension
+
+        for path in extension:
+            load_extension(path)
+
+
 @app.command()
 def run(
     study: StudyPath,
@@ -391,19 +410,12 @@ def models(
     modes: Annotated[
         bool, typer.Option(help="Build the model and list its components' free-free modes.")
     ] = True,
-    extension: Annotated[
-        list[Path] | None,
-        typer.Option(help="File with a law or a model of your own, executed first."),
-    ] = None,
 ) -> None:
     """List models, or one model's parameters with units and defaults, components and modes."""
     from squealstudy import face, screen
     from squealstudy.cli.models import CONTRACT, described
-    from squealstudy.extensions import load_extension
     from squealstudy.models.matrices.family import NAME as MATRICES
 
-    for path in extension or ():
-        load_extension(path)
     listed = face.list_models()
     if name is None:
         screen.show(screen.facts(listed.items()))

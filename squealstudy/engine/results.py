@@ -119,8 +119,8 @@ class Results:
             return screen_of(self.kind)
         except KeyError:
             raise ResultsError(
-                f"{self.directory}: results of a kind '{self.kind}', which this version of "
-                "squealstudy does not have"
+                f"{self.directory}: results of a kind '{self.kind}', which is not known here; "
+                "of an extension: squealstudy --extension FILE COMMAND, or import FILE in Python"
             ) from None
 
     @property

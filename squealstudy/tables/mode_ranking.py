@@ -99,9 +99,9 @@ def rank_modes(
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
-        "refined" (to 1e-4), "bracketed" (the mode before has no damping: an upper bound), "below
-        range" (unstable at the first value of a line; NaN) or "first seen" (a track that begins
-        unstable; an upper bound).
+        "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, or the
+        points are `scattered`), "below range" (unstable at the first value of a line; NaN) or
+        "first seen" (a track that begins unstable; an upper bound).
 
     Raises
     ------
@@ -130,6 +130,7 @@ def rank_modes(
             start,
             line,
             refined,
+            scattered,
         )
         table["threshold"] = found["value"]
         table["threshold_kind"] = found["kind"].reindex(table.index).fillna("")
@@ -280,8 +281,12 @@ def _thresholds(
     start: np.ndarray,
     line: np.ndarray,
     refined: dict[tuple[int, int, int], float],
+    scattered: bool,
 ) -> pd.DataFrame:
-    """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`."""
+    """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`.
+
+    Neighbours on a line of scattered points may be far apart: the unstable one is an upper bound.
+    """
     zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
     found = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
     found = found[found["direction"] == INTO]
@@ -295,6 +300,10 @@ def _thresholds(
         better = better.dropna()
         found.loc[better.index, "value"] = better
         found.loc[better.index, "kind"] = REFINED
+    if scattered:
+        between = (found["kind"] == CROSSING).to_numpy()
+        found.loc[between, "value"] = x[code[found.loc[between, "after"].to_numpy()]]
+        found.loc[between, "kind"] = BRACKETED
     found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
     return found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
 

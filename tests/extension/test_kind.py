@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command import command
 from registries import registered  # noqa: F401 - a fixture of the module
 from study_runs import load_plan
 
@@ -54,6 +55,18 @@ def test_the_belt_presses_with_its_normal_force(study, tmp_path, jobs):
     area = points["contact_stiffness"] / 5e11  # of minimal models: it carries the stiffness
     np.testing.assert_allclose(points["largest_pressure"], 300.0 / area, rtol=1e-9)
     assert run_study(load_plan(study), tmp_path / "out", 1).n_solved == 0
+
+
+def test_commands_read_its_results_when_they_are_given_its_file(study, tmp_path):
+    run_study(load_plan(study), tmp_path / "out", 1)
+    refused = command("rank", "out", folder=tmp_path)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "squealstudy --extension FILE" in refused.stderr
+    shown = command("--extension", FILE, "plot", "out", folder=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    wrong = command("--extension", "nowhere.py", "plot", "out", folder=tmp_path)
+    assert wrong.returncode == 2
+    assert "nowhere.py" in wrong.stderr
 
 
 def test_a_point_that_fails_is_a_row_and_the_others_go_on(study, tmp_path, monkeypatch):

@@ -42,7 +42,7 @@ ONSETS = {
     "grows by less than its error; not refined",
     FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
     "track was found",
-    BRACKETED: "<= before an onset: between an undamped point and this one, not refined",
+    BRACKETED: "<= before an onset: between a stable point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
 BOUNDS = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}
