@@ -340,11 +340,36 @@ def inspect(
     picture: Annotated[
         Path | None, typer.Option("--picture", "-p", help="Picture to draw, .png or .svg.")
     ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            help="Universal file with measured modes of a free component, to be compared with its "
+            "own: pairs with MAC and frequency; the picture is then the matrix of MAC."
+        ),
+    ] = None,
+    component: Annotated[str | None, typer.Option(help="Which component was measured.")] = None,
+    unit: Annotated[str, typer.Option(help="Of lengths measured, where the file has none.")] = "m",
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="How far a measured point may be from its node, as '3 mm'; default 2 % of the "
+            "component's length.",
+        ),
+    ] = None,
 ) -> None:
     """What a model file was understood as: parts, contact, rotation, loads, and doubts.
 
     Exit code 1 where something is in doubt.
     """
+    if (measured is None) != (component is None):
+        raise typer.BadParameter("--measured needs --component, and --component --measured")
+    if measured is not None and component is not None:
+        from squealstudy.cli.measured import inspected as compared
+
+        if compared(model, component, measured, unit, tolerance, picture):
+            raise typer.Exit(FAULT)
+        return
     from squealstudy import screen
     from squealstudy.cli.inspect import shown
     from squealstudy.study.components import inspected, read_model

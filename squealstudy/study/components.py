@@ -13,10 +13,12 @@ from squealstudy.errors import ConvergenceError, ModelError, ParameterError, Stu
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import (
+    Body,
     Brake,
     body_of,
     changed_mesh,
     own_numbers,
+    placement,
     read_files,
 )
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
@@ -52,6 +54,9 @@ from squealstudy.study.stresses import law_defaults, stress_assumptions, stresse
 from squealstudy.study.units import Unit, in_unit_of
 
 if TYPE_CHECKING:
+    import numpy as np
+    import scipy.sparse as sp
+
     from squealstudy.models.components.geometry import Geometry
     from squealstudy.models.components.inspection import Inspection
 
@@ -117,6 +122,37 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
         return found, geometry_of(build.brake)
     except PlacedError as error:
         raise placed(error, build.source) from error
+
+
+def free_component(
+    model: FileDefinition, name: str
+) -> tuple[Body, tuple[sp.csr_matrix, sp.csr_matrix], tuple[np.ndarray, np.ndarray]]:
+    """A component of a model file at its defaults: body, its free K and M, turn and shift.
+
+    Raises
+    ------
+    StudyFileError
+        There is no such component, or what is wrong with it.
+    """
+    from squealstudy.models.components.geometry import geometry_of
+    from squealstudy.models.components.point_masses import component_matrices
+
+    build = model.build
+    assert isinstance(build, _Build)
+    tables = build.brake.file.components
+    if name not in tables:
+        text = f"there is no component '{name}'{did_you_mean(name, tuple(tables))}"
+        raise build.source.error(("components",), text)
+    values = model.defaults()
+    given = {keys: values[n] for n, all_keys in build.places.items() for keys in all_keys}
+    try:
+        geometry = geometry_of(build.brake)
+        matrices = component_matrices(geometry, name, given)
+    except PlacedError as error:
+        raise placed(error, build.source) from error
+    body = geometry.bodies[name]
+    where = placement(name, tables[name], build.brake.file.units)
+    return body, matrices, where
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,7 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
     cutoff, elastic, rigid = FIRST_CUTOFF, np.zeros(0), 0
     while cutoff <= LAST_CUTOFF and len(elastic) < LISTED:
         omega, _ = real_modes(M, K, cutoff)
-        rigid = _rigid_count(K, M, omega)
+        rigid = rigid_count(K, M, omega)
         elastic, cutoff = omega[rigid:] / (2 * np.pi), 2 * cutoff
     hz = ", ".join(f"{f:.1f}" for f in elastic[:LISTED])
     first = f"first free modes {hz} Hz" if hz else f"no other mode up to {cutoff / 2:g} Hz"
@@ -176,7 +176,7 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
         )
 
 
-def _rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
+def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
     """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
     highest = np.sqrt((np.abs(K.diagonal()) / M.diagonal()).max())
     return int((omega < max(2 * np.pi, DIGITS * highest)).sum())
