@@ -297,7 +297,7 @@ def shape(
         bool, typer.Option("--uff", help="Write universal files (15, 2412, 55).")
     ] = False,
 ) -> None:
-    """What modes look like: a picture, a page in which they move, files for other programs."""
+    """What modes, or ends of runs, look like: a picture, a page, files for other programs."""
     from squealstudy import face, screen
     from squealstudy.cli.shape import shapes
     from squealstudy.paths import usable_cache

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from squealstudy.engine.files import write_text
 from squealstudy.engine.mode_names import keep_track_names, track_names
+from squealstudy.engine.motion_shapes import EndMotion
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.results import Results
 from squealstudy.engine.shapes import chosen_modes, point_shapes
@@ -22,6 +25,7 @@ from squealstudy.wording import plural
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
+LISTED_MODES = 6  # of a motion
 MICRON = 1e-6  # m
 
 
@@ -52,15 +56,22 @@ def shapes(
     ResultsError
         As `Results.shape`.
     """
-    found = _shapes(results, point, modes, track)
+    if results.kind == "transient":
+        if modes is not None or track is not None:
+            raise ResultsError("runs in time have a motion at their end: expected no mode or track")
+        motion = results.end_motion(_row_or_id(results, point))
+        found, rows = [motion.shape], [*_told_motion(motion.shape), *_parts(motion)]
+    else:
+        found = _shapes(results, point, modes, track)
+        rows = [row for shape in found for row in _told(shape)]
     folder = output or results.directory / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     picture, moving, vtu, uff = kinds
-    rows: Rows = []
     written: list[Path] = []
     for shape in found:
-        rows += _told(shape)
-        path = folder / f"{shape.label.point_id}_mode_{shape.label.mode}"
+        label = shape.label
+        which = f"mode_{label.mode}" if not label.motion else label.motion.replace(" ", "_")
+        path = folder / f"{label.point_id}_{which}"
         if picture:
             save_figure(draw(shape), path.with_suffix(".png"))
             written.append(path.with_suffix(".png"))
@@ -68,7 +79,7 @@ def shapes(
         written += write_uff(shape, path.with_suffix(".uff")) if uff else []
     if moving:
         label = found[0].label
-        which = f"mode_{label.mode}" if len(found) == 1 else modes or ""
+        which = which if len(found) == 1 else modes or ""
         name = "modes" if "," in which or which in (ALL, UNSTABLE) else which
         written.append(folder / f"{label.point_id}_{name}.html")
         write_text(written[-1], page(found))
@@ -79,10 +90,7 @@ def _shapes(
     results: Results, point: str | None, modes: str | None, track: int | None
 ) -> list[Shape]:
     """The shapes asked for, of one design point."""
-    place: str | int | None = point
-    if point is not None and point.lstrip("-").isdigit():
-        ids = set(results.points["point_id"])
-        place = point if point in ids else int(point)
+    place = _row_or_id(results, point)
     if modes is not None and track is not None:
         raise ResultsError("expected --mode or --track, got both")
     if modes is None or modes in (ALL, UNSTABLE):
@@ -105,6 +113,42 @@ def _shapes(
             row, _ = chosen_modes(results, place, number)
     source = point_shapes(results, row)
     return [source.shape(number) for number in numbers]
+
+
+def _row_or_id(results: Results, point: str | None) -> str | int | None:
+    """A design point as `Results.row_of` takes it."""
+    if point is None or not point.lstrip("-").isdigit():
+        return point
+    return point if point in set(results.points["point_id"]) else int(point)
+
+
+def _told_motion(shape: Shape) -> Rows:
+    """The motion at the end of a run in words."""
+    first, *values = title(shape)
+    (energy,) = (text.split(": ", 1) for text in sources(shape))
+    return [
+        ("motion", first),
+        *(("at", text) for text in values),
+        (energy[0], energy[1]),
+        ("in interfaces", _shares(shape)),
+        ("name", f"{name_of(shape).text} ({figures_of(shape)})"),
+    ]
+
+
+def _parts(motion: EndMotion) -> Rows:
+    """The complex modes that have most of the motion's energy, and what none of them has."""
+    order = np.argsort(-motion.share)[:LISTED_MODES]
+    rows = [
+        (
+            f"mode {motion.number[k]}",
+            f"{abs(motion.lam[k]) / (2 * np.pi):.1f} Hz, growth {motion.lam[k].real:+.4g} 1/s: "
+            f"{100 * motion.share[k]:.1f} % of the energy in its plane of motion, MAC "
+            f"{motion.mac[k]:.3f}",
+        )
+        for k in order
+    ]
+    text = f"{100 * motion.residual:.2g} % of the energy is in none of {len(motion.lam)} modes"
+    return [*rows, ("residual", f"{text} of the band; shares overlap and do not add up")]
 
 
 def _told(shape: Shape) -> Rows:

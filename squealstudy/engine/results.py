@@ -31,6 +31,7 @@ from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import KindScreen
+    from squealstudy.engine.motion_shapes import EndMotion
     from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
@@ -276,6 +277,16 @@ class Results:
         from squealstudy.engine.shapes import shape
 
         return shape(self, point, mode, track)
+
+    def end_motion(self, point: str | int | None = None) -> EndMotion:
+        """The motion at the end of a run: on all nodes, and by its complex modes.
+
+        See `engine.motion_shapes.EndMotion`. By default of the run with the largest torque's RMS.
+        ResultsError of other kinds, and where no motion is there.
+        """
+        from squealstudy.engine.motion_shapes import end_motion, loudest
+
+        return end_motion(self, loudest(self) if point is None else self.row_of(point))
 
     def names(
         self, tracks: Iterable[int] | None = None, most: int | None = MOST_NAMED

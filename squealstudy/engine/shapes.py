@@ -139,6 +139,13 @@ def point_shapes(results: Results, row: int) -> PointShapes:
 class PointShapes:
     """What the shapes of one design point share.
 
+    Attributes
+    ----------
+    system : LinearisedModel
+        About its steady sliding.
+    lam, psi : ndarray (m,), (n, m) complex
+        Complex modes of the band, rad/s.
+
     Raises
     ------
     ResultsError
@@ -160,8 +167,8 @@ class PointShapes:
         prepared = load_prepared(self._design.structure)
         gap = known_gap(self._design.structure, self._design)
         self._point = state_working_point(prepared, state, gap)
-        self._system = linearise(self._expansion.model, self._point, state)
-        self._lam, self._psi, _ = band_modes(self._system, self._point, self._plan.band_hz)
+        self.system = linearise(self._expansion.model, self._point, state)
+        self.lam, self.psi, _ = band_modes(self.system, self._point, self._plan.band_hz)
         point_id = results.points["point_id"].iloc[row]
         self._modes = results.modes[results.modes["point_id"] == point_id]
 
@@ -180,10 +187,28 @@ class PointShapes:
             self._assembly,
             self._expansion,
             self._point,
-            self._system,
-            complex(self._lam[i]),
-            self._psi[:, i],
+            self.system,
+            complex(self.lam[i]),
+            self.psi[:, i],
             self._label(mode, track if track >= 0 else None),
+        )
+
+    def motion(self, u: np.ndarray, lam: complex, what: str) -> Shape:
+        """A harmonic motion u (n,) exp(lam t) that is no mode."""
+        label = replace(self._label(0, None), motion=what)
+        system = self.system
+        return shape_of(self._assembly, self._expansion, self._point, system, lam, u, label)
+
+    def has_model(self, prepared_key: str, n: int) -> bool:
+        """Whether coordinates of a run are those in which shapes are found: of the same basis."""
+        own = self._expansion.model
+        if prepared_key != self._design.structure or own.n != n:
+            return False
+        run = load_prepared(prepared_key).model
+        return all(
+            np.allclose(getattr(own, name), getattr(run, name), rtol=0.0, atol=SAME * size)
+            for name in ("N", "T", "T_perp")
+            for size in [np.abs(getattr(run, name)).max()]
         )
 
     def _label(self, mode: int, track: int | None) -> Label:
@@ -209,10 +234,10 @@ class PointShapes:
             raise _no_mode(table, self._row, mode, None)
         share = UNREDUCED if row["method"] == FULL else SAME
         allowed = share * abs(roots[i]) + ERRORS * np.nan_to_num(row["error_rung"])
-        distance = np.abs(self._lam - roots[i])
+        distance = np.abs(self.lam - roots[i])
         found = int(distance.argmin()) if len(distance) else -1
         if found < 0 or distance[found] > allowed or self._other(roots, found) != i:
-            now = f"{abs(self._lam[found]) / (2 * np.pi):.6g} Hz" if found >= 0 else "none"
+            now = f"{abs(self.lam[found]) / (2 * np.pi):.6g} Hz" if found >= 0 else "none"
             raise ResultsError(
                 f"{self._results.directory}: mode {mode} of design point {self._row} is at "
                 f"{row['frequency_hz']:.6g} Hz in the table, the nearest of this version of "
@@ -222,7 +247,7 @@ class PointShapes:
 
     def _other(self, roots: np.ndarray, found: int) -> int:
         """Which root of the table is nearest to one found now."""
-        return int(np.abs(roots - self._lam[found]).argmin())
+        return int(np.abs(roots - self.lam[found]).argmin())
 
 
 def plan_of(results: Results) -> Plan:

@@ -26,6 +26,7 @@ PHASES = 24  # of a cycle, in a PVD file
 QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
 # fields of dataset 55: structural, complex modes, three translations, displacement, complex
 STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
+RESPONSE = 5  # at a frequency
 
 
 def write_vtu(shape: Shape, path: Path) -> list[Path]:
@@ -140,24 +141,27 @@ def write_uff(shape: Shape, path: Path) -> list[Path]:
         raise ModelError("no component of this model has cells: there is no surface to write")
     x, y, z = shape.coordinates[used].T
     label, u = shape.label, shape.displacement[used]
+    what, damping = f"mode {label.mode}", f", damping ratio {shape.damping_ratio:.6g}"
+    kind: dict[str, Any] = {"analysis_type": COMPLEX_MODES, "mode_n": label.mode, "eig": shape.lam}
+    if label.motion:
+        what, damping = label.motion, ""
+        kind = {"analysis_type": RESPONSE, "freq_step_n": 1, "freq": shape.frequency_hz}
     sets: list[dict[Any, Any]] = [
         pyuff.prepare_15(node_nums=(used + 1).tolist(), x=x, y=y, z=z),
         {"type": 2412, QUAD: list(_shells(shape, QUAD)), TRIANGLE: list(_shells(shape, TRIANGLE))},
         pyuff.prepare_55(
-            id1=f"{label.study}, design point {label.row}, mode {label.mode}"[:80],
-            id2=f"{shape.frequency_hz:.6g} Hz, damping ratio {shape.damping_ratio:.6g}",
+            id1=f"{label.study}, design point {label.row}, {what}"[:80],
+            id2=f"{shape.frequency_hz:.6g} Hz{damping}",
             id3="NONE",
             id4="NONE",
             id5="NONE",
             model_type=STRUCTURE,
-            analysis_type=COMPLEX_MODES,
             data_ch=TRANSLATIONS,
             spec_data_type=DISPLACEMENT,
             data_type=COMPLEX,
             n_data_per_node=3,
             load_case=1,
-            mode_n=label.mode,
-            eig=shape.lam,
+            **kind,
             node_nums=(used + 1).tolist(),
             r1=u[:, 0],
             r2=u[:, 1],

@@ -137,9 +137,9 @@ def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
     low, high = density_range(shape)
     density = kept.of(np.nan_to_num(shape.density) * PERCENT, smooth=False)
     level = np.log10(np.maximum(density, low) / low) / DECADES
-    figures = f"{shape.frequency_hz:.1f} Hz, {shape.growth_rate:+.4g} 1/s"
+    growth = "" if label.motion else f", {shape.growth_rate:+.4g} 1/s"
     return {
-        "name": f"{label.mode}{track}: {figures}",
+        "name": f"{label.motion or label.mode}{track}: {shape.frequency_hz:.1f} Hz{growth}",
         "facts": "; ".join([name_of(shape).text, *sources(shape)]),
         "low": f"{low:.2g}",
         "high": f"{high:.2g}",

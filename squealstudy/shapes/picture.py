@@ -66,17 +66,20 @@ def title(shape: Shape) -> list[str]:
         setting(name, value, label.units.get(name, ""), abs(value))
         for name, value in label.values.items()
     )
-    first = (
-        f"{label.study}, design point {label.row}, mode {label.mode}{track}: "
-        f"{shape.frequency_hz:.1f} Hz, growth {shape.growth_rate:+.4g} 1/s, "
-        f"damping {100 * shape.damping_ratio:.3g} %; {name_of(shape).text}"
-    )
+    what = label.motion or f"mode {label.mode}{track}"
+    figures = f"{shape.frequency_hz:.1f} Hz"
+    if not label.motion:
+        growth, damping = shape.growth_rate, 100 * shape.damping_ratio
+        figures += f", growth {growth:+.4g} 1/s, damping {damping:.3g} %"
+    first = f"{label.study}, design point {label.row}, {what}: {figures}; {name_of(shape).text}"
     return [first, *textwrap.wrap(values, WIDEST)]
 
 
 def sources(shape: Shape) -> list[str]:
     """Where the elastic energy is, and where the growth comes from."""
     energy = ", ".join(f"{words(k)} {100 * v:.0f} %" for k, v in shape.energies.items())
+    if shape.label.motion:
+        return [f"elastic energy: {energy}"]
     growth = ", ".join(
         f"{v:+.4g} by " + ("damping" if k == DAMPING else f"friction at {words(k)}")
         for k, v in shape.growth_from.items()
@@ -149,7 +152,7 @@ def _density(axes: Axes, shape: Shape) -> None:
         points[part.nodes] += shift
     _surface(axes, shape, points, np.maximum(np.nan_to_num(shape.density) * PERCENT, low), colours)
     axes.set_title("parts drawn apart, by density of strain energy", fontsize=11)
-    _bar(axes, colours, "% of the mode's elastic energy per cm3", extend="both")
+    _bar(axes, colours, "% of the elastic energy per cm3", extend="both")
 
 
 def _surface(
@@ -196,11 +199,18 @@ def _bar(axes: Axes, colours: ScalarMappable, label: str, extend: str = "neither
 def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
     """Pressure, slip and friction's growth on each pair of contact faces, seen along the normal."""
     contact = shape.contact
-    drawn = (
-        ("pressure amplitude [MPa/um]", np.abs(contact.pressure) * 1e-12, AMPLITUDE_COLOURS, False),
+    how = ", linearised" if shape.label.motion else ""
+    drawn: tuple[tuple[str, np.ndarray, Colormap, bool], ...] = (
+        (
+            f"pressure amplitude{how} [MPa/um]",
+            np.abs(contact.pressure) * 1e-12,
+            AMPLITUDE_COLOURS,
+            False,
+        ),
         ("slip amplitude [um/um]", contact.slip_amplitude, AMPLITUDE_COLOURS, False),
         ("growth by friction [1/s per cm2]", contact.fed * 1e-4, mpl.colormaps["RdBu_r"], True),
     )
+    drawn = drawn[:2] if shape.label.motion else drawn
     grid = figure.subplots(1, len(drawn) * len(pairs), squeeze=False)[0]
     across = _plane(contact.points)
     for column, (label, values, colours, signed) in enumerate(drawn):

@@ -44,6 +44,9 @@ class Label:
         Number at the design point, as in the modes table.
     track : int or None
         Number of the mode followed over design points, as rankings list it.
+    motion : str
+        What it is instead of a mode, as ``end of the run``; empty for modes. It has a frequency,
+        and no growth rate.
     """
 
     study: str = ""
@@ -53,6 +56,7 @@ class Label:
     units: Mapping[str, str] = field(default_factory=dict)
     mode: int = 0
     track: int | None = None
+    motion: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,140 @@
+"""Motion at the end of runs in time: its operating deflection shape, and its complex modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from zipfile import BadZipFile
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.engine.shapes import PointShapes
+from squealstudy.engine.store import STATES
+from squealstudy.errors import ResultsError
+from squealstudy.motion.growing_modes import coordinates, mode_planes
+from squealstudy.shapes.shape import Shape
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+END = "end of the run"
+MODAL = "modal"  # representation whose states are in component-mode coordinates
+
+
+@dataclass(frozen=True)
+class EndMotion:
+    """The state in which a run ended, as a harmonic motion and by its complex modes.
+
+    The displacement u (from steady sliding) and velocity v of one instant are those of the motion
+    Re(U exp(i omega t)), U = u - i v / omega, with the dominant frequency of the run: exact where
+    the vibration has that frequency alone. Energy is that of THEORY.md eq. (86), about the design
+    point's steady sliding.
+
+    Attributes
+    ----------
+    shape : Shape
+        U on all nodes.
+    number : ndarray (m,) of int
+        Of the complex modes of the band at this design point that oscillate, as a study of complex
+        modes numbers them.
+    lam : ndarray (m,) complex
+        rad/s.
+    mac : ndarray (m,)
+        Of each with U, over the degrees of freedom weighted by mass.
+    share : ndarray (m,)
+        Of the energy, in the plane of motion along each mode alone: 0 to 1. Planes are not
+        orthogonal: shares do not add up.
+    residual : float
+        Share of the energy outside of all these planes together.
+    """
+
+    shape: Shape
+    number: np.ndarray
+    lam: np.ndarray
+    mac: np.ndarray
+    share: np.ndarray
+    residual: float
+
+
+def loudest(results: Results) -> int:
+    """Row of the run with the largest RMS of the torque; ResultsError where there is none."""
+    _expect_runs(results)
+    rms = results.points["torque_rms"].where(results.points["status"] == "ok")
+    if rms.isna().all():
+        raise ResultsError(f"{results.directory}: no run came to its end")
+    return int(rms.to_numpy(float, na_value=-np.inf).argmax())
+
+
+def _expect_runs(results: Results) -> None:
+    if results.kind != "transient":
+        raise ResultsError(
+            f"{results.directory}: motion at the end is that of runs in time, these are results of "
+            f"kind {results.kind}"
+        )
+
+
+def end_motion(results: Results, row: int) -> EndMotion:
+    """The motion at the end of a run, of a design point of a transient study by its row.
+
+    Raises
+    ------
+    ResultsError
+        Another kind of results, no final state, no frequency, a representation whose states are in
+        other coordinates, or results that this version cannot make again.
+    """
+    _expect_runs(results)
+    found = results.points.iloc[row]
+    hz = float(found["dominant_frequency_hz"])
+    if found["status"] != "ok" or not hz > 0:
+        reason = found["message"] or "it has no dominant frequency: nothing vibrates"
+        raise ResultsError(
+            f"design point {row} ({found['point_id']}) has no motion to show: {reason}"
+        )
+    shapes = PointShapes(results, row)
+    q, v = _state(results, str(found["point_id"]), shapes)
+    system, omega = shapes.system, 2 * np.pi * hz
+    U = q - 1j * v / omega
+    w2, phi = la.eigh(system.K_sym)
+    kept = np.flatnonzero(shapes.lam.imag > 0)
+    lam, psi = shapes.lam[kept], shapes.psi[:, kept]
+    scale = np.sqrt(np.maximum(w2, 0.0))
+    rows, overlap = mode_planes(w2, lam, phi.T @ psi)
+    at = coordinates(rows @ (phi.T @ q), rows @ (phi.T @ v))
+    total = float(((scale * (phi.T @ q)) ** 2).sum() + v @ v)
+    b = at.ravel()
+    inside = float(b @ np.linalg.lstsq(overlap, b, rcond=1e-12)[0])
+    size = (np.abs(psi) ** 2).sum(axis=0) * np.vdot(U, U).real
+    return EndMotion(
+        shape=shapes.motion(U, 1j * omega, END),
+        number=kept + 1,
+        lam=lam,
+        mac=np.abs(psi.conj().T @ U) ** 2 / size,
+        share=(at**2).sum(axis=1) / total,
+        residual=max(0.0, 1.0 - inside / total),
+    )
+
+
+def _state(results: Results, point_id: str, shapes: PointShapes) -> tuple[np.ndarray, np.ndarray]:
+    """Deviation from steady sliding and velocity in the coordinates of the shapes' model."""
+    name = f"{STATES}/{point_id}.npz"
+    if name not in results.store.names(STATES):
+        raise ResultsError(f"{results.directory}: there is no final state {name}")
+    path = results.store.whole(name)
+    try:
+        with np.load(path) as data:
+            q, v, representation = data["q"], data["v"], str(data["representation"])
+            key = str(data["prepared_key"])
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise ResultsError(f"{path} is no final state ({error})") from None
+    if representation != MODAL:
+        raise ResultsError(
+            f"{results.directory}: states of the representation {representation} are not shown, "
+            f"those of {MODAL} are"
+        )
+    if not shapes.has_model(key, len(q)):
+        raise ResultsError(
+            f"{results.directory}: the model of the run is not that of this version, or its "
+            "coordinates are others: run the study again"
+        )
+    return q, v
