@@ -1,4 +1,4 @@
-"""Stiffness that stresses add to a meshed component, THEORY.md eq. (110)."""
+"""Stiffness that stresses add to a meshed component, THEORY.md eq. (114)."""
 
 from __future__ import annotations
 
