@@ -38,26 +38,39 @@ class Balanced(NamedTuple):
 def imbalance(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> np.ndarray:
     """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics."""
     rule = sampling((len(Q) - 1) // 2)
-    local = osc.evaluate(rule.synthesis @ Q, omega * (rule.slope @ Q))
+    local = sampled(osc, rule, Q, omega)
     C = osc.C + xi * np.eye(osc.n)
-    return _linear(rule, C, osc.K, Q, omega) - rule.analysis @ osc.spread(local.f)
+    return _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
+
+
+def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> LocalForces:
+    """Forces at the samples of a period."""
+    seen = Q @ osc.rows.T
+    shape = (len(rule.synthesis), *osc.B.shape[:2])
+    return osc.forces(
+        (rule.synthesis @ seen).reshape(shape), (omega * (rule.slope @ seen)).reshape(shape)
+    )
 
 
 def balanced(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> Balanced:
     """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives."""
     H = (len(Q) - 1) // 2
     rule = sampling(H)
-    turn = rule.slope @ Q
-    local = osc.evaluate(rule.synthesis @ Q, omega * turn)
+    local = sampled(osc, rule, Q, omega)
     C = osc.C + xi * np.eye(osc.n)
-    R = _linear(rule, C, osc.K, Q, omega) - rule.analysis @ osc.spread(local.f)
-    rates = (turn @ osc.rows.T).reshape(local.f.shape)
+    R = _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
+    rates = (rule.slope @ (Q @ osc.rows.T)).reshape(local.f.shape)
     pushed = np.einsum("sgbc,sgc->sgb", local.by_w, rates)
     h = rule.order[:, None]
     swapped = _quarter(Q)
-    by_omega = -2.0 * omega * h**2 * Q + h * (swapped @ C.T) - rule.analysis @ osc.spread(pushed)
+    by_omega = -2.0 * omega * h**2 * Q + h * (swapped @ C.T) - _harmonics(osc, rule, pushed)
     J = _linear_jacobian(H, C, osc.K, omega) - _force_jacobian(osc, rule, local, H, omega)
     return Balanced(R, J, by_omega, omega * h * swapped)
+
+
+def _harmonics(osc: Oscillator, rule: Sampling, f: np.ndarray) -> np.ndarray:
+    """Harmonics (2 H + 1, n) of generalised forces, of samples (S, g, b) of local ones."""
+    return osc.spread(rule.analysis @ f.reshape(len(f), -1))
 
 
 def _quarter(Q: np.ndarray) -> np.ndarray:

@@ -149,6 +149,6 @@ class ContactOscillator:
         synthesis, slope = series_at(theta, motion.harmonics)
         B = self.oscillator.rows
         shape = (samples, *self.oscillator.B.shape[:2])
-        y = (synthesis @ motion.Q) @ B.T
-        w = (motion.omega * (slope @ motion.Q)) @ B.T
+        seen = motion.Q @ B.T
+        y, w = synthesis @ seen, motion.omega * (slope @ seen)
         return y.reshape(shape), w.reshape(shape)

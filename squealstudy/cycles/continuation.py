@@ -16,11 +16,14 @@ from scipy.optimize import brentq
 from squealstudy.errors import ConvergenceError
 
 TOLERANCE = 1e-9  # of the last Newton step and of the equations: unknowns are scaled to one
-NEWTON = 12  # steps at most
+NEWTON = 20  # steps at most
 ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
+SHORTEST = 0.1  # share of a Newton step
+NEARER = 0.1  # by what share of a Newton step the equations shall be better after it
 FAST, SLOW = 3, 6  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
+CORNER = 0.03  # arc-length of steps that may turn: friction that reverses bends curves sharply
 LOCATED = 1e-10  # of an event, relative to the step in which it is
 
 
@@ -102,7 +105,7 @@ def newton(
     ConvergenceError
         Not converged, or not finite.
     """
-    u, last = u.copy(), np.inf
+    last = np.inf
     for step in range(NEWTON + 1):
         F, J = equations.jacobian(u)
         residual = float(np.abs(F).max())
@@ -115,10 +118,35 @@ def newton(
         last = float(np.abs(change).max())
         if not last <= ASTRAY:
             break
-        u -= change
+        u = _searched(equations, u, change, F, float(normal @ u - offset))
     raise ConvergenceError(
         "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
     )
+
+
+def _searched(
+    equations: Equations,
+    u: np.ndarray,
+    change: np.ndarray,
+    F: np.ndarray,
+    plane: float,
+) -> np.ndarray:
+    """The unknowns after a Newton step, shortened while that does not bring them nearer.
+
+    Where contact points switch between sticking and sliding full steps can go round in circles.
+    """
+    before = float(np.hypot(np.linalg.norm(F), plane))
+    share = 1.0
+    while share > SHORTEST:
+        there: np.ndarray = u - share * change
+        left = float(np.linalg.norm(equations.residual(there)))
+        if (
+            before < TOLERANCE
+            or np.hypot(left, (1.0 - share) * plane) < (1.0 - NEARER * share) * before
+        ):
+            break
+        share *= 0.5
+    return there
 
 
 def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -144,11 +172,12 @@ def follow(
     steps: Steps,
     tests: Mapping[str, Test],
     stop: Callable[[np.ndarray], str],
+    located: float = LOCATED,
 ) -> Curve:
     """The curve through a solution near `u`, to the side of `along` (m + 1,).
 
     Every change of sign of a test is located on the curve and is a point of it. The first point
-    of which `stop` says why the curve ends is the last.
+    of which `stop` says why the curve ends is the last. `located` is how exactly, of a step.
 
     Raises
     ------
@@ -161,7 +190,7 @@ def follow(
     here = CurvePoint(u, tangent_of(J, along), residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
-        found = _step(equations, here, h, steps.least, tests)
+        found = _step(equations, here, h, steps.least, tests, located)
         if found is None:
             curve.end = "not_converged"
             return curve
@@ -183,6 +212,7 @@ def _step(
     h: float,
     least: float,
     tests: Mapping[str, Test],
+    located: float,
 ) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
     """The next point, events before it, arc-length and Newton steps; None where there is none.
 
@@ -193,8 +223,9 @@ def _step(
         try:
             there, iterations = _corrected(equations, here, h)
             moved = float(np.linalg.norm(there.u - here.u - h * here.tangent))
-            if there.tangent @ here.tangent >= TURN and moved <= FAR_OFF * h:
-                return there, _events(equations, here, there, h, tests), h, iterations
+            smooth = there.tangent @ here.tangent >= TURN and moved <= FAR_OFF * h
+            if smooth or (h <= CORNER and moved <= h):
+                return there, _events(equations, here, there, h, tests, located), h, iterations
         except ConvergenceError:
             pass
         h *= 0.5
@@ -209,7 +240,12 @@ def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurveP
 
 
 def _events(
-    equations: Equations, here: CurvePoint, there: CurvePoint, h: float, tests: Mapping[str, Test]
+    equations: Equations,
+    here: CurvePoint,
+    there: CurvePoint,
+    h: float,
+    tests: Mapping[str, Test],
+    located: float,
 ) -> list[CurvePoint]:
     """Zeros of the tests between two points, in the order in which they are met.
 
@@ -226,7 +262,7 @@ def _events(
             return test(point.u, point.tangent)
 
         try:
-            s = float(brentq(value, 0.0, h, xtol=LOCATED * h, rtol=1e-12))
+            s = float(brentq(value, 0.0, h, xtol=located * h, rtol=1e-12))
         except ValueError:  # the end of the step is on another curve than the way there
             raise ConvergenceError("not_converged", "a change of sign without a zero") from None
         point, _ = _corrected(equations, here, s)

@@ -12,11 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.cycles.branch import FAR, ZERO, growth_curve, refined
+from squealstudy.cycles.branch import FAR, ZERO, linear_motion
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.continuation import Curve, Steps
-from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet
+from squealstudy.cycles.growth import FINE, TARGET, CurveMotion, family_curve
+from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.projection import ADDED, SIZE, WHOLE, Projection
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -24,12 +27,14 @@ SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
 NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
 VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
 OK, INACCURATE = "ok", "inaccurate"
-CURVE_HARMONICS = 5
-LADDER = (7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
+LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
 STEPS = Steps(first=0.3, largest=0.5, count=200)
+PROJECTED_STEPS = Steps(first=0.3, least=2e-3, largest=0.5, count=60)
+DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 
 
 @dataclass(frozen=True)
@@ -44,11 +49,14 @@ class Search:
         Of levels, relative.
     reach : float
         Contact velocity [m/s] up to which curves are followed.
+    highest : float
+        rad/s: complex modes up to it are in what the stability of cycles is judged on.
     """
 
     harmonics: int | None
     tolerance: float
     reach: float
+    highest: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +70,11 @@ class Cycle:
     levels : mapping
         `ContactOscillator.levels`.
     level_error, frequency_error : float
-        Estimates, relative, from fewer harmonics.
+        Estimates, relative: from fewer harmonics, and of the basis.
+    basis_error : float
+        The basis's share of the level's error.
+    n_vectors : int
+        Size of the basis.
     residual : float
     status : str
         ``ok`` or ``inaccurate``: the level's error is beyond the tolerance.
@@ -73,6 +85,8 @@ class Cycle:
     levels: dict[str, float]
     level_error: float
     frequency_error: float
+    basis_error: float
+    n_vectors: int
     residual: float
     status: str
 
@@ -95,7 +109,8 @@ class Family:
     lost : int
         Zeros of the curve that more harmonics did not confirm.
     curve : list of dict
-        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``, ``event``.
+        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
+        ``basis_error``, ``event``.
     end : str
         Why the curve ended: ``far`` where it was followed as far as asked.
     verdict, reason : str
@@ -124,12 +139,17 @@ class Family:
         return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
 
 
-def linear_modes(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
-    """All roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m)."""
+def linear_modes(
+    contact: ContactOscillator, highest: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m).
+
+    All of a small model, up to `highest` [rad/s] of a large one.
+    """
     osc = contact.oscillator
     zero = np.zeros((1, osc.n))
     C, K = osc.tangent(zero, zero)
-    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf))
+    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if osc.n <= WHOLE else highest))
     order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
     return lam[order], psi[:, order]
 
@@ -160,10 +180,11 @@ def families(
         Steady sliding that diverges without oscillation (``diverges``); a wanted mode that the
         band does not have (``no_mode``).
     """
-    lam, psi = linear_modes(contact)
+    lam, psi = linear_modes(contact, band[1])
     unstable = lam.real > tolerance * np.abs(lam)
     if (unstable & (lam.imag == 0)).any():
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
+    any_unstable = bool(unstable.any()) or contact.point.growing.n_above > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
     places = np.flatnonzero(inside)
     numbers = list(wanted) if wanted is not None else list(range(1, len(places) + 1))
@@ -174,7 +195,7 @@ def families(
     for number in numbers:
         k = places[number - 1]
         family = _family(contact, complex(lam[k]), psi[:, k], search)
-        found.append((number, _judged(family, bool(unstable[k]), bool(unstable.any()), search)))
+        found.append((number, _judged(family, bool(unstable[k]), any_unstable, search)))
     return found
 
 
@@ -185,67 +206,94 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
     scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
     if velocity <= 0.0:
         return Family(lam, (), 0, [], "no_contact_motion")
+    projection = Projection(contact.oscillator, phi, lam.imag)
+    whole = projection.complete
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
-    harmonics = search.harmonics or CURVE_HARMONICS
+    harmonics = search.harmonics or (CURVE_HARMONICS if whole else PROJECTED_HARMONICS)
+    start = linear_motion(phi, lam, scale, size)
     try:
-        equations, curve = growth_curve(
-            contact.oscillator,
-            lam,
-            phi,
-            size,
-            harmonics,
+        curve, end = family_curve(
+            projection,
+            replace(start, Q=with_harmonics(start.Q, harmonics)),
             lambda m: contact.contact_velocity(m) > search.reach,
-            STEPS,
+            STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status)
     cycles, lost = [], 0
-    for point in curve.at(ZERO):
+    for point in curve:
+        if point.event != ZERO:
+            continue
         try:
-            cycles.append(_cycle(contact, equations.motion(point.u), search))
+            cycles.append(_cycle(contact, projection, point.motion, search))
         except ConvergenceError:
             lost += 1
-    return Family(lam, tuple(cycles), lost, _shown(contact, equations, curve), curve.end)
+    return Family(lam, tuple(cycles), lost, _shown(contact, curve), end)
 
 
-def _shown(
-    contact: ContactOscillator, equations: CycleEquations, curve: Curve
-) -> list[dict[str, Any]]:
+def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
     """The curve as rows."""
-    rows = []
-    for point in curve.points:
-        motion = equations.motion(point.u)
-        rows.append(
-            {
-                "contact_velocity": contact.contact_velocity(motion),
-                "frequency_hz": motion.omega / (2 * np.pi),
-                "added_damping": motion.mu,
-                "residual": point.residual,
-                "event": "".join(point.events),
-            }
-        )
-    return rows
+    return [
+        {
+            "contact_velocity": contact.contact_velocity(point.motion),
+            "frequency_hz": point.motion.omega / (2 * np.pi),
+            "added_damping": point.motion.mu,
+            "residual": point.residual,
+            "basis_error": point.error,
+            "event": point.event,
+        }
+        for point in curve
+    ]
 
 
-def _cycle(contact: ContactOscillator, motion: PeriodicMotion, search: Search) -> Cycle:
+def _cycle(
+    contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
+) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
     tried = LADDER if search.harmonics is None else _pair(search.harmonics)
-    motion = replace(motion, mu=0.0)
     before: tuple[PeriodicMotion, dict[str, float]] | None = None
-    level_error = frequency_error = np.inf
+    level_error = frequency_error = basis_error = np.inf
     for harmonics in tried:
-        equations = CycleEquations(contact.oscillator, harmonics, motion.omega)
-        motion, residual = refined(equations, motion)
+        motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
+        if not projection.complete:  # near enough for Newton's method, on a basis that holds it
+            motion = projection.improve(motion, TARGET, SIZE)[0]
+            motion = replace(motion, mu=0.0)
+        motion, _, residual = projection.improve(motion, FINE, ADDED)
         levels = contact.levels(motion)
         if before is not None:
-            level_error = SAFETY * _change(before[1], levels)
-            frequency_error = SAFETY * abs(motion.omega / before[0].omega - 1.0)
+            missing = projection.correction(motion)
+            better = PeriodicMotion(motion.Q + missing.Q, motion.omega + missing.omega)
+            basis_error = SAFETY * _change(contact.levels(better), levels)
+            level_error = SAFETY * _change(before[1], levels) + basis_error
+            frequency_error = SAFETY * (
+                abs(motion.omega / before[0].omega - 1.0) + abs(missing.omega / motion.omega)
+            )
             if level_error < search.tolerance:
                 break
         before = motion, levels
     status = OK if level_error < search.tolerance else INACCURATE
-    found = floquet(contact.oscillator, motion)
-    return Cycle(motion, found, levels, level_error, frequency_error, residual, status)
+    found = _stability(contact, projection, motion, search)
+    return Cycle(
+        motion,
+        found,
+        levels,
+        level_error,
+        frequency_error,
+        basis_error,
+        projection.size,
+        residual,
+        status,
+    )
+
+
+def _stability(
+    contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
+) -> Floquet:
+    """Multipliers of a cycle, in the complex modes about it and its own basis."""
+    if projection.complete:
+        return floquet(contact.oscillator, motion)
+    V = projection.deviations(motion, DEVIATIONS * search.highest)
+    return floquet(contact.oscillator.on(V), replace(motion, Q=motion.Q @ V))
 
 
 def _pair(harmonics: int) -> tuple[int, int]:

@@ -19,6 +19,10 @@ from squealstudy.cycles.oscillator import Oscillator
 
 STEPS = 256  # a period, at least
 STEPS_A_HARMONIC = 16
+LARGE = 60  # coordinates above which the trapezoidal rule takes over
+TRAPEZOIDAL_STEPS = 192
+NEAR = 0.97  # size of multipliers of which the trapezoidal rule's error is told
+BLOCK = 32  # steps of which the tangents are made together
 CHUNK_BYTES = 64_000_000
 FLIP, FOLD, TORUS = (
     "flip",
@@ -83,10 +87,12 @@ class Floquet:
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     """Multipliers of a cycle of an oscillator."""
-    steps = max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
+    large = osc.n > LARGE
+    whole = trapezoidal if large else monodromy
+    steps = TRAPEZOIDAL_STEPS if large else max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
     steps += steps % 2
-    coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
-    found, vectors = la.eig(monodromy(osc, cycle, steps))
+    coarse = np.linalg.eigvals(whole(osc, cycle, steps // 2))
+    found, vectors = la.eig(whole(osc, cycle, steps))
     q, v = cycle.Q, cycle.omega
     synthesis, slope = series_at(np.zeros(1), cycle.harmonics)
     velocity = v * (slope @ q)[0]
@@ -99,7 +105,8 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     order = [k for k in np.argsort(-np.abs(found), kind="stable") if k != own] + [own]
     found, vectors = found[order], vectors[:, order]
     vectors[: osc.n] /= cycle.omega
-    error = max(abs(trivial - 1.0), _difference(found, coarse))
+    compared = _radii if large else _difference
+    error = max(abs(trivial - 1.0), compared(found, coarse))
     return Floquet(
         found, vectors / la.norm(vectors, axis=0), trivial, error, 2 * np.pi / cycle.omega
     )
@@ -111,6 +118,46 @@ def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     if not len(seen):
         return 0.0
     return float(np.abs(seen[:, None] - coarse).min(axis=1).max())
+
+
+def _radii(fine: np.ndarray, coarse: np.ndarray) -> float:
+    """Largest difference in size of multipliers near the unit circle, in order of size.
+
+    The last of `fine` is the trivial one, which is left out, as is the nearest to 1 of `coarse`.
+    """
+    coarse = np.delete(coarse, int(np.argmin(np.abs(coarse - 1.0))))
+    sizes = np.sort(np.abs(fine[:-1]))[::-1], np.sort(np.abs(coarse))[::-1]
+    kept = int((sizes[0] > NEAR).sum())
+    return float(np.abs(sizes[0] - sizes[1])[:kept].max(initial=0.0))
+
+
+def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
+    """The same as `monodromy` by the trapezoidal rule, which costs a few solves of n a step.
+
+    It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
+    kept.
+    """
+    n, h = osc.n, 2 * np.pi / steps
+    one, q, p = np.eye(n), np.eye(n, 2 * n), np.eye(n, 2 * n, n)
+    C, K = _stiffness(osc, cycle, np.zeros(1))
+    for first in range(0, steps, BLOCK):
+        theta = h * np.arange(first + 1, min(first + BLOCK, steps) + 1)
+        for C1, K1 in zip(*_stiffness(osc, cycle, theta), strict=True):
+            middle = q + 0.5 * h * p
+            pull = p - 0.5 * h * (C[0] @ p + K[0] @ q + K1 @ middle)
+            p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, pull, check_finite=False)
+            q, p = middle + 0.5 * h * p1, p1
+            C, K = C1[None], K1[None]
+    return np.vstack([q, p])
+
+
+def _stiffness(
+    osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping over omega and stiffness over omega^2 (S, n, n) at angles."""
+    synthesis, slope = series_at(theta, cycle.harmonics)
+    C, K = osc.tangent(synthesis @ cycle.Q, cycle.omega * (slope @ cycle.Q))
+    return C / cycle.omega, K / cycle.omega**2
 
 
 def monodromy(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
@@ -148,11 +195,10 @@ def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last:
 
 def _rates(osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray) -> np.ndarray:
     """Matrices (S, 2 n, 2 n) of the linearised equation by theta, for (omega q, q')."""
-    n, omega = osc.n, cycle.omega
-    synthesis, slope = series_at(theta, cycle.harmonics)
-    C, K = osc.tangent(synthesis @ cycle.Q, omega * (slope @ cycle.Q))
+    n = osc.n
+    C, K = _stiffness(osc, cycle, theta)
     A = np.zeros((len(theta), 2 * n, 2 * n))
     A[:, :n, n:] = np.eye(n)
-    A[:, n:, :n] = -K / omega**2
-    A[:, n:, n:] = -C / omega
+    A[:, n:, :n] = -K
+    A[:, n:, n:] = -C
     return A

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-LEAST_SAMPLES = 64  # a period
+LEAST_SAMPLES = 256  # a period
 SAMPLES_A_HARMONIC = 8  # at least: forces of the fourth power are exact up to H
 
 

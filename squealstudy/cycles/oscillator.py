@@ -86,6 +86,11 @@ class Oscillator:
         found: np.ndarray = f.reshape(len(f), -1) @ self.rows
         return found
 
+    def on(self, basis: np.ndarray) -> Oscillator:
+        """The same on orthonormal columns (n, r): what moves in their span, balanced there."""
+        K, C = (basis.T @ A @ basis for A in (self.K, self.C))
+        return Oscillator(C, K, self.B @ basis, self.forces)
+
     def projected(self, D: np.ndarray) -> np.ndarray:
         """B^T D B (.., n, n) of local derivatives D (.., g, b, b)."""
         columns = D @ self.B  # (.., g, b, n)

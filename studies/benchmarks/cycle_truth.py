@@ -47,8 +47,12 @@ mesh = "coarse"
 contact_points = 2
 [parameters]
 sliding_speed = 0.5
+friction = 0.5
+pressure = 12e5
 """
-NOMINAL = "friction = 0.5\npressure = 12e5\n"
+NOMINAL = {"friction": 0.5, "pressure": 12e5} | dict.fromkeys(list(RANGES)[2:], 1.0)
+# designs of every study: the reduction is made for the range of pressure, and shall be one
+ENDS = [{**NOMINAL, "pressure": pressure} for pressure in RANGES["pressure"]]
 IN_TIME = """
 [transient]
 duration = 0.2
@@ -68,7 +72,8 @@ def drawn(count: int, seed: int) -> pd.DataFrame:
 
 
 def swept(designs: pd.DataFrame) -> str:
-    """The sweeps of a study file over these designs."""
+    """The sweeps of a study file over these designs, and the ends."""
+    designs = pd.concat([designs, pd.DataFrame(ENDS)])
     sweeps = [
         f'[[sweep]]\nparameter = "{name}"\nvalues = {designs[name].tolist()}\n' for name in designs
     ]
@@ -101,7 +106,7 @@ class Runs:
         text = BRAKE + swept(designs) + IN_TIME + start
         points = self(name, "transient", text).points.round(dict.fromkeys(designs, 4))
         rows = designs.reset_index().merge(points, on=list(designs), how="left", validate="1:1")
-        return rows.set_index("index")[KEPT].assign(start=name.rpartition(".")[2])
+        return rows.set_index("index")[KEPT].assign(start=name.rpartition("-")[2])
 
 
 def linearly_stable(designs: pd.DataFrame, runs: Runs) -> pd.Series:
@@ -115,15 +120,18 @@ def linearly_stable(designs: pd.DataFrame, runs: Runs) -> pd.Series:
 
 def truth(designs: pd.DataFrame, stable: bool, runs: Runs, part: str) -> pd.DataFrame:
     """A row a design: its class, how each start ended, level and frequency of the loudest."""
-    nominal = squealstudy.open_results(runs.folder / "nominal").modes
-    ended = [runs.in_time(f"{part}.cycle", designs, f'start = "{runs.folder / "nominal"}"\n')]
+    results = squealstudy.open_results(runs.folder / "nominal")
+    point = results.points["point_id"].iloc[0]
+    nominal = results.modes[results.modes["point_id"] == point]
+    begin = f'start = "{runs.folder / "nominal"}"\nstart_point = "{point}"\n'
+    ended = [runs.in_time(f"{part}-cycle", designs, begin)]
     if not stable:
-        ended.append(runs.in_time(f"{part}.small", designs, ""))
+        ended.append(runs.in_time(f"{part}-small", designs, ""))
     for frequency in KICKED if stable else ():
         nearest = (nominal["frequency_hz"] - frequency).abs().idxmin()
         for velocity in VELOCITIES:
             kick = f"perturbation = {velocity}\nperturb_modes = [{nominal['mode'][nearest]}]\n"
-            ended.append(runs.in_time(f"{part}.{frequency:g}_Hz_{velocity * 100:g}", designs, kick))
+            ended.append(runs.in_time(f"{part}-{frequency:g}_Hz_{velocity * 100:g}", designs, kick))
     every, rows = pd.concat(ended), []
     for index, design in designs.iterrows():
         mine = every.loc[[index]]
@@ -153,7 +161,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
     runs = Runs(arguments.folder.resolve(), arguments.jobs)
-    runs("nominal", "transient", BRAKE + NOMINAL + IN_TIME + "perturbation = 1e-2\n")
+    nominal = BRAKE + swept(pd.DataFrame([NOMINAL])) + IN_TIME + "perturbation = 1e-2\n"
+    runs("nominal", "transient", nominal)
     designs, tables = drawn(arguments.draw, arguments.seed), []
     stable = linearly_stable(designs, runs)
     print(f"{stable.sum()} of {len(designs)} designs are linearly stable", flush=True)

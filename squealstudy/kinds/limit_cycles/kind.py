@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
-MOST = 60  # coordinates: the balance is dense
+MOST = 2000  # coordinates: matrices of this size are factorised for every harmonic
 
 
 class LimitCycles(ModelKind):
@@ -180,6 +180,7 @@ def _row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, A
                 None if section.harmonics == AUTO else int(section.harmonics),
                 section.tolerance,
                 section.reach * abs(made.speed),
+                angular_band(asked.band_hz)[1],
             ),
         )
     except ParameterError as error:

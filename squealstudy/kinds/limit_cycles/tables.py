@@ -99,6 +99,8 @@ CYCLE_FIELDS = (
     ("harmonic_tail", REAL),
     ("level_error", REAL),
     ("frequency_error", REAL),
+    ("basis_error", REAL),
+    ("n_vectors", WHOLE),
     ("balance_residual", REAL),
     ("same_as", TEXT),
     ("invalid_reason", TEXT),
@@ -110,6 +112,7 @@ BRANCH_FIELDS = (
     ("contact_velocity", REAL),
     ("frequency_hz", REAL),
     ("added_damping", REAL),
+    ("basis_error", REAL),
     ("balance_residual", REAL),
 )
 SCHEMA = pa.schema(
@@ -253,6 +256,8 @@ def _cycle(name: str, mode: int, cycle: Cycle, same: str, law_kind: str) -> dict
         "harmonic_tail": motion.tail,
         "level_error": cycle.level_error,
         "frequency_error": cycle.frequency_error,
+        "basis_error": cycle.basis_error,
+        "n_vectors": cycle.n_vectors,
         "balance_residual": cycle.residual,
         "same_as": same,
         "invalid_reason": open_reason(law_kind, cycle.levels["open_share_max"]),

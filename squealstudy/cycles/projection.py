@@ -1,0 +1,240 @@
+"""Few vectors on which the motions of one mode family are balanced, out of all coordinates.
+
+The basis begins with the complex mode. What the balance in all coordinates then has missing is
+solved by blocks, each harmonic with the mean tangents of the motion; this correction is the
+estimate of what the basis errs by, and its main directions in elastic energy join the basis
+(residual-driven enrichment). A model of few coordinates is balanced as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.cycles.balance import imbalance, sampled
+from squealstudy.cycles.continuation import newton
+from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.harmonics import sampling
+from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_qep import dense_roots
+
+WHOLE = 60  # coordinates up to which models are balanced as they are
+MOST = 160  # vectors
+COMPACT = 64  # vectors above which a basis begins anew, with the last motions
+REMEMBERED = 3  # motions
+ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
+RANK = 1e-6  # of the largest direction of these motions
+PASSES = 12  # enrichments at one motion
+BY_BLOCKS = 3  # of them at most after Newton's method has failed
+LEAST = 0.03  # of the largest direction of a correction: what is less does not join
+SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
+
+
+class Projection:
+    """Oscillator in all coordinates, and its basis for one family.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    phi : ndarray (n,) complex
+        Right vector of the mode that the family begins with.
+    omega : float
+        Of the mode, rad/s.
+    """
+
+    def __init__(self, osc: Oscillator, phi: np.ndarray, omega: float) -> None:
+        self.whole, self.omega = osc, omega
+        self.weight = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
+        self.basis = np.eye(osc.n)
+        self.small = osc
+        self._blocks: list[tuple[np.ndarray, np.ndarray]] = []
+        self._harmonics = -1
+        self._recent: list[PeriodicMotion] = []
+        if osc.n > WHOLE:
+            self._span(np.stack([phi.real, phi.imag], axis=1))
+
+    @property
+    def complete(self) -> bool:
+        """Whether the basis is that of all coordinates."""
+        return self.small is self.whole
+
+    @property
+    def size(self) -> int:
+        """Number of vectors."""
+        return self.basis.shape[1]
+
+    def equations(self, harmonics: int) -> CycleEquations:
+        """Equations of motions in the basis."""
+        return CycleEquations(self.small, harmonics, self.omega)
+
+    def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
+        """A motion of all coordinates in those of the basis."""
+        return motion if self.complete else replace(motion, Q=motion.Q @ self.basis)
+
+    def lifted(self, motion: PeriodicMotion) -> PeriodicMotion:
+        """The other way."""
+        return motion if self.complete else replace(motion, Q=motion.Q @ self.basis.T)
+
+    # -- what the basis errs by --------------------------------------------------------------------
+    def correction(self, motion: PeriodicMotion, fresh: bool = False) -> PeriodicMotion:
+        """By what a motion (of all coordinates) that is balanced in the basis is corrected.
+
+        To first order, with the blocks of the last motion of which they were made. The first
+        harmonic keeps its size and phase: the complex shift of its block that this takes is the
+        correction of frequency and added damping.
+        """
+        H = motion.harmonics
+        if self.complete:
+            return PeriodicMotion(np.zeros_like(motion.Q), 0.0)
+        if fresh or self._harmonics < H:
+            self._factorise(motion)
+        R = imbalance(self.whole, motion.Q, motion.omega, motion.mu)
+        change = np.zeros_like(R)
+        change[0] = la.lu_solve(self._blocks[0], R[0])
+        for h in range(1, H + 1):
+            x = la.lu_solve(self._blocks[h], R[h] - 1j * R[H + h])
+            if h == 1:
+                q = motion.Q[1] - 1j * motion.Q[H + 1]
+                y = la.lu_solve(self._blocks[1], q)
+                seen = (q * self.weight**2).conj()
+                shift = (seen @ x) / (seen @ y)
+                x = x - y * shift
+            change[h], change[H + h] = x.real, -x.imag
+        # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
+        omega = float(-shift.real / (2.0 * motion.omega))
+        return PeriodicMotion(-change, -omega, -float(shift.imag / motion.omega))
+
+    def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
+        """Norm of a correction over that of the motion, both in elastic energy."""
+        found = la.norm(correction.Q * self.weight) / la.norm(motion.Q * self.weight)
+        return float(found)
+
+    def deviations(self, motion: PeriodicMotion, highest: float) -> np.ndarray:
+        """Basis (n, r) for small deviations from a motion: what its stability is judged on.
+
+        Complex modes of the motion's mean tangents up to `highest` [rad/s], and the motion's own
+        basis.
+        """
+        if self.complete:
+            return self.basis
+        K, C = self._mean_tangents(motion)
+        _, psi = dense_roots(C, K, (0.0, highest))
+        own = self.basis / la.norm(self.basis * self.weight[:, None], axis=0)
+        modes = np.hstack([psi.real, psi.imag])
+        modes = modes[:, la.norm(modes, axis=0) > 0.0]  # real roots have no imaginary part
+        modes /= la.norm(modes * self.weight[:, None], axis=0)
+        vectors, values, _ = la.svd(
+            np.hstack([modes, own]) * self.weight[:, None], full_matrices=False
+        )
+        found, _ = la.qr(
+            vectors[:, values > ALIKE * values[0]] / self.weight[:, None], mode="economic"
+        )
+        return np.asarray(found)
+
+    def _mean_tangents(self, motion: PeriodicMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness and damping (n, n), means over the period, added damping among them."""
+        osc = self.whole
+        local = sampled(osc, sampling(motion.harmonics), motion.Q, motion.omega)
+        K = osc.K - osc.projected(local.by_y.mean(axis=0))
+        C = osc.C - osc.projected(local.by_w.mean(axis=0)) + motion.mu * np.eye(osc.n)
+        return K, C
+
+    def _factorise(self, motion: PeriodicMotion) -> None:
+        H, one = motion.harmonics, np.eye(self.whole.n)
+        K, C = self._mean_tangents(motion)
+        self._blocks, self._harmonics = [la.lu_factor(K)], H
+        for h in range(1, H + 1):
+            w = h * motion.omega
+            self._blocks.append(la.lu_factor(K - w**2 * one + 1j * w * C))
+
+    # -- enrichment --------------------------------------------------------------------------------
+    def improve(
+        self, motion: PeriodicMotion, target: float, held: int
+    ) -> tuple[PeriodicMotion, float, float]:
+        """The motion near `motion` with a basis in which it errs by less than `target`.
+
+        Parameters
+        ----------
+        held : int
+            `SIZE` or `ADDED`: what does not change.
+
+        Returns
+        -------
+        motion : PeriodicMotion
+            Of all coordinates.
+        error, residual : float
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no motion, or the basis would be too large.
+        """
+        if not self.complete:
+            if self.size > COMPACT:
+                self._begin_anew(motion)
+            self._join(motion, self.correction(motion, True))  # what more harmonics need, too
+        fresh, last = False, np.inf
+        for number in range(PASSES):
+            try:
+                motion, residual = self.solve(motion, held)
+            except ConvergenceError:  # the basis does not hold it: nearer by blocks, and again
+                if self.complete or number >= BY_BLOCKS:
+                    raise
+                motion = self._nearer(motion, held)
+                continue
+            change = self.correction(motion, fresh)
+            error, fresh = self.error(motion, change), False
+            if error < target:
+                self.remember(motion)
+                return motion, error, residual
+            fresh = error > 0.5 * last
+            last = error
+            self._join(motion, change)
+        raise ConvergenceError("basis", f"the basis errs by {last:.1e} with {self.size} vectors")
+
+    def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
+        """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
+        change = self.correction(motion, True)
+        self._join(motion, change)
+        mu = motion.mu + (change.mu if held == SIZE else 0.0)
+        return PeriodicMotion(motion.Q + change.Q, motion.omega + change.omega, mu)
+
+    def remember(self, motion: PeriodicMotion) -> None:
+        """A basis that begins anew will hold this motion."""
+        self._recent = [*self._recent[1 - REMEMBERED :], motion]
+
+    def solve(self, motion: PeriodicMotion, held: int) -> tuple[PeriodicMotion, float]:
+        """The motion of the basis near one of all coordinates, and its residual."""
+        equations = self.equations(motion.harmonics)
+        u = equations.pack(self.lowered(motion))
+        equations.accepted(u)
+        normal = np.zeros(len(u))
+        normal[held] = 1.0
+        u, residual, _, _ = newton(equations, u, normal, float(u[held]))
+        return self.lifted(equations.motion(u)), residual
+
+    def _join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        X = (change.Q * self.weight).T
+        known = self.weight[:, None] * self.basis
+        X = X - known @ la.lstsq(known, X)[0]
+        vectors, values, _ = la.svd(X, full_matrices=False)
+        new = vectors[:, values > LEAST * values[0]] / self.weight[:, None]
+        if self.size + new.shape[1] > MOST:
+            raise ConvergenceError("basis", f"more than {MOST} vectors would be needed")
+        self._span(np.hstack([self.basis, new]))
+
+    def _begin_anew(self, motion: PeriodicMotion) -> None:
+        """The basis of the last motions alone."""
+        rows = [m.Q / la.norm(m.Q * self.weight) for m in (*self._recent, motion)]
+        vectors, values, _ = la.svd((np.vstack(rows) * self.weight).T, full_matrices=False)
+        self._span(vectors[:, values > RANK * values[0]] / self.weight[:, None])
+
+    def _span(self, vectors: np.ndarray) -> None:
+        """The basis of these vectors, turned so that stiffness is diagonal."""
+        Q, _ = la.qr(vectors / la.norm(vectors, axis=0), mode="economic")
+        _, turn = la.eigh(Q.T @ self.whole.K @ Q)
+        self.basis = Q @ turn
+        self.small = self.whole.on(self.basis)

@@ -1,0 +1,122 @@
+"""Cycles of large models on few vectors: against the same balance in all coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import squealstudy.cycles.projection as projected
+from squealstudy.cycles.branch import linear_motion
+from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.floquet import floquet, monodromy, trapezoidal
+from squealstudy.cycles.growth import FINE, family_curve
+from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.cycles.projection import ADDED, SIZE, Projection
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_qep import dense_roots
+
+N, GROUPS = 40, 5
+STEPS = Steps(first=0.3, largest=0.5, count=80)
+
+
+def oscillator():
+    """Forty modes from 1 to 20 rad/s, damped, with five points that pull at small motions."""
+    rng = np.random.default_rng(3)
+    K, C = np.diag(np.linspace(1.0, 20.0, N) ** 2), 0.05 * np.eye(N)
+    B = rng.normal(size=(GROUPS, 1, N)) / np.sqrt(N)
+    B[:, 0, 0] += 1.0
+
+    def forces(y, w):
+        y, w = y[..., 0], w[..., 0]
+        f = 0.03 * (1 - y**2) * w - 0.1 * y**3
+        by_y, by_w = -0.06 * y * w - 0.3 * y**2, 0.03 * (1 - y**2)
+        return LocalForces(f[..., None], by_y[..., None, None], by_w[..., None, None])
+
+    return Oscillator(C, K, B, forces)
+
+
+def found(osc, harmonics=5):
+    zero = np.zeros((1, osc.n))
+    C, K = osc.tangent(zero, zero)
+    lam, psi = dense_roots(C[0], K[0], (0.0, 5.0))
+    k = int(np.argmax(lam.real))
+    projection = Projection(osc, psi[:, k], lam[k].imag)
+    start = linear_motion(psi[:, k], lam[k], projection.weight, 1e-3)
+    start = PeriodicMotion(with_harmonics(start.Q, harmonics), start.omega, start.mu)
+    curve, end = family_curve(projection, start, lambda m: np.abs(m.Q).max() > 4.0, STEPS)
+    assert end == "far"
+    (zero,) = [p for p in curve if p.event == "C"]
+    return projection, zero.motion
+
+
+@pytest.fixture(scope="module")
+def both():
+    osc = oscillator()
+    with pytest.MonkeyPatch.context() as patch:
+        exact, cycle = found(osc)
+        assert exact.complete
+        patch.setattr(projected, "WHOLE", 10)
+        few, near = found(osc)
+    return osc, exact.solve(cycle, ADDED)[0], few, near
+
+
+def distance(projection, one, other):
+    sizes = [np.hypot(*m.Q[[1, 1 + m.harmonics], 0]) for m in (one, other)]
+    return abs(sizes[0] / sizes[1] - 1) + abs(one.omega / other.omega - 1)
+
+
+def test_a_projected_cycle_is_that_of_all_coordinates(both):
+    _, exact, few, near = both
+    assert not few.complete
+    cycle, error, residual = few.improve(near, FINE, ADDED)
+    assert few.size < N
+    assert error < FINE
+    assert residual < 1e-9
+    assert distance(few, cycle, exact) < FINE
+    assert few.correction(cycle, True).omega == pytest.approx(exact.omega - cycle.omega, abs=1e-5)
+
+
+def test_the_error_of_a_basis_is_told(both):
+    """With the mode and what a first correction adds the estimate covers what is wrong."""
+    osc, exact, _, _ = both
+    zero = np.zeros((1, osc.n))
+    C, K = osc.tangent(zero, zero)
+    lam, psi = dense_roots(C[0], K[0], (0.0, 5.0))
+    k = int(np.argmax(lam.real))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(projected, "WHOLE", 10)
+        poor = Projection(osc, psi[:, k], lam[k].imag)
+        start = PeriodicMotion(exact.Q @ poor.basis @ poor.basis.T, exact.omega)
+        cycle, _ = poor.solve(start, ADDED)
+        told = poor.error(cycle, poor.correction(cycle, True))
+        wrong = np.linalg.norm((cycle.Q[1:] - exact.Q[1:]) * poor.weight)
+        wrong /= np.linalg.norm(exact.Q * poor.weight)
+        assert told > 10 * FINE
+        assert told > 0.3 * wrong
+        patch.setattr(projected, "MOST", 4)
+        with pytest.raises(ConvergenceError, match="more than 4 vectors"):
+            poor.improve(start, FINE, SIZE)
+
+
+def test_stability_in_the_modes_about_a_cycle(both):
+    osc, exact, few, near = both
+    cycle = few.improve(near, FINE, ADDED)[0]
+    V = few.deviations(cycle, 8.0)
+    np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
+    whole = floquet(osc, exact)
+    small = floquet(osc.on(V), PeriodicMotion(cycle.Q @ V, cycle.omega))
+    assert small.stable
+    assert whole.stable
+    assert abs(small.multipliers[0]) == pytest.approx(abs(whole.multipliers[0]), abs=2e-2)
+
+
+def test_the_trapezoidal_rule_converges_to_the_monodromy(both):
+    _, exact, few, _ = both
+    V = few.basis[:, :6]
+    osc, cycle = few.whole.on(V), PeriodicMotion(exact.Q @ V, exact.omega)
+    fine = monodromy(osc, cycle, 512)
+    errors = [np.abs(trapezoidal(osc, cycle, steps) - fine).max() for steps in (400, 800)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+    assert errors[1] < 1e-2 * np.abs(fine).max()
