@@ -18,6 +18,18 @@ from squealstudy.engine.manifest import locked
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.machine import InterruptedRun, interruptible
 
+GIVE_BACK = """
+import numpy as np
+import psutil
+from squealstudy.machine import give_back_memory
+resident = lambda: psutil.Process().memory_info().rss / 2**20
+parts = [np.ones(12_000) for _ in range(2000)]  # each too small to be mapped by itself
+last = parts[-1]
+parts.clear()
+held = resident()
+give_back_memory()
+print(held - resident())
+"""
 HOLD = """
 import sys
 import time
@@ -27,6 +39,16 @@ with lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
+
+
+@pytest.mark.skipif(not machine.STATUS.is_file(), reason="Linux alone")
+def test_free_memory_goes_back_below_what_is_in_use():
+    if not hasattr(machine.ctypes.CDLL(None), "malloc_trim"):
+        pytest.skip("the C library cannot")
+    done = subprocess.run(
+        [sys.executable, "-c", GIVE_BACK], check=True, capture_output=True, text=True
+    )
+    assert float(done.stdout) > 150  # of 192 MB
 
 
 def test_a_lock_dies_with_its_process(tmp_path):

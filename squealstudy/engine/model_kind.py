@@ -19,6 +19,7 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.machine import give_back_memory
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import ModeKey, OperatingPoint
@@ -341,6 +342,8 @@ def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
         raise
     except SquealstudyError as error:
         return key, str(error)
+    finally:
+        give_back_memory()  # assembly and factors are no longer in use
     return key, ""
 
 

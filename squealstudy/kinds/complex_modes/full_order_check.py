@@ -11,6 +11,7 @@ import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
 from squealstudy.errors import SquealstudyError
+from squealstudy.machine import give_back_memory
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
 from squealstudy.modes.point import PointModes
@@ -51,6 +52,8 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
         }
     except SquealstudyError as error:
         result |= {"status": "failed", "message": str(error)}
+    finally:
+        give_back_memory()  # a factor is larger than all that stays
     result["wall_s"] = time.perf_counter() - started
     return result
 
