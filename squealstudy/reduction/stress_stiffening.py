@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,10 +17,10 @@ from squealstudy.reduction.prepared import mean_contact_stiffness
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
 
-def stiffened(
+def stress_stiffness_of(
     assembly: Assembly, operating: OperatingPoint, meshes: Mapping[str, SolidMesh]
-) -> Assembly:
-    """An assembly with the stiffness of its stresses at the working point of an operating point.
+) -> StressStiffness:
+    """The stiffness of an assembly's stresses at the working point of an operating point.
 
     Parameters
     ----------
@@ -38,8 +37,7 @@ def stiffened(
     nothing = np.zeros((assembly.n_dof, 0))
     space = contact_space(assembly, mean_contact_stiffness(assembly, operating), nothing)
     point = working_point(space, operating)
-    u = sliding_displacement(assembly, space, point, operating)
-    return replace(assembly, springs=(*assembly.springs, stress_term(assembly, meshes, u)))
+    return stress_term(assembly, meshes, sliding_displacement(assembly, space, point, operating))
 
 
 def sliding_displacement(

@@ -15,9 +15,6 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import (
     Body,
     Brake,
-    body_of,
-    changed_mesh,
-    own_numbers,
     placement,
     read_files,
 )
@@ -50,7 +47,12 @@ from squealstudy.study.family import TAKEN
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
-from squealstudy.study.stresses import law_defaults, stress_assumptions, stressed_point
+from squealstudy.study.stresses import (
+    law_defaults,
+    stress_assumptions,
+    stressed_point,
+    with_stresses,
+)
 from squealstudy.study.units import Unit, in_unit_of
 
 if TYPE_CHECKING:
@@ -225,16 +227,9 @@ class _Build:
     def _stiffened(
         self, found: Assembly, operating: OperatingPoint, given: Mapping[KeyPath, float]
     ) -> Assembly:
-        """The assembly with the stiffness of its stresses (`reduction.stress_stiffening`)."""
-        from squealstudy.reduction.stress_stiffening import stiffened
-
-        meshes = {
-            name: changed_mesh(body, own_numbers(name, given))
-            for name in self.brake.file.components
-            if (body := body_of(self.brake, name)).matrices is None
-        }
+        """The assembly with the stiffness of its stresses."""
         try:
-            return stiffened(found, operating, meshes)
+            return with_stresses(found, self.brake, operating, given)
         except ConvergenceError as error:
             text = f"there is no steady sliding to take stresses from: {error}"
             raise self.source.error(("stress_stiffening",), text) from error

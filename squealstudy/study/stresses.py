@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from squealstudy.laws import contact_law
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.components.bodies import Brake, body_of, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.components.model_file import KeyPath, ModelFile
+from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
     FRICTION,
     PRESSURE,
@@ -21,6 +24,7 @@ from squealstudy.models.operating import (
 from squealstudy.models.parameter import Assumption, Declared
 from squealstudy.parameter import Parameter
 
+KEPT = 4  # assemblies whose stresses a process keeps: their working point takes longest
 NEAR = 0.2  # pressures (relative) and frictions up to which stresses are told of
 
 
@@ -37,6 +41,43 @@ def law_defaults(declared: Declared) -> dict[str, float]:
     """Defaults of the parameters of contact laws, those of the file first."""
     of_file = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     return {p.name: of_file.get(p.name, p.default) for p in contact_parameters()}
+
+
+_kept: dict[tuple[Any, ...], StressStiffness] = {}
+
+
+def with_stresses(
+    assembly: Assembly, brake: Brake, operating: OperatingPoint, given: Mapping[KeyPath, float]
+) -> Assembly:
+    """An assembly of a brake with the stiffness of its stresses, of meshed components.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    brake : Brake
+    operating : OperatingPoint
+        Whose steady sliding has the stresses.
+    given : mapping of key -> float
+        Numbers of the file that have other values in the assembly.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no steady sliding.
+    """
+    from squealstudy.reduction.stress_stiffening import stress_stiffness_of
+
+    key = (brake, operating, tuple(sorted(given.items(), key=str)))
+    if key not in _kept:
+        meshes = {
+            name: changed_mesh(body, own_numbers(name, given))
+            for name in brake.file.components
+            if (body := body_of(brake, name)).matrices is None
+        }
+        if len(_kept) >= KEPT:
+            _kept.pop(next(iter(_kept)))
+        _kept[key] = stress_stiffness_of(assembly, operating, meshes)
+    return replace(assembly, springs=(*assembly.springs, _kept[key]))
 
 
 @dataclass(frozen=True)
