@@ -105,8 +105,8 @@ def test_silent_designs_and_outside_validity(tmp_path):
     [
         ("tolerance = 1e-3", 'harmonics = "many"', "limit_cycles.harmonics", '"auto" or a number'),
         ("tolerance = 1e-3", "harmonics = true", "limit_cycles.harmonics", '"auto" or a number'),
-        ("tolerance = 1e-3", "families = [0]", "limit_cycles.families", '"all" or a list'),
-        ("tolerance = 1e-3", "families = []", "limit_cycles.families", '"all" or a list'),
+        ("tolerance = 1e-3", "families = [0]", "limit_cycles.families", '"screened" or a list'),
+        ("tolerance = 1e-3", "families = []", "limit_cycles.families", '"screened" or a list'),
         ("tolerance = 1e-3", "families = [1, 1]", "limit_cycles.families", "distinct"),
         ("tolerance = 1e-3", "tolerance = 0.5", "limit_cycles.tolerance", "at most 0.1"),
         ("tolerance = 1e-3", "harmonic = 3", "limit_cycles.harmonic", "harmonics"),
@@ -129,12 +129,30 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     changes = {"families": ("tolerance = 1e-3", "families = [1]\nharmonics = 9")}
     results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "first")
     assert set(results.table("verdicts")["mode"]) == {1}
+    assert results.points["n_left_out"].tolist() == [1]
     assert set(results.table("cycles")["n_harmonics"]) == {9}
     changes = {"few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6")}
     results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "few")
     assert set(results.table("cycles")["status"]) == {"inaccurate"}
     assert results.table("cycles")["stable"].isna().all()
     assert results.points["verdict"].tolist() == ["undecided"]
+
+
+def test_modes_that_were_not_followed_are_told(tmp_path):
+    """Where one of them is unstable the design squeals all the same."""
+    found = {}
+    for name, families in {"few": "[2]", "screened": '"screened"\nscreen = 1e-3'}.items():
+        changes = {"families": ("tolerance = 1e-3", f"families = {families}")}
+        results = solved(plan_of(study([0.6, 0.85], **changes), STUDY), tmp_path / name)
+        found[name] = results.points.set_index("friction")
+    few, screened = found["few"], found["screened"]
+    assert few["n_left_out"].tolist() == [1, 0]
+    assert "; 1 modes not followed" in few.loc[0.6, "reason"]
+    assert few.loc[0.85, "verdict"] == "squeals"
+    assert screened.loc[0.6, "verdict"] == "undecided"
+    assert "no mode was followed; 2 modes not followed" in screened.loc[0.6, "reason"]
+    assert screened.loc[0.85, "verdict"] == "squeals"
+    assert screened["n_left_out"].tolist() == [2, 1]
 
 
 def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):

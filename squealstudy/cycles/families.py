@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,6 +139,24 @@ class Family:
         return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
 
 
+class Followed(NamedTuple):
+    """What was followed of a design.
+
+    Attributes
+    ----------
+    families : list of (int, Family)
+        By the numbers of their modes, unstable ones that were not asked for among them.
+    left_out : int
+        Stable modes of the band that were not followed.
+    unstable_outside : bool
+        Whether a mode outside the band is unstable.
+    """
+
+    families: list[tuple[int, Family]]
+    left_out: int
+    unstable_outside: bool
+
+
 def linear_modes(
     contact: ContactOscillator, highest: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -160,7 +178,8 @@ def families(
     wanted: Sequence[int] | None,
     tolerance: float,
     search: Search,
-) -> list[tuple[int, Family]]:
+    screen: float = np.inf,
+) -> Followed:
     """The families of a band, by the numbers of their modes, with verdicts.
 
     Parameters
@@ -173,6 +192,8 @@ def families(
     tolerance : float
         Damping ratio below minus which a mode is unstable.
     search : Search
+    screen : float
+        1/s: where no modes are named, those that decay faster are left out.
 
     Raises
     ------
@@ -187,16 +208,26 @@ def families(
     any_unstable = bool(unstable.any()) or contact.point.growing.n_above > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
     places = np.flatnonzero(inside)
-    numbers = list(wanted) if wanted is not None else list(range(1, len(places) + 1))
+    numbers = list(wanted) if wanted is not None else _screened(lam[places], screen)
     if max(numbers, default=0) > len(places):
         count = len(places)
         raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
     found = []
-    for number in numbers:
-        k = places[number - 1]
-        family = _family(contact, complex(lam[k]), psi[:, k], search)
-        found.append((number, _judged(family, bool(unstable[k]), any_unstable, search)))
-    return found
+    for number, k in enumerate(places, start=1):
+        grows = bool(unstable[k])
+        if number in numbers:
+            family = _family(contact, complex(lam[k]), psi[:, k], search)
+            found.append((number, _judged(family, grows, any_unstable, search)))
+        elif grows:
+            family = Family(complex(lam[k]), (), 0, [], "not_followed")
+            found.append((number, _judged(family, grows, any_unstable, search)))
+    outside = any_unstable and not unstable[places].any()
+    return Followed(found, len(places) - len(found), outside)
+
+
+def _screened(lam: np.ndarray, screen: float) -> list[int]:
+    """Numbers (from 1) of modes that do not decay faster than `screen`."""
+    return [number for number, root in enumerate(lam, start=1) if root.real > -screen]
 
 
 def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search) -> Family:

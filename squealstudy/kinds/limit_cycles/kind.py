@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
@@ -25,6 +26,7 @@ from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kinds.limit_cycles.section import (
     ALL,
     AUTO,
+    SCREENED,
     LimitCyclesDefinition,
     LimitCyclesSection,
 )
@@ -174,7 +176,7 @@ def _row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, A
         found = families(
             contact,
             angular_band(asked.band_hz),
-            None if section.families == ALL else section.families,  # type: ignore[arg-type]
+            None if section.families in (ALL, SCREENED) else section.families,  # type: ignore[arg-type]
             asked.tolerance,
             Search(
                 None if section.harmonics == AUTO else int(section.harmonics),
@@ -182,6 +184,7 @@ def _row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, A
                 section.reach * abs(made.speed),
                 angular_band(asked.band_hz)[1],
             ),
+            section.screen if section.families == SCREENED else np.inf,
         )
     except ParameterError as error:
         return failed_row(SCHEMA, point.point_id, "parameter", f"{error.key}: {error.message}")

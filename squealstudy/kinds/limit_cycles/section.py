@@ -10,7 +10,7 @@ from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import shown
 
-AUTO, ALL = "auto", "all"
+AUTO, ALL, SCREENED = "auto", "all", "screened"
 MOST_HARMONICS = 60
 
 
@@ -22,13 +22,15 @@ def _harmonics(value: object) -> object:
 
 
 def _families(value: object) -> object:
-    if value == ALL:
+    if value in (ALL, SCREENED):
         return value
     numbers = list(value) if isinstance(value, list | tuple) else []
     whole = all(isinstance(v, int) and not isinstance(v, bool) and v >= 1 for v in numbers)
     if numbers and whole and len(set(numbers)) == len(numbers):
         return tuple(numbers)
-    raise ValueError(f'expected "all" or a list of distinct modes from 1, got {shown(value)}')
+    raise ValueError(
+        f'expected "all", "screened" or a list of distinct modes from 1, got {shown(value)}'
+    )
 
 
 def _unchanged(value: int | str) -> int | str:
@@ -53,11 +55,17 @@ class LimitCyclesSection(Section):
         "status 'inaccurate'",
     )
     families: Annotated[
-        Literal["all"] | Annotated[tuple[int, ...], Strict(False)], BeforeValidator(_families)
+        Literal["all", "screened"] | Annotated[tuple[int, ...], Strict(False)],
+        BeforeValidator(_families),
     ] = Field(
         default="all",
         description="modes whose growth over amplitude is followed, stable ones too: 'all' of the "
-        "band, or their numbers (from 1, by frequency in the band)",
+        "band, 'screened' by their growth, or their numbers (from 1, by frequency in the band)",
+    )
+    screen: float = Field(
+        default=500.0,
+        gt=0,
+        description="1/s: modes that decay faster are not followed where families are 'screened'",
     )
     reach: float = Field(
         default=2.0,

@@ -15,6 +15,7 @@ from squealstudy.cycles.families import (
     VERDICTS,
     Cycle,
     Family,
+    Followed,
     same_cycle,
 )
 from squealstudy.engine.plan import Plan
@@ -41,6 +42,7 @@ SUMMARY_FIELDS = (
     ("verdict", TEXT),
     ("reason", TEXT),
     ("n_families", WHOLE),
+    ("n_left_out", WHOLE),
     ("n_unstable", WHOLE),
     ("n_cycles", WHOLE),
     ("max_growth_rate", REAL),
@@ -133,15 +135,10 @@ def solved_row(
     wall_s: float,
     steady: WorkingPoint,
     law_kind: str,
-    found: Sequence[tuple[int, Family]],
+    followed: Followed,
 ) -> dict[str, Any]:
-    """Chunk row of a design point whose families were followed.
-
-    Parameters
-    ----------
-    found : sequence of (int, Family)
-        By the numbers of their modes.
-    """
+    """Chunk row of a design point whose families were followed."""
+    found = followed.families
     cycles = _cycles(point_id, law_kind, found)
     verdicts = [_verdict(mode, family, law_kind) for mode, family in found]
     branches = [
@@ -151,7 +148,7 @@ def solved_row(
     ]
     return {
         **head(point_id, wall_s),
-        **_summary(verdicts, cycles),
+        **_summary(verdicts, cycles, followed),
         **working_point_cells(steady),
         "verdicts": verdicts,
         "cycles": cycles,
@@ -163,12 +160,23 @@ def _without(row: dict[str, Any], name: str) -> dict[str, Any]:
     return {key: value for key, value in row.items() if key != name}
 
 
-def _summary(verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
+def _summary(
+    verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]], followed: Followed
+) -> dict[str, Any]:
     """What the families of a design come to; of levels the loudest stable cycle's."""
     if not verdicts:
-        none = {"verdict": UNDECIDED, "reason": "no mode in the band"}
+        none = {"verdict": UNDECIDED, "reason": f"no mode was followed{_beyond(followed)}"}
         numbers = dict.fromkeys((n for n, t in SUMMARY_FIELDS if t == REAL), np.nan)
-        return none | numbers | {"n_families": 0, "n_unstable": 0, "n_cycles": 0}
+        return (
+            none
+            | numbers
+            | {
+                "n_families": 0,
+                "n_left_out": followed.left_out,
+                "n_unstable": 0,
+                "n_cycles": 0,
+            }
+        )
     first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
     loudest = max(
         (v for v in verdicts if np.isfinite(v["torque_rms"])),
@@ -178,10 +186,12 @@ def _summary(verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> di
     kicked = [v for v in verdicts if np.isfinite(v["threshold_velocity"])]
     weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
     shown = weakest if first["verdict"] == IF_KICKED else first
+    beyond = "" if first["verdict"] == VERDICTS[0] else _beyond(followed)
     return {
         "verdict": first["verdict"],
-        "reason": f"mode {first['mode']}: {first['reason']}",
+        "reason": f"mode {first['mode']}: {first['reason']}{beyond}",
         "n_families": len(verdicts),
+        "n_left_out": followed.left_out,
         "n_unstable": sum(v["unstable"] for v in verdicts),
         "n_cycles": sum(c["same_as"] == "" for c in cycles),
         "max_growth_rate": max(v["growth_rate"] for v in verdicts),
@@ -190,6 +200,12 @@ def _summary(verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> di
         "threshold_velocity": shown["threshold_velocity"],
         "threshold_share": shown["threshold_share"],
     }
+
+
+def _beyond(followed: Followed) -> str:
+    """What a verdict does not speak of."""
+    text = f"; {followed.left_out} modes not followed" if followed.left_out else ""
+    return text + ("; a mode outside the band is unstable" if followed.unstable_outside else "")
 
 
 def _verdict(mode: int, family: Family, law_kind: str) -> dict[str, Any]:
