@@ -9,7 +9,8 @@ import pytest
 from study_runs import plan_of, solved
 
 import squealstudy as sq
-from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.cycles.projection import Projection
+from squealstudy.errors import ConvergenceError, ResultsError, StudyFileError
 
 STUDY = Path(__file__).parents[1] / "studies" / "kicked_squeal.toml"
 SWEEP = "start = 0.4\nstop = 1.0\nnum = 25"
@@ -153,6 +154,35 @@ def test_modes_that_were_not_followed_are_told(tmp_path):
     assert "no mode was followed; 2 modes not followed" in screened.loc[0.6, "reason"]
     assert screened.loc[0.85, "verdict"] == "squeals"
     assert screened["n_left_out"].tolist() == [2, 1]
+
+
+def test_cycles_of_which_more_harmonics_are_lost_are_inaccurate(tmp_path, monkeypatch):
+    """The level error is then that of the last change; without one there is no cycle."""
+    improve = Projection.improve
+
+    def failing(most):
+        def improved(self, motion, target, held):
+            if motion.harmonics > most:
+                raise ConvergenceError("not_converged", "no more")
+            return improve(self, motion, target, held)
+
+        return improved
+
+    changes = {"exact": ("tolerance = 1e-3", "tolerance = 1e-7")}
+    monkeypatch.setattr(Projection, "improve", failing(7))
+    results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "seven")
+    cycles = results.table("cycles")
+    lost = cycles[cycles["status"] == "inaccurate"]
+    assert len(lost)
+    assert set(lost["n_harmonics"]) == {7}
+    assert (lost["level_error"] > 1e-7).all()
+    assert np.isfinite(lost["level_error"]).all()
+    assert lost["stable"].isna().all()
+    monkeypatch.setattr(Projection, "improve", failing(5))
+    results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "five")
+    assert len(results.table("cycles")) == 0
+    assert results.table("verdicts")["n_lost"].sum() > 0
+    assert results.points["verdict"].tolist() == ["undecided"]
 
 
 def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):

@@ -283,13 +283,14 @@ def _cycle(
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
     tried = LADDER if search.harmonics is None else _pair(search.harmonics)
     before: tuple[PeriodicMotion, dict[str, float]] | None = None
-    level_error = frequency_error = basis_error = np.inf
+    level_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
-        motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-        if not projection.complete:  # near enough for Newton's method, on a basis that holds it
-            motion = projection.improve(motion, TARGET, SIZE)[0]
-            motion = replace(motion, mu=0.0)
-        motion, _, residual = projection.improve(motion, FINE, ADDED)
+        try:
+            motion, residual = _with(projection, motion, harmonics)
+        except ConvergenceError:
+            if not np.isfinite(level_error):
+                raise
+            break  # more harmonics are lost: what the last ones changed is the error
         levels = contact.levels(motion)
         if before is not None:
             missing = projection.correction(motion)
@@ -315,6 +316,17 @@ def _cycle(
         residual,
         status,
     )
+
+
+def _with(
+    projection: Projection, motion: PeriodicMotion, harmonics: int
+) -> tuple[PeriodicMotion, float]:
+    """The cycle near a motion with a number of harmonics, and its residual; ConvergenceError."""
+    motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
+    if not projection.complete:  # near enough for Newton's method, on a basis that holds it
+        motion = replace(projection.improve(motion, TARGET, SIZE)[0], mu=0.0)
+    motion, _, residual = projection.improve(motion, FINE, ADDED)
+    return motion, residual
 
 
 def _stability(
