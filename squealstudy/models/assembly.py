@@ -43,6 +43,8 @@ class Component:
         others; -1: none, but a turn or a modal coordinate. None: there are all of them.
     expansion : csr_matrix (3 n_nodes, n) or None
         Displacements of the nodes, where some follow others; None: those of `dofs`.
+    C : csr_matrix (n, n) or None
+        Damping of its own, N s/m, symmetric; None: it has none.
 
     Raises
     ------
@@ -58,12 +60,15 @@ class Component:
     cells: ComponentCells | None = None
     dofs: np.ndarray | None = None
     expansion: sp.csr_matrix | None = None
+    C: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
             raise ModelError(f"component name '{self.name}' must be an identifier")
         for label, A in (("mass", self.M), ("stiffness", self.K)):
             check_symmetric(f"component '{self.name}': {label} matrix", A, self.n_dof)
+        if self.C is not None:
+            check_symmetric(f"component '{self.name}': damping matrix", self.C, self.n_dof)
         if (self.M.diagonal() <= 0).any():
             raise ModelError(f"component '{self.name}': mass matrix is not positive definite")
         if (self.K.diagonal() < 0).any():
@@ -304,6 +309,14 @@ class Assembly:
     def K_el(self) -> sp.csr_matrix:
         """Elastic stiffness (n_dof, n_dof) of the components, N/m: block diagonal."""
         return sp.block_diag([c.K for c in self.components], format="csr")
+
+    @cached_property
+    def C_el(self) -> sp.csr_matrix | None:
+        """Damping (n_dof, n_dof) of the components' own, N s/m: block diagonal; None for none."""
+        if all(c.C is None for c in self.components):
+            return None
+        blocks = [sp.csr_matrix(c.K.shape) if c.C is None else c.C for c in self.components]
+        return sp.block_diag(blocks, format="csr")
 
     @cached_property
     def correspondence(self) -> sp.csr_matrix:

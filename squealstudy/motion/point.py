@@ -161,7 +161,9 @@ def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray,
     s = np.array([changes.get(key, 0.0) for key in keys])
     d = np.array([dampers.get(key, 0.0) for key in keys]) + state.stiffness_damping * s
     basis = state.damping_ratio * reference.coupling
-    return np.concatenate([d, basis]), np.concatenate([s, np.zeros_like(basis)])
+    own = reference.own_damping
+    none = np.zeros(len(own) + len(basis))
+    return np.concatenate([d, own, basis]), np.concatenate([s, none])
 
 
 def tangent(

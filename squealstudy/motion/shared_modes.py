@@ -7,7 +7,7 @@ POD vectors of a run beside them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -19,6 +19,7 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.linearise import component_frequencies, linearise, reduced_energy_shares
 
+NEGLIGIBLE = 1e-14  # of the largest own damping of a coordinate: round-off
 COUPLED = 1e-3  # of the largest damping: coupling below it is left out
 LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out
 
@@ -46,9 +47,11 @@ class SharedModes:
         Damping, for a damping ratio of one, of the last m rows of `system.shapes`: what is not
         diagonal in a reduced basis, rad/s.
     component_modes : tuple of (component, mode)
-        In the order of the rows of `system.shapes` before those: what design points may change.
+        In the order of the first rows of `system.shapes`: what design points may change.
     component_frequencies : mapping of (component, mode) -> float
         Free-free, of every component mode of the reduced assembly, rad/s.
+    own_damping : ndarray (k,)
+        The components' own damping [rad/s] of the rows of `system.shapes` between these.
     """
 
     system: ModalSystem
@@ -61,6 +64,7 @@ class SharedModes:
     coupling: np.ndarray
     component_modes: tuple[ModeKey, ...]
     component_frequencies: Mapping[ModeKey, float]
+    own_damping: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def shared_modes(
@@ -86,6 +90,7 @@ def shared_modes(
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
     rows = [model.mode_coordinate(*key) for key in component_modes]
+    own, own_rows = _own_damping(model, phi)
     system = ModalSystem(
         omega2=omega2,
         N=model.N @ phi,
@@ -97,7 +102,7 @@ def shared_modes(
         gap=point.gap,
         k_ref=model.area * point.tangent,
         force=point.forces(model, state.operating),
-        shapes=phi[rows],
+        shapes=np.vstack([phi[rows], own_rows]),
         speed_factor=model.speed_factor,
     )
     return SharedModes(
@@ -111,7 +116,17 @@ def shared_modes(
         coupling=np.zeros(0),
         component_modes=component_modes,
         component_frequencies=component_frequencies(model),
+        own_damping=own,
     )
+
+
+def _own_damping(model: ReducedModel, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The components' own damping as values (m,) [rad/s] and rows (m, n): C = U^T d U."""
+    if model.C_el is None:
+        return np.zeros(0), np.zeros((0, model.n))
+    d, vectors = la.eigh(phi.T @ model.C_el @ phi)
+    kept = d > NEGLIGIBLE * d[-1]
+    return d[kept], vectors[:, kept].T
 
 
 @dataclass(frozen=True)

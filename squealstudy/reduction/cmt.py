@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
@@ -79,6 +80,8 @@ class ReducedModel:
     damped_to : float
         Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond
         that of a mode here.
+    C_el : ndarray (n, n) or None
+        Damping of the components' own, rad/s: block diagonal; None where there is none.
     """
 
     components: tuple[str, ...]
@@ -94,6 +97,7 @@ class ReducedModel:
     radius: np.ndarray
     speed_factor: np.ndarray
     damped_to: float = np.inf
+    C_el: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -309,4 +313,16 @@ def project(
         frictional=c.frictional,
         radius=c.radius,
         speed_factor=c.speed_factor,
+        C_el=_own_damping(assembly, basis),
     )
+
+
+def _own_damping(assembly: Assembly, basis: ComponentBasis) -> np.ndarray | None:
+    if assembly.C_el is None:
+        return None
+    blocks = [
+        T.T @ (c.C @ T) if c.C is not None else np.zeros((T.shape[1],) * 2)
+        for c, T in zip(assembly.components, basis.blocks, strict=True)
+    ]
+    C: np.ndarray = la.block_diag(*blocks)
+    return (C + C.T) / 2

@@ -141,8 +141,10 @@ def hybrid_model(
     ConvergenceError
         ``singular``, where the static state is not determined.
     ModelError
-        A component mode that is not there.
+        A component mode that is not there; components with damping of their own.
     """
+    if assembly.C_el is not None:
+        raise ModelError("the hybrid representation has no damping of components of their own")
     c = assembly.contact
     K = assembly_stiffness(assembly, point)
     if modes is None:

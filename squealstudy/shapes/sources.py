@@ -30,8 +30,8 @@ class Source:
     ----------
     kind : str
         Of friction ``coupling`` (it follows the pressure), ``along`` (its change with the sliding
-        speed) and ``across`` the sliding direction; of damping ``component`` (dampers of component
-        modes and stiffness damping), ``layer`` (stiffness damping of springs and layers),
+        speed) and ``across`` the sliding direction; of damping ``component`` (its own, dampers of
+        component modes, stiffness damping), ``layer`` (stiffness damping of springs and layers),
         ``contact`` (stiffness damping of the contact's normal stiffness), ``assembly`` (modal
         damping).
     where : str
@@ -123,6 +123,8 @@ def sources_of(
         for growth in [float(of_points[_mask(pairs, where)].sum())]
     ]
     own = np.broadcast_to(weights.elastic_damping, model.n) * squared(x)
+    if model.C_el is not None:  # block diagonal: x^H C x of each component alone
+        own = own + weights.own_damping * (x.conj() * (model.C_el @ x)).real
     damping = [
         *(
             (COMPONENT, name, part)

@@ -21,12 +21,14 @@ from squealstudy.models.components.bodies import (
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
 from squealstudy.models.components.file_tables import ParameterTable
 from squealstudy.models.components.model_file import (
+    NOT_NEGATIVE,
     POSITIVE,
     KeyPath,
     ModelFile,
     Numbers,
     PlacedError,
     dimension_of,
+    kind_of,
 )
 from squealstudy.models.operating import (
     ASSUMPTIONS,
@@ -373,7 +375,7 @@ def _parameter(
         raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
     else:
         default = Numbers(file, {}).at(*places[0])
-    kind = next(k for k in reversed(places[0]) if isinstance(k, str))
+    kind = kind_of(places[0])
     what = table.description or " and ".join(table.paths)
     ratio = kind == "nu" and not isinstance(places[0][-1], int)
     parameter = Parameter(
@@ -382,7 +384,7 @@ def _parameter(
         dimension.unit,
         what,
         positive=kind in POSITIVE,
-        minimum=0.0 if kind in ("normal", "tangential", "stiffness", "mass") else -float("inf"),
+        minimum=0.0 if kind in NOT_NEGATIVE else -float("inf"),
         above=-1.0 if ratio else -float("inf"),
         below=0.5 if ratio else float("inf"),
         structural=True,

@@ -2,7 +2,8 @@
 
     Q(lambda) = lambda^2 M + lambda C + K
     K_sym = K_elastic + K_springs + U^T s U + N^T (.) N,   K = K_sym + T^T (.) N
-    C = dampers of component modes + beta K_sym + T_perp^T (.) T_perp + T^T (.) T + modal damping
+    C = C_own + dampers of component modes + beta K_sym + modal damping
+        + T_perp^T (.) T_perp + T^T (.) T
 
 (THEORY.md eq. (17) to (20)). The terms belong to a structure in some coordinates: unreduced, of
 component modes, or real modes of a reference. The weights belong to a design point; those of
@@ -56,6 +57,8 @@ class StructureWeights(NamedTuple):
         Of the same matrices in the damping: dampers of component modes, and stiffness damping.
     across, along : ndarray (nc,) or float
         As in ContactWeights.
+    own_damping : float
+        Of the components' own damping: 1, or 0 for derivatives.
     """
 
     mass: Any = 0.0
@@ -70,6 +73,7 @@ class StructureWeights(NamedTuple):
     normal_damping: Any = 0.0
     across: Any = 0.0
     along: Any = 0.0
+    own_damping: Any = 0.0
 
     @classmethod
     def of(cls, weights: Weights) -> StructureWeights:
@@ -113,6 +117,7 @@ def structure_weights(
         normal_damping=beta * contact.normal if beta else 0.0,
         across=contact.across,
         along=contact.along,
+        own_damping=mass,
     )
 
 
@@ -139,6 +144,8 @@ class ContactStructure:
         The coordinate of each, or its row of `shapes`.
     shapes : matrix (m, n) or None
         Rows phi^T M of component modes; None where they are coordinates.
+    damping : matrix (n, n) or None
+        Damping of the components' own; None where there is none.
     """
 
     mass: Matrix | None
@@ -154,6 +161,7 @@ class ContactStructure:
     frequencies: Mapping[ModeKey, float]
     places: Mapping[ModeKey, int]
     shapes: Matrix | None = None
+    damping: Matrix | None = None
 
     @property
     def n(self) -> int:
@@ -172,6 +180,7 @@ class ContactStructure:
             (U, U),
             (self.N, self.N),
         ]
+        own = (none, none) if self.damping is None else (None, self.damping)
         terms = (
             Term(MASS, None, self.mass),
             *(Term(STIFFNESS, *sides) for sides in symmetric),
@@ -179,6 +188,7 @@ class ContactStructure:
             *(Term(DAMPING, *sides) for sides in symmetric),
             Term(DAMPING, self.T_perp, self.T_perp),
             Term(DAMPING, self.T, self.T),
+            Term(DAMPING, *own),
         )
         return ParametricSystem(self.n, terms)
 
@@ -220,6 +230,7 @@ def reduced_structure(model: ReducedModel) -> ContactStructure:
         speed_factor=model.speed_factor,
         frequencies=frequencies,
         places={key: model.mode_coordinate(*key) for key in frequencies},
+        damping=model.C_el,
     )
 
 
@@ -243,6 +254,7 @@ def unreduced_structure(
         frequencies={(name, j): float(modes[name].omega[j - 1]) for name, j in used},
         places={key: row for row, key in enumerate(used)},
         shapes=momenta(assembly, modes, used),
+        damping=assembly.C_el,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -87,10 +87,10 @@ def coefficients(
     return {f"{material}.{name}": value for name, value in values.items()}
 
 
-def stiffness_matrix(mesh: SolidMesh) -> sp.csr_matrix:
-    """Stiffness (3 n, 3 n) of all materials at their own moduli, assembled at once."""
+def stiffness_matrix(mesh: SolidMesh, materials: Collection[str] | None = None) -> sp.csr_matrix:
+    """Stiffness (3 n, 3 n) of all or some materials at their own moduli, assembled at once."""
     total = sp.csr_matrix((3 * len(mesh.nodes),) * 2)
-    for name in used_materials(mesh):
+    for name in used_materials(mesh) if materials is None else materials:
         (K,) = _stiffness(mesh, parts_of(mesh, name), [material_of(mesh, name).stiffness()])
         total = total + K
     return total.tocsr()

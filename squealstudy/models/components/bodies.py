@@ -271,6 +271,7 @@ def _body_matrices(
 def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
     """The mesh with values of its materials in SI; ModelError for a material that it has not."""
     materials = dict(body.mesh.materials)
+    given = tuple((k, v) for k, v in given if k[2] == "materials")
     for label in dict.fromkeys(str(k[3]) for k, _ in given):
         if label not in materials:
             listed = ", ".join(materials)

@@ -23,6 +23,7 @@ from squealstudy.models.components.contact_rows import (
     contact_rows,
     tangents,
 )
+from squealstudy.models.components.damping import damping_matrix
 from squealstudy.models.components.geometry import Geometry, between, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells
@@ -62,23 +63,31 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     numbers = Numbers(brake.file, given)
     matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
     kept = geometry.kept
-    components = tuple(
-        _component(body, changed_mesh(body, own_numbers(name, given)), *matrices[name], kept[name])
-        for name, body in geometry.bodies.items()
-    )
+    components = []
+    for name, body in geometry.bodies.items():
+        C = damping_matrix(body, numbers, *matrices[name])
+        mesh = changed_mesh(body, own_numbers(name, given))
+        components.append(_component(body, mesh, *matrices[name], C, kept[name]))
     blocks = [body.expansion.E[:, kept[name]] for name, body in geometry.bodies.items()]
     interfaces = _Interfaces(geometry, numbers, sp.block_diag(blocks, format="csr"))
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
-    return Assembly(components, contact, springs, load, np.zeros_like(load), geometry.rotors)
+    return Assembly(tuple(components), contact, springs, load, np.zeros_like(load), geometry.rotors)
 
 
 def _component(
-    body: Body, mesh: SolidMesh, K: sp.csr_matrix, M: sp.csr_matrix, kept: np.ndarray
+    body: Body,
+    mesh: SolidMesh,
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    C: sp.csr_matrix | None,
+    kept: np.ndarray,
 ) -> Component:
     whole = len(kept) == K.shape[0]
-    K, M = (A if whole else A[kept][:, kept].tocsr() for A in (K, M))
+    if not whole:
+        K, M = (A[kept][:, kept].tocsr() for A in (K, M))
+        C = None if C is None else C[kept][:, kept].tocsr()
     if (M.diagonal() <= 0).any():
         places = body.expansion.places[kept[M.diagonal() <= 0]]
         bad = np.unique(places[places >= 0] // 3)
@@ -96,6 +105,7 @@ def _component(
         dofs=None if whole and plain and len(kept) == 3 * len(body.nodes) else places,
         expansion=None if plain else expansion.E[:, kept].tocsr(),
         cells=None if body.matrices else mesh_cells(mesh),
+        C=C,
     )
 
 

@@ -19,6 +19,7 @@ Vector = Annotated[tuple[float, float, float], Strict(False)]
 Texts = Annotated[tuple[str, ...], Strict(False)]
 Pair = Annotated[tuple[str, str], Strict(False)]
 Moduli = float | Vector
+Damping = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
@@ -99,6 +100,15 @@ class ComponentTable(Table):
     nodes: str | None = Field(
         default=None, description="mesh with coordinates and faces of the matrices' nodes"
     )
+    mass_damping: float = Field(
+        default=0.0, ge=0, description="damping proportional to mass, Rayleigh's alpha"
+    )
+    stiffness_damping: float = Field(
+        default=0.0, ge=0, description="damping proportional to stiffness, Rayleigh's beta"
+    )
+    material_damping: dict[str, Damping] = Field(
+        default={}, description="stiffness_damping of single materials, besides"
+    )
     translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the turn")
     rotate: TurnTable | None = Field(default=None, description="turn")
 
@@ -111,6 +121,8 @@ class ComponentTable(Table):
             raise ValueError("expected mesh = FILE, or K, M and nodes (a mesh with coordinates)")
         if self.mesh is None and self.materials:
             raise ValueError("expected no materials: the matrices hold them")
+        if self.mesh is None and self.material_damping:
+            raise ValueError("expected no material_damping: the matrices have no materials")
         return self
 
     def file_of(self, key: str) -> str | None:

@@ -21,8 +21,10 @@ from squealstudy.models.components.dimensions import (
     LENGTH,
     MASS,
     NUMBER,
+    RATE,
     STIFFNESS,
     STRESS,
+    TIME,
     Dimension,
 )
 from squealstudy.models.components.file_tables import (
@@ -68,8 +70,15 @@ DIMENSIONS = {  # of the keys of the file
     "initial_gap": LENGTH,
     "effective_radius": LENGTH,
     "translate": LENGTH,
+    "mass_damping": RATE,
+    "stiffness_damping": TIME,
+    "material_damping": TIME,
 }
 POSITIVE = ("E", "G", "rho", "area", "bedding")
+NOT_NEGATIVE = (
+    *("normal", "tangential", "stiffness", "mass"),
+    *("mass_damping", "stiffness_damping", "material_damping"),
+)
 VARIED = {  # keys that parameters may point to
     "contact": ("tangential", "initial_gap"),
     "tie": ("bedding",),
@@ -79,6 +88,8 @@ VARIED = {  # keys that parameters may point to
     "load": ("area",),
 }
 MATERIAL = ("E", "nu", "G", "rho")
+DAMPING = ("mass_damping", "stiffness_damping")  # of a component
+BY_MATERIAL = "material_damping"
 
 
 class PlacedError(ModelError):
@@ -148,9 +159,12 @@ class ModelFile(Table):
         last = steps[-1]
         index: KeyPath = (int(last["number"]) - 1,) if last and last["number"] else ()
         if names[0] in self.components:
+            if names[1:] in ([d] for d in DAMPING) or names[1:-1] == [BY_MATERIAL]:
+                return self._checked(path, ("components", *names), index)
             if len(names) != 4 or names[1] != "materials" or names[3] not in MATERIAL:
                 raise ModelError(
-                    f"'{path}': expected {names[0]}.materials.NAME with {', '.join(MATERIAL)}"
+                    f"'{path}': expected {names[0]}.materials.NAME with {', '.join(MATERIAL)}, or "
+                    f"{names[0]} with {', '.join(DAMPING)} or {BY_MATERIAL}.NAME"
                 )
             return self._checked(path, ("components", *names), index)
         if names[0] not in LISTS:
@@ -168,7 +182,7 @@ class ModelFile(Table):
     def _checked(self, path: str, keys: KeyPath, index: KeyPath) -> KeyPath:
         """The key with its index, where that fits to what is written there."""
         value = self.at(keys)
-        if value is None and keys[0] == "components":  # a material of the mesh's file
+        if value is None and keys[2] == "materials":  # a material of the mesh's file
             return (*keys, *index)
         if isinstance(value, str) or value is None:
             raise ModelError(f"'{path}' is no number in the file")
@@ -180,7 +194,14 @@ class ModelFile(Table):
 
 def dimension_of(keys: KeyPath) -> Dimension:
     """Of the number at a key."""
-    return DIMENSIONS[next(k for k in reversed(keys) if isinstance(k, str))]
+    return DIMENSIONS[kind_of(keys)]
+
+
+def kind_of(keys: KeyPath) -> str:
+    """The key that says what a number is: "E" of a modulus."""
+    if BY_MATERIAL in keys:
+        return BY_MATERIAL
+    return next(k for k in reversed(keys) if isinstance(k, str))
 
 
 @dataclass(frozen=True)

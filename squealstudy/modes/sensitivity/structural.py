@@ -191,7 +191,7 @@ def structural_products(
     """`change_products` (k, k) of full-order modes; modal damping as in ModeGradient."""
     family, beta, phi = gradient.family, full.state.stiffness_damping, full.phi
     KX = by.stiffness @ family.X
-    CX = beta * KX + by.dampers @ family.X
+    CX = beta * KX + by.dampers @ family.X + by.damping @ family.X
     weights = structure_weights((0.0, 0.0, 0.0), contact, beta=beta, mass=0.0)
     products = change_products(family, KX, CX, by.mass @ family.X)
     products = products + gradient.products(weights)
@@ -222,6 +222,8 @@ class AssemblyChange:
         Components with their changed modes, and springs; `static_stiffness` as at rest.
     dampers : LowRankSum (n_dof, n_dof)
         Of component modes.
+    damping : csr_matrix (n_dof, n_dof)
+        Of the components' own.
     load : ndarray (n_dof,)
         Nodal forces of a unit pressure, N/Pa, and
     constant_load : ndarray (n_dof,)
@@ -234,6 +236,7 @@ class AssemblyChange:
     stiffness: LowRankSum
     static_stiffness: LowRankSum
     dampers: LowRankSum
+    damping: sp.csr_matrix
     load: np.ndarray
     constant_load: np.ndarray
     area: np.ndarray
@@ -277,6 +280,7 @@ def assembly_change(
         stiffness=LowRankSum(elastic + springs, U, changed),
         static_stiffness=LowRankSum(elastic + static, U, changed),
         dampers=LowRankSum(empty, U, by_shapes(state.modal_dampers)),
+        damping=slope(lambda a: empty if a.C_el is None else a.C_el),
         load=slope(lambda a: a.load),
         constant_load=slope(lambda a: a.constant_load),
         area=slope(lambda a: a.contact.area),
