@@ -322,7 +322,6 @@ HEAD = "DMIG    KAAX           0       6       2       0"
         ("a.pch", "6       2  ", "6       4  ", "line 1: expected real values.*found type 4"),
         ("a.pch", "       6  ", "       1  ", "line 4: not symmetric: it is not in the other"),
         ("a.pch", "2               1-1", "2               5-1", "line 4: expected a direction 1"),
-        ("a.pch", "2               1-1", "2                -1", "line 4: expected a direction 1"),
         ("a.pch", "2               1-1", "N               1-1", "line 4: expected a node, found"),
         ("a.pch", "-1.000000000D+00", "-1.000000000D+00        1.000D+00", "an imaginary part"),
         ("a.pch", "-1.000000000D+00", "", "line 4: expected a number, found ''"),

@@ -352,7 +352,10 @@ def broken_map(lines):
     yield [*lines[:4], "7000.1", *lines[5:]], "slider.dof, line 5: slider.inp has no node 7000"
     yield [*lines[:4], "12.4", *lines[5:]], "direction 4: expected 1, 2 or 3"
     yield [*lines[:4], lines[0], *lines[5:]], "is in line 1 already"
-    yield [*lines[:4], "x", *lines[5:]], "slider.dof, line 5: expected 'node.direction', got 'x'"
+    yield (
+        [*lines[:4], "x", *lines[5:]],
+        "line 5: expected 'node.direction' or 'modal', got 'x'",
+    )
 
 
 @pytest.mark.parametrize("case", range(5))

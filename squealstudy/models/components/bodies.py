@@ -17,7 +17,7 @@ from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
 from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
-from squealstudy.models.components.file_matrices import placed_matrices, symmetric
+from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
@@ -70,7 +70,7 @@ class Body:
     name : str
     mesh : SolidMesh
         Its nodes and faces, and unless there are matrices its elements' materials.
-    matrices : (K, M) or None
+    matrices : (K, M, C or None) or None
         Over the degrees of freedom, where they come from files.
     expansion : Expansion
         Displacements of its nodes from its degrees of freedom.
@@ -78,7 +78,7 @@ class Body:
 
     name: str
     mesh: SolidMesh
-    matrices: tuple[sp.csr_matrix, sp.csr_matrix] | None
+    matrices: Matrices | None
     expansion: Expansion
 
     @property
@@ -90,7 +90,7 @@ class Body:
 def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     """All files that a model file reads, included ones too, with the keys that name them."""
     for name, table in file.components.items():
-        for key in ("mesh", "nodes", "K", "M", "dof"):
+        for key in ("mesh", "nodes", "K", "M", "C", "dof", "recovery"):
             given = table.file_of(key)
             if given is not None:
                 found = path.parent / given
@@ -258,7 +258,7 @@ def _body_matrices(
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     body = body_of(brake, name)
     if body.matrices is not None:
-        return body.matrices
+        return body.matrices[:2]
     mesh = changed_mesh(body, given)
     try:
         K, M = stiffness_matrix(mesh), mass_matrix(mesh, brake.file.components[name].mass)

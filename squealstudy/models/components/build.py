@@ -26,7 +26,7 @@ from squealstudy.models.components.contact_rows import (
 from squealstudy.models.components.damping import damping_matrix
 from squealstudy.models.components.geometry import Geometry, between, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.mesh_cells import mesh_cells
+from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
 from squealstudy.models.components.model_file import (
     GROUND,
     KeyPath,
@@ -104,7 +104,7 @@ def _component(
         correspondence=_compared(M),
         dofs=None if whole and plain and len(kept) == 3 * len(body.nodes) else places,
         expansion=None if plain else expansion.E[:, kept].tocsr(),
-        cells=None if body.matrices else mesh_cells(mesh),
+        cells=mesh_cells(mesh) if body.matrices is None else moved_cells(mesh, expansion.lacking),
         C=C,
     )
 

@@ -16,7 +16,7 @@ from squealstudy.models.components.model_file import BY_MATERIAL, KeyPath, Numbe
 def damping_matrix(
     body: Body, numbers: Numbers, K: sp.csr_matrix, M: sp.csr_matrix
 ) -> sp.csr_matrix | None:
-    """Alpha M + beta K + sum of beta_m K_m over materials, N s/m; None where all are zero.
+    """C of a file + alpha M + beta K + sum of beta_m K_m over materials, N s/m; None for none.
 
     Parameters
     ----------
@@ -33,6 +33,8 @@ def damping_matrix(
     keys: KeyPath = ("components", body.name)
     alpha, beta = (numbers.at(*keys, key) for key in ("mass_damping", "stiffness_damping"))
     parts = [factor * A for factor, A in ((alpha, M), (beta, K)) if factor]
+    if body.matrices is not None and body.matrices[2] is not None:
+        parts.append(body.matrices[2])
     table = numbers.file.components[body.name].material_damping
     by_material = {name: numbers.at(*keys, BY_MATERIAL, name) for name in table}
     if any(by_material.values()):

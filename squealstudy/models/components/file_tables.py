@@ -93,9 +93,15 @@ class ComponentTable(Table):
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
     M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
+    C: str | MatrixTable | None = Field(default=None, description="file of a damping matrix")
     dof: str | None = Field(
         default=None,
-        description="file with 'node.direction' of each row of the matrices, or .mapping of ANSYS",
+        description="file with 'node.direction' or 'modal' of each row of the matrices, or "
+        ".mapping of ANSYS",
+    )
+    recovery: str | MatrixTable | None = Field(
+        default=None,
+        description="file of the displacements of all nodes, three rows each, by the rows of K",
     )
     nodes: str | None = Field(
         default=None, description="mesh with coordinates and faces of the matrices' nodes"
@@ -114,7 +120,8 @@ class ComponentTable(Table):
 
     @model_validator(mode="after")
     def _one_source(self) -> ComponentTable:
-        matrices = [k for k in ("K", "M", "dof", "nodes") if getattr(self, k) is not None]
+        keys = ("K", "M", "C", "dof", "nodes", "recovery")
+        matrices = [k for k in keys if getattr(self, k) is not None]
         if self.mesh is not None and matrices:
             raise ValueError(f"expected mesh, or K, M and nodes; got mesh and {matrices[0]}")
         if self.mesh is None and not {"K", "M", "nodes"} <= set(matrices):

@@ -148,7 +148,7 @@ class Geometry:
                 raise PlacedError(
                     keys,
                     f"{of.mesh.nodes_named(np.unique(follows // 3))} of {fixed.set} follow others "
-                    "by a tie or a coupling: hold those",
+                    "by a tie or a coupling, or by the recovery of a superelement: hold those",
                 )
             held[name] |= np.isin(of.expansion.places, asked)
         return {name: np.flatnonzero(~h) for name, h in held.items()}

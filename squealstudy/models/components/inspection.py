@@ -100,7 +100,10 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
                 found.tell("", f"{formulation}: confirmed by CalculiX: {verified}")
     else:
         lacking = int(body.expansion.lacking.sum())
+        modal = int((body.expansion.places < 0).sum())
         held = f", {lacking} freedoms are not in them" if lacking else ""
+        if modal:
+            held = f", {plural(modal, 'modal coordinate')}{held or ', all nodes recovered'}"
         found.tell(name, f"{source} of matrices{held}")
     for constraint in mesh.constraints:
         found.tell("", constraint.told)

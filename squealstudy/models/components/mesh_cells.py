@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,33 @@ class MeshEnergies:
             own = moved[nodes].reshape(len(nodes), -1)
             found[places] = np.einsum("ei,eij,ej->e", own.conj(), K, own, optimize=True).real
         return found
+
+
+@dataclass(frozen=True)
+class UnknownEnergies:
+    """Of elements of which matrices of files alone are known: NaN."""
+
+    count: int
+
+    def __call__(self, u: np.ndarray) -> np.ndarray:
+        """NaN (n_elements,)."""
+        return np.full(self.count, np.nan)
+
+
+def moved_cells(mesh: SolidMesh, lacking: np.ndarray) -> ComponentCells | None:
+    """The elements in whose nodes no displacement of `lacking` (3 n_nodes,) is; None for none."""
+    known = np.asarray(~lacking.reshape(-1, 3).any(axis=1))
+    blocks = []
+    for block in mesh.blocks:
+        kept = known[block.nodes].all(axis=1)
+        blocks.append(replace(block, nodes=block.nodes[kept], labels=block.labels[kept]))
+    blocks = [b for b in blocks if len(b.labels)]
+    if not blocks:
+        return None
+    count = sum(len(b.labels) for b in blocks)
+    empty = np.full(count, "", dtype=object)
+    part = replace(mesh, blocks=tuple(blocks), material=empty, orientation=empty)
+    return replace(mesh_cells(part), energies=UnknownEnergies(count))
 
 
 def mesh_cells(mesh: SolidMesh) -> ComponentCells:

@@ -16,6 +16,7 @@ LINE = re.compile(r"\s*([0-9]{1,18})\.([0-9]{1,18})\s*", re.ASCII)
 EQUATION = re.compile(r"\s*([0-9]{1,18})\s+([0-9]{1,18})\s+([A-Za-z]\w*)\s*", re.ASCII)
 NUMBERED = re.compile(r"\s*[0-9]")
 DISPLACEMENTS = ("UX", "UY", "UZ")
+MODAL_LINE, MODAL = "modal", -1  # of a row that belongs to no node
 
 
 class FreedomsOf:
@@ -39,6 +40,11 @@ class FreedomsOf:
         found = np.where(ordered[place] == nodes, 3 * self._order[place] + directions - 1, -1)
         return found.astype(np.int64)
 
+    @property
+    def count(self) -> int:
+        """Of the mesh's nodes; modal coordinates count from there."""
+        return 3 * len(self._numbers)
+
     def unknown(self, node: int) -> str:
         """What to say of a node that the mesh has not."""
         return (
@@ -48,12 +54,15 @@ class FreedomsOf:
 
 
 def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
-    """Degree of freedom 3 * node + axis of each row (n,) of the matrices.
+    """Degree of freedom of each row (n,) of the matrices.
+
+    3 * node + axis; modal coordinates count from 3 * n_nodes.
 
     Parameters
     ----------
     path : Path
-        A line ``node.direction`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY or UZ.
+        A line ``node.direction`` or ``modal`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY
+        or UZ.
     freedoms : FreedomsOf
 
     Raises
@@ -68,8 +77,13 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
     ansys = path.suffix.lower() == MAPPING
     rows: dict[int, int] = {}
     seen: dict[int, int] = {}
+    modal = freedoms.count
     for at, row, node, direction in _equations(path, lines) if ansys else _lines(path, lines):
         where = f"{path.name}, line {at}"
+        if direction == MODAL:
+            rows[row] = modal
+            modal += 1
+            continue
         if direction not in (1, 2, 3):
             raise ModelError(f"{where}: direction {direction}: expected 1, 2 or 3 (no rotations)")
         (freedom,) = freedoms.at(np.array([node]), np.array([direction]))
@@ -92,11 +106,14 @@ def _lines(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
     for at, text in enumerate(lines, start=1):
         if text.strip():
             row += 1
+            if text.strip().lower() == MODAL_LINE:
+                yield at, row, 0, MODAL
+                continue
             found = LINE.fullmatch(text)
             if found is None:
                 given = text.strip()[:40]
                 raise ModelError(
-                    f"{path.name}, line {at}: expected 'node.direction', got '{given}'"
+                    f"{path.name}, line {at}: expected 'node.direction' or 'modal', got '{given}'"
                 )
             yield at, row, int(found[1]), int(found[2])
 

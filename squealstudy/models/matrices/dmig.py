@@ -59,8 +59,8 @@ def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
     Raises
     ------
     ModelError
-        With the line of what is not as the card has it; rectangular and complex matrices; scalar
-        points; what `labelled_matrix` refuses; no such matrix, or several where none is named.
+        With the line of what is not as the card has it; rectangular and complex matrices; what
+        `labelled_matrix` refuses; no such matrix, or several where none is named.
     """
     text = TextFile.read(path)
     found: dict[str, _Matrix] = {}
@@ -82,7 +82,8 @@ def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
     if not matrix.values:
         raise ModelError(f"{path}: the matrix {chosen} has no entries")
     places = np.array(matrix.places, dtype=np.int64)
-    return labelled_matrix(places, np.array(matrix.values), refused, whole=not matrix.symmetric)
+    values = np.array(matrix.values)
+    return labelled_matrix(places, values, refused, whole=not matrix.symmetric, scalars=True)
 
 
 def _cards(text: TextFile) -> Iterator[_Card]:

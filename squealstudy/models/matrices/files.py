@@ -24,6 +24,7 @@ Reader = Callable[[Path, str | None], Any]
 Found = TypeVar("Found")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
+RECTANGULAR = (".npz", ".mat")
 LISTED = 12  # variables of a file that a message names
 
 
@@ -74,6 +75,13 @@ def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix 
         _only_one(path, name)
         return _guarded(path, lambda: read_abaqus(path))
     return read_matrix(path, name)
+
+
+def read_recovery(path: Path, name: str | None = None) -> sp.csr_matrix:
+    """A real matrix of any shape from a ``.npz`` or ``.mat``; errors as of `read_matrix`."""
+    if path.suffix.lower() not in RECTANGULAR:
+        raise ModelError(f"{path}: expected a file {' or '.join(RECTANGULAR)}")
+    return _guarded(path, lambda: _checked(_reader(path)(path, name), square=False))
 
 
 def _is_matrix_market(path: Path) -> bool:
@@ -191,13 +199,14 @@ def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any
     return content[name]
 
 
-def _checked(found: Any) -> sp.csr_matrix:
-    """`found` as csr of float64; ValueError where it is no square matrix of finite real numbers."""
+def _checked(found: Any, square: bool = True) -> sp.csr_matrix:
+    """`found` as csr of float64; ValueError where it is no matrix of finite real numbers."""
     if not (sp.issparse(found) or isinstance(found, np.ndarray)) or found.dtype.kind not in "biufc":
         raise ValueError(f"expected a matrix of numbers, found {type(found).__name__}")
     if found.ndim != 2:
         raise ValueError(f"expected a square matrix, found {' x '.join(map(str, found.shape))}")
-    check_size(*found.shape)
+    if square:
+        check_size(*found.shape)
     if np.iscomplexobj(found):
         raise ValueError("expected real values, found complex ones")
     if hasattr(found, "check_format"):  # indices that SciPy would follow out of its arrays

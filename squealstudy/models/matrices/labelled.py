@@ -16,6 +16,7 @@ from squealstudy.models.matrices.text_table import read_table
 PLACES = ("row node", "row direction", "column node", "column direction")
 HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a boundary condition holds
 DIRECTIONS = (1, 2, 3)
+SLOTS = 4  # of a node: its scalar, and its directions
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class LabelledMatrix:
     Attributes
     ----------
     nodes, directions : ndarray (n,) of int
-        Numbers of nodes as in the file, ascending; directions 1 to 3.
+        Numbers of nodes as in the file, ascending; directions 1 to 3, 0 of scalar points.
     matrix : csr_matrix (n, n)
     """
 
@@ -35,7 +36,11 @@ class LabelledMatrix:
 
 
 def labelled_matrix(
-    places: np.ndarray, values: np.ndarray, refused: Refusal, whole: bool = False
+    places: np.ndarray,
+    values: np.ndarray,
+    refused: Refusal,
+    whole: bool = False,
+    scalars: bool = False,
 ) -> LabelledMatrix:
     """The matrix of entries, each pair of freedoms in one triangle or alike in both.
 
@@ -48,6 +53,8 @@ def labelled_matrix(
         Makes the error about an entry.
     whole : bool
         Whether an entry without a partner in the other triangle is refused.
+    scalars : bool
+        Whether a direction 0 is one, of a scalar point: a modal coordinate.
 
     Raises
     ------
@@ -55,10 +62,11 @@ def labelled_matrix(
         Nodes and directions that are none of a solid, supports, an entry that is there twice, a
         matrix that is not symmetric, no entries.
     """
+    known = (*DIRECTIONS, 0) if scalars else DIRECTIONS
     for node, direction in ((0, 1), (2, 3)):
         _check(places[:, node] < 1, refused, places[:, node], "a node of the mesh (internal ones "
                "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
-        _check(~np.isin(places[:, direction], DIRECTIONS), refused, places[:, direction],
+        _check(~np.isin(places[:, direction], known), refused, places[:, direction],
                "a direction 1, 2 or 3 (neither rotations nor modal coordinates)")  # fmt: skip
     held = np.abs(values) >= HELD
     if held.any():
@@ -71,12 +79,12 @@ def labelled_matrix(
     if not len(values):
         raise ValueError("it has no entries")
     numbers, place = np.unique(places[:, [0, 2]], return_inverse=True)
-    freedom = len(DIRECTIONS) * place.reshape(-1, 2) + places[:, [1, 3]] - 1
+    freedom = SLOTS * place.reshape(-1, 2) + places[:, [1, 3]]
     found, number = np.unique(freedom, return_inverse=True)
     row, column = number.reshape(-1, 2).T
     matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
-    nodes, directions = np.divmod(found, len(DIRECTIONS))
-    return LabelledMatrix(numbers[nodes], directions + 1, matrix)
+    nodes, directions = np.divmod(found, SLOTS)
+    return LabelledMatrix(numbers[nodes], directions, matrix)
 
 
 def _check(wrong: np.ndarray, refused: Refusal, given: np.ndarray, expected: str) -> None:
