@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.bulk_cards import included
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
 from squealstudy.models.components.expansion import Expansion, expanded
@@ -30,6 +31,7 @@ from squealstudy.models.components.model_file import (
 from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
+NASTRAN = (".bdf", ".nas", ".dat")
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
 
 
@@ -99,7 +101,9 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
 
 
 def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:
-    """What an .inp includes, to any depth; its reader says what is wrong with it."""
+    """What an .inp or a .bdf includes, to any depth; its reader says what is wrong with it."""
+    if path.suffix.lower() in NASTRAN and path.is_file():
+        yield from included(path)
     if path.suffix.lower() != ".inp" or not path.is_file() or path in above:
         return
     for name in INCLUDED.findall(path.read_text(encoding="utf-8", errors="replace")[:LARGEST]):
@@ -128,8 +132,13 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
         mesh = read_gmsh(path, treat_as=table.treat_as)
         if table.part is not None:
             mesh = mesh.part(mesh.find("element_sets", table.part))
+    elif ending in NASTRAN:
+        from squealstudy.models.components.nastran import read_bdf
+
+        mesh = read_bdf(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
     else:
-        raise ModelError(f"{path}: unknown format '{path.suffix}', expected .inp or .msh")
+        known = ", ".join((".inp", ".msh", *NASTRAN))
+        raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
     check_mesh(mesh)
     return mesh
 

@@ -82,7 +82,7 @@ class MatrixTable(Table):
 class ComponentTable(Table):
     """A component: a mesh with materials, or matrices with a mesh that names their nodes."""
 
-    mesh: str | None = Field(default=None, description="file .inp or .msh")
+    mesh: str | None = Field(default=None, description="file .inp, .msh or .bdf")
     part: str | None = Field(default=None, description="instance or element set of the mesh's file")
     dialect: Literal["abaqus", "calculix"] | None = Field(
         default=None, description="whose C3D8 an .inp means"

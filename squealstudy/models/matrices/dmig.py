@@ -93,7 +93,7 @@ def _cards(text: TextFile) -> Iterator[_Card]:
         plain = line.split("$", 1)[0].rstrip()
         if not plain.strip():
             continue
-        first, fields = _fields(plain)
+        first, fields = fields_of(plain)
         if first.upper().rstrip("*") == CARD:
             if card is not None:
                 yield card
@@ -109,7 +109,7 @@ def _cards(text: TextFile) -> Iterator[_Card]:
         yield card
 
 
-def _fields(line: str) -> tuple[str, list[str]]:
+def fields_of(line: str) -> tuple[str, list[str]]:
     """The first field of a line, and those behind it: 8, or 4 large ones."""
     if "," in line:
         first, *rest = (word.strip() for word in line.split(","))

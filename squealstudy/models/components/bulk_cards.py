@@ -1,0 +1,141 @@
+"""Bulk data of Nastran as cards: small, large and free fields, continuations, included files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.inp_cards import DEEPEST, Line
+from squealstudy.models.matrices.dmig import NUMBER, fields_of
+from squealstudy.models.matrices.text import COUNT, TextFile, shortened
+
+BEGIN, END = re.compile(r"\s*BEGIN\b(\s+BULK\b)?", re.I), re.compile(r"\s*ENDDATA\b", re.I)
+INCLUDE = re.compile(r"\s*INCLUDE\s+(?:'(?P<one>[^']*)'?|\"(?P<two>[^\"]*)\"?|(?P<bare>\S+))", re.I)
+
+
+@dataclass
+class BulkCard:
+    """A card: its name in capitals, its fields from the second on, the line of each.
+
+    Attributes
+    ----------
+    name : str
+    fields : list of str
+    lines : list of Line
+    """
+
+    name: str
+    fields: list[str] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+
+    def error(self, message: str, place: int = 0) -> ModelError:
+        """The error to raise about the line of a field."""
+        line = self.lines[min(place, len(self.lines) - 1)]
+        return line.error(f"{self.name}: {message}")
+
+    def at(self, place: int) -> str:
+        """A field, counted from 0 behind the name; empty where the card ends before."""
+        return self.fields[place] if place < len(self.fields) else ""
+
+    def whole(self, place: int, what: str, default: int | None = None) -> int:
+        """A whole number; ModelError where it is none, or empty without a default."""
+        word = self.at(place)
+        if not word and default is not None:
+            return default
+        if not COUNT.fullmatch(word.removeprefix("-")):
+            raise self.error(f"expected {what}, found '{shortened(word)}'", place)
+        return int(word)
+
+    def real(self, place: int, what: str, default: float | None = None) -> float:
+        """A number as Nastran writes it; ModelError as of `whole`."""
+        word = self.at(place)
+        if not word and default is not None:
+            return default
+        found = NUMBER.fullmatch(word)
+        value = float("nan")
+        if found is not None:
+            value = float(f"{found['digits']}e{found['power'] or found['bare'] or 0}")
+        if not abs(value) < float("inf"):
+            raise self.error(f"expected {what}, found '{shortened(word)}'", place)
+        return value
+
+    def listed(self, start: int, what: str) -> list[int]:
+        """Whole numbers from a field on, with THRU between the first and the last of a range."""
+        words = [(i, w.upper()) for i, w in enumerate(self.fields) if i >= start and w]
+        found: list[int] = []
+        through = False
+        for i, word in words:
+            if word == "THRU" and found and not through:
+                through = True
+                continue
+            number = self.whole(i, f"{what} or THRU")
+            found += range(found[-1] + 1, number + 1) if through else [number]
+            through = False
+        if through:
+            raise self.error(f"expected {what} after THRU", len(self.fields))
+        return found
+
+
+def read_bulk(path: Path) -> list[BulkCard]:
+    """The cards of a deck's bulk data, or of a file of cards alone.
+
+    Raises
+    ------
+    ModelError
+        An absent file; a continuation of nothing; more fields than a line has.
+    """
+    lines = list(_flattened(_read(path, None), path.parent, 0))
+    begun = next((i + 1 for i, line in enumerate(lines) if BEGIN.fullmatch(line.text)), 0)
+    cards: list[BulkCard] = []
+    for line in lines[begun:]:
+        if END.match(line.text):
+            break
+        first, fields = fields_of(line.text)
+        beyond = [w.strip() for w in line.text.split(",")[9:]]
+        if any(beyond[1:]) or (beyond and beyond[0] and beyond[0][0] not in "+*"):
+            raise line.error("more than eight fields behind the name of a card")
+        if first and first[0] not in "+*":
+            cards.append(BulkCard(first.upper().rstrip("*")))
+        elif not cards:
+            raise line.error(f"expected a card, found '{shortened(line.text)}'")
+        cards[-1].fields += fields
+        cards[-1].lines += [line] * len(fields)
+    return cards
+
+
+def included(path: Path) -> Iterator[Path]:
+    """The files that a deck includes, to any depth, as far as they are there."""
+    try:
+        lines = _flattened(_read(path, None), path.parent, 0)
+        yield from dict.fromkeys(line.file.path for line in lines if line.file.path != path)
+    except ModelError:  # its reader says what is wrong with it
+        return
+
+
+def _read(path: Path, wanted_by: Line | None) -> TextFile:
+    """The file without comments."""
+    try:
+        file = TextFile.read(path)
+    except (OSError, EOFError) as error:
+        reason = "there is no such file" if not path.exists() else str(error)
+        message = f"{path} cannot be read: {reason}"
+        raise (ModelError(message) if wanted_by is None else wanted_by.error(message)) from error
+    return TextFile(path, [line.split("$", 1)[0].rstrip() for line in file.lines])
+
+
+def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
+    """Lines that are not empty, included files in their places."""
+    for index, text in enumerate(file.lines):
+        if not text.strip():
+            continue
+        line, named = Line(file, index), INCLUDE.match(text)
+        if named is None:
+            yield line
+            continue
+        if depth == DEEPEST:
+            raise line.error(f"more than {DEEPEST} files include each other")
+        name = named["one"] or named["two"] or named["bare"] or ""
+        yield from _flattened(_read(folder / name.strip(), line), folder, depth + 1)

@@ -1,0 +1,321 @@
+"""Components from bulk data of Nastran (``.bdf``, ``.nas``, ``.dat``).
+
+Solids with their materials, node sets, couplings; elements have the formulations of this program,
+not Nastran's. Sets of elements are named by their property, PID3, node sets by their SET1, SET7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bulk_cards import BulkCard, read_bulk
+from squealstudy.models.components.constraints import Constraint, Coupling
+from squealstudy.models.components.coordinate_systems import Systems
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_faces import FACES, MarkedFaces
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.fem.solid import Isotropic
+
+# card and number of nodes -> name of the element, formulation, places of its nodes in our order
+SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
+    ("CTETRA", 4): ("CTETRA4", "C3D4", tuple(range(4))),
+    ("CTETRA", 10): ("CTETRA10", "C3D10", tuple(range(10))),
+    ("CPENTA", 6): ("CPENTA6", "C3D6", tuple(range(6))),
+    ("CPENTA", 15): ("CPENTA15", "C3D15", (*range(9), 12, 13, 14, 9, 10, 11)),
+    ("CHEXA", 8): ("CHEXA8", "C3D8I", tuple(range(8))),
+    ("CHEXA", 20): ("CHEXA20", "C3D20", (*range(12), *range(16, 20), *range(12, 16))),
+}
+SAME = 0.01  # of G: files round
+CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
+PLATE_SECTIONS = ("PSHELL",)
+SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
+READ = ("GRID", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS)
+_MODEL_FILE, _STUDY = "stated in the model file", "stated in the study"
+PASSED_OVER = {  # cards that change neither mass nor stiffness of a component, and why
+    **dict.fromkeys(("SPC", "SPC1", "SPCADD", "SPCD"), "supports are " + _MODEL_FILE),
+    **dict.fromkeys(("LOAD", "FORCE", "MOMENT", "PLOAD", "PLOAD4", "GRAV"), "loads are " + _STUDY),
+    **dict.fromkeys(("EIGRL", "EIGR", "EIGC", "PARAM", "TEMP", "TEMPD"), "settings are " + _STUDY),
+    **dict.fromkeys(("DMIG", "TABDMP1", "SUPORT", "SUPORT1"), "not of the mesh"),
+}
+
+
+def read_bdf(
+    path: Path,
+    part: str | None = None,
+    *,
+    treat_as: Mapping[str, str] | None = None,
+    pass_over: Collection[str] = (),
+) -> SolidMesh:
+    """A component from bulk data, in its units.
+
+    Parameters
+    ----------
+    path : Path
+    part : str or None
+        Elements of one property, such as PID3.
+    treat_as : dict of str -> str
+        Elements, such as CHEXA8, and the formulation to read them as; plates, such as CQUAD4, as
+        "faces": their property is a surface of the solids then.
+    pass_over : collection of str
+        Cards to pass over that would be refused, such as CONM2.
+
+    Returns
+    -------
+    SolidMesh
+        `passed_over` lists every card that is not in it.
+
+    Raises
+    ------
+    ModelError
+        With file and line: what is malformed or refers to what is not there; all cards that are
+        not supported, in one message.
+    """
+    wanted = _treated(path, treat_as or {})
+    mesh = _Deck(path, read_bulk(path), wanted, {name.upper() for name in pass_over}).mesh()
+    return mesh if part is None else mesh.part(mesh.find("element_sets", part))
+
+
+def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
+    """Formulation of each element, and plates that mark faces."""
+    found = {name: formulation for name, formulation, _ in SOLIDS.values()}
+    for written, name in treat_as.items():
+        if written.upper() in PLATES and name == FACES:
+            found[written.upper()] = FACES
+        elif written.upper() not in found or name not in FORMULATIONS:
+            known = ", ".join(n for n, *_ in SOLIDS.values())
+            raise ModelError(
+                f"{path}: treat_as {written} = '{name}': expected one of {known} and a formulation "
+                f"of {', '.join(FORMULATIONS)}, or one of {', '.join(PLATES)} and '{FACES}'"
+            )
+        else:
+            found[written.upper()] = name
+    return found
+
+
+class _Deck:
+    """What the cards of a deck say."""
+
+    def __init__(
+        self, path: Path, cards: list[BulkCard], wanted: Mapping[str, str], ignored: set[str]
+    ) -> None:
+        self._path, self._wanted = path, wanted
+        self._cards: dict[str, list[BulkCard]] = {}
+        for card in cards:
+            self._cards.setdefault(card.name, []).append(card)
+        self._notes: list[PassedOver] = []
+        plates = [name for name in PLATES if wanted.get(name) == FACES]
+        known = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
+        self._refuse(known | ignored | set(PASSED_OVER))
+        for name, own in self._cards.items():
+            if name not in known:
+                self._note(own, PASSED_OVER.get(name, "as asked for"))
+        self._plates = plates
+
+    def _refuse(self, known: set[str]) -> None:
+        """ModelError with all cards that are not supported."""
+        unknown = {name: own for name, own in self._cards.items() if name not in known}
+        if not unknown:
+            return
+        listed = ", ".join(
+            f"{name} ({len(own)}, first in line {own[0].lines[0].place + 1})"
+            for name, own in unknown.items()
+        )
+        first = min((own[0] for own in unknown.values()), key=lambda card: card.lines[0].place)
+        advice = "; plates that mark faces alone: treat_as {CQUAD4 = 'faces'}"
+        raise first.lines[0].error(
+            f"cards that are not supported: {listed}: remove them, or name in pass_over those on "
+            "which neither mass nor stiffness depend"
+            + (advice if set(unknown) & set(PLATES) else "")
+        )
+
+    def _note(self, cards: list[BulkCard], why: str) -> None:
+        line = cards[0].lines[0]
+        count = f" ({len(cards)})" if len(cards) > 1 else ""
+        self._notes.append(PassedOver(cards[0].name + count, line.file.path, line.place + 1, why))
+
+    def _all(self, *names: str) -> list[BulkCard]:
+        return [card for name in names for card in self._cards.get(name, [])]
+
+    def mesh(self) -> SolidMesh:
+        """The component."""
+        self._read_nodes()
+        blocks, of = self._solids()
+        mesh = SolidMesh(self._path, self._nodes, self._numbers, blocks)
+        property_of = np.concatenate([of[b.formulation] for b in blocks])
+        sets = {f"PID{p}": np.flatnonzero(property_of == p) for p in np.unique(property_of)}
+        mesh = replace(mesh, element_sets=sets, node_sets=self._sets())
+        mesh = self._with_materials(mesh, property_of)
+        mesh = self._with_faces(mesh)
+        mesh = replace(mesh, constraints=tuple(self._couplings()))
+        return self._without_unused(mesh)
+
+    # -- nodes and elements ----------------------------------------------------------------------
+    def _read_nodes(self) -> None:
+        systems = Systems(self._all(*SYSTEMS))
+        found: dict[int, np.ndarray] = {}
+        held: list[BulkCard] = []
+        for card in self._all("GRID"):
+            number = card.whole(0, "a node number")
+            x = np.array([card.real(k, "a coordinate", 0.0) for k in (2, 3, 4)])
+            x = systems.in_basic(card, 1, x)
+            if number in found and not np.array_equal(found[number], x):
+                raise card.error(f"node {number} is there twice, at different places")
+            found[number] = x
+            if card.at(6).strip("0"):
+                held.append(card)
+        if not found:
+            raise ModelError(f"{self._path} has no GRID")
+        if held:
+            self._note(held, "its supports are " + _MODEL_FILE)
+        self._numbers = np.array(sorted(found), dtype=np.int64)
+        self._nodes = np.array([found[n] for n in self._numbers])
+
+    def _places(self, card: BulkCard, numbers: list[int]) -> np.ndarray:
+        """Of node numbers; ModelError about one that there is not."""
+        wanted = np.array(numbers, dtype=np.int64)
+        at = np.minimum(np.searchsorted(self._numbers, wanted), len(self._numbers) - 1)
+        wrong = self._numbers[at] != wanted
+        if wrong.any():
+            raise card.error(f"there is no node {wanted[wrong][0]}")
+        return at
+
+    def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
+        """Elements by formulation, and properties of each."""
+        rows: dict[str, list[tuple[int, int, np.ndarray]]] = {}
+        seen: set[int] = set()
+        for card in self._all(*CORNERS):
+            label, own = card.whole(0, "an element number"), card.whole(1, "a property", -1)
+            if label in seen:
+                raise card.error(f"element {label} is there twice")
+            seen.add(label)
+            words = card.fields[2:]
+            while words and not words[-1]:
+                words.pop()
+            kind = SOLIDS.get((card.name, len(words)))
+            if kind is None or not all(words):
+                counts = " or ".join(str(n) for name, n in SOLIDS if name == card.name)
+                given = len([w for w in words if w])
+                raise card.error(
+                    f"element {label}: expected {counts} nodes, found {given}: elements with some "
+                    "of their middle nodes are not supported"
+                )
+            name, _, order = kind
+            numbers = [card.whole(2 + k, "a node number") for k in range(len(words))]
+            nodes = self._places(card, numbers)[list(order)]
+            rows.setdefault(self._wanted[name], []).append(
+                (label, label if own < 0 else own, nodes)
+            )
+        if not rows:
+            raise ModelError(f"{self._path} has no solid element: CTETRA, CPENTA or CHEXA")
+        blocks = tuple(
+            ElementBlock(name, np.array([n for *_, n in own]), np.array([e for e, *_ in own]))
+            for name, own in rows.items()
+        )
+        return blocks, {name: np.array([p for _, p, _ in own]) for name, own in rows.items()}
+
+    # -- sets and couplings ----------------------------------------------------------------------
+    def _sets(self) -> dict[str, np.ndarray]:
+        found: dict[str, np.ndarray] = {}
+        for card in self._all("SET1"):
+            name = f"SET{card.whole(0, 'a number of the set')}"
+            if name in found:
+                raise card.error(f"there is a {name} already")
+            found[name] = np.unique(self._places(card, card.listed(1, "a node")))
+        return found
+
+    def _with_faces(self, mesh: SolidMesh) -> SolidMesh:
+        """Plates by their properties as surfaces of the solids."""
+        marked, labels = MarkedFaces(), dict[int, list[int]]()
+        for number, card in enumerate(self._all(*self._plates)):
+            nodes = [card.whole(2 + k, "a node number") for k in range(PLATES[card.name])]
+            marked.add(np.array([number]), self._places(card, nodes)[None])
+            labels.setdefault(card.whole(1, "a property"), []).append(number)
+        surfaces = {}
+        for own, numbers in labels.items():
+            faces, note = marked.surface(mesh, f"PID{own}", np.array(numbers))
+            if note:
+                self._notes.append(note)
+            if len(faces):
+                surfaces[f"PID{own}"] = faces
+        return replace(mesh, surfaces=surfaces)
+
+    def _couplings(self) -> list[Constraint]:
+        found: list[Constraint] = []
+        for card in self._all("RBE2"):
+            name = f"RBE2 {card.whole(0, 'an element number')}"
+            if not set("123") <= set(card.at(2)):
+                raise card.error("expected the components 123 (and 456, which solids have not)", 2)
+            nodes = card.listed(3, "a node")
+            found.append(self._coupling(card, name, "rigid", card.whole(1, "a node"), nodes))
+        for card in self._all("RBE3"):
+            name = f"RBE3 {card.whole(0, 'an element number')}"
+            words = [w.upper() for w in card.fields[6:] if w]
+            if card.at(5) != "123" or any("." in w or w == "UM" for w in words):
+                raise card.error("expected one weight, for components 123 of all its nodes")
+            nodes = card.listed(6, "a node")
+            place = card.whole(2, "a node")
+            found.append(self._coupling(card, name, "distributing", place, nodes))
+        return found
+
+    def _coupling(
+        self, card: BulkCard, name: str, kind: str, reference: int, nodes: list[int]
+    ) -> Coupling:
+        (place,) = self._places(card, [reference])
+        others = np.setdiff1d(self._places(card, nodes), place)
+        if not len(others):
+            raise card.error("it couples no other node")
+        rigid = kind == "rigid"
+        return Coupling(name, "rigid" if rigid else "distributing", int(place), others)
+
+    # -- materials -------------------------------------------------------------------------------
+    def _with_materials(self, mesh: SolidMesh, property_of: np.ndarray) -> SolidMesh:
+        materials = {card.whole(0, "a material number"): card for card in self._all("MAT1")}
+        for card in self._all("PSOLID"):
+            own, number = card.whole(0, "a property"), card.whole(1, "a material")
+            if not (property_of == own).any():
+                continue
+            if number not in materials:
+                raise card.error(f"there is no MAT1 {number}", 1)
+            elastic = _isotropic(materials[number])
+            mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
+            if materials[number].at(7).strip("0."):
+                self._note([materials[number]], "damping is " + _MODEL_FILE)
+        return mesh
+
+    def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
+        used = np.zeros(len(mesh.nodes), dtype=bool)
+        for block in mesh.blocks:
+            used[block.nodes] = True
+        used[mesh.references] = True
+        for c in mesh.constraints:
+            if not used[c.nodes].all():
+                raise mesh.error(f"{c.name}: {mesh.nodes_named(c.nodes[~used[c.nodes]])}: no "
+                                 "element has what it couples")  # fmt: skip
+        if not used.all():
+            why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no element has such a node"
+            self._notes.append(PassedOver("GRID", self._path, 0, why))
+            mesh = mesh.part(np.arange(mesh.n_elements))
+        return replace(mesh, passed_over=(*mesh.passed_over, *self._notes))
+
+
+def _isotropic(card: BulkCard) -> Isotropic:
+    """Two of E, G and nu give the third."""
+    E, G, nu = (card.real(k, "a number", 0.0) if card.at(k) else None for k in (1, 2, 3))
+    if E is None and G is not None and nu is not None:
+        E = 2 * G * (1 + nu)
+    elif nu is None and E is not None and G is not None:
+        nu = E / (2 * G) - 1
+    elif not (E is None or nu is None or G is None) and abs(G - E / (2 * (1 + nu))) > SAME * G:
+        raise card.error("E, G and NU contradict each other: give two of them")
+    rho = card.real(4, "a density", 0.0)
+    if E is None or nu is None or not (E > 0 and -1 < nu < 0.5):
+        raise card.error("expected E > 0 and -1 < NU < 0.5, or G in place of one of them")
+    if not rho > 0:
+        raise card.error("expected a density RHO above zero", 4)
+    return Isotropic(E, nu, rho)
