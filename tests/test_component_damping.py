@@ -20,7 +20,7 @@ from squealstudy.motion.shared_modes import shared_modes, truncated
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.hybrid import HybridSettings, hybrid_model
 from squealstudy.reduction.prepared import prepare_with_basis
-from squealstudy.study.components import read_model
+from squealstudy.study.components import inspected, read_model
 from squealstudy.study.definition import load_study
 from squealstudy.system.linearise import linearise
 
@@ -75,6 +75,15 @@ def test_they_are_parameters(damped):
     assert built(damped / "blocks.toml", **none).C_el is None
     _, slider = built(damped / "blocks.toml", **none | {"lining.beta": 3e-8}).components
     assert abs(slider.C - 3e-8 * slider.K).max() < 1e-12 * 3e-8 * abs(slider.K).max()
+
+
+def test_an_inspection_tells_it(damped):
+    found, _ = inspected(read_model(damped / "blocks.toml"))
+    told = [text for _, text in found.facts if text.startswith("damping")]
+    assert told == [
+        "damping: mass_damping 50 1/s",
+        "damping: stiffness_damping 2e-08 s, of LINING 5e-08 s",
+    ]
 
 
 def test_times_have_the_units_of_the_file(tmp_path):

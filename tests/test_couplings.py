@@ -244,6 +244,7 @@ def test_nodes_beside_the_master_are_told(tmp_path):
     (note,) = [p for p in mesh.passed_over if "not on the master" in p.why]
     free = int(note.why.split()[0])
     assert 0 < free < 29
+    assert mesh.constraints[0].beside == free
     assert 3 * free == 3 * len(mesh.nodes) - (3 * len(mesh.nodes) - e.E.shape[1]) - (
         3 * len(mesh.nodes) - 3 * 29
     )
@@ -267,10 +268,12 @@ def test_tied_faces_of_two_components(tmp_path):
     tie = next(s for s in built(tmp_path / "own" / "blocks.toml").springs if s.name == "glue")
     moved = np.tile([0.0, 1.0, 0.0], tie.B.shape[1] // 3)
     assert abs(tie.B @ moved).max() < 1e-12
-    # uniform stress comes over as such: the pressure of a uniform stretch of the tie is uniform
     n = len(tie.stiffness) // 3
     k = tie.stiffness[:n]
     assert k.sum() == pytest.approx(tie.stiffness[n : 2 * n].sum())
+    found, _ = inspected(read_model(tmp_path / "own" / "blocks.toml"))
+    (told,) = (text for name, text in found.facts if name == "glue")
+    assert "tie: slider.BOTTOM on plate.TOP, 27 points, 100.0 % of the slave" in told
 
 
 def test_the_bedding_of_a_tie_is_a_parameter(tmp_path):

@@ -45,6 +45,8 @@ class Tie:
         Nodes move onto the master; else one that is off it is an error.
     coarse : bool
         The master has more nodes there than follow it: what is between them is free.
+    beside : int
+        Nodes of the slave that are not on the master, and so free.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Tie:
     tolerance: float | None = None
     adjusted: bool = True
     coarse: bool = False
+    beside: int = 0
 
     @property
     def told(self) -> str:

@@ -272,7 +272,9 @@ def _adjusted(mesh: SolidMesh) -> SolidMesh:
         nodes[tied] = np.einsum("ik,ikj->ij", values, mesh.nodes[masters])
         mesh = replace(mesh, nodes=nodes)
         beneath = len(np.unique(masters))
-        constraints.append(replace(c, nodes=tied, coarse=beneath > COARSER * len(tied)))
+        constraints.append(
+            replace(c, nodes=tied, coarse=beneath > COARSER * len(tied), beside=free)
+        )
     return replace(mesh, constraints=tuple(constraints))
 
 

@@ -14,7 +14,15 @@ from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, STRESS, Dimension
 from squealstudy.models.components.geometry import Geometry, geometry_of
+from squealstudy.models.components.model_file import (
+    BY_MATERIAL,
+    DAMPING,
+    KeyPath,
+    Numbers,
+    dimension_of,
+)
 from squealstudy.models.components.point_masses import component_matrices
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake
@@ -65,6 +73,7 @@ def inspect(brake: Brake, assembly: Assembly, pressure: float) -> Inspection:
         _component(found, geometry, body)
     _held(found, geometry, assembly)
     _contact(found, geometry, assembly, pressure)
+    _ties(found, geometry, assembly)
     _rotation(found, geometry, assembly)
     _load(found, geometry)
     _stresses(found, geometry)
@@ -107,6 +116,11 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
         found.tell(name, f"{source} of matrices{held}")
     for constraint in mesh.constraints:
         found.tell("", constraint.told)
+        if isinstance(constraint, Tie) and constraint.beside:
+            found.doubts.append(
+                f"{name}: {constraint.name}: {constraint.beside} nodes of the slave are not on the "
+                f"master and free, {len(constraint.nodes)} are tied: meant so?"
+            )
         if isinstance(constraint, Tie) and constraint.coarse:
             found.doubts.append(
                 f"{name}: {constraint.name}: the slave has the coarser mesh, and the master "
@@ -118,6 +132,7 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
             weight = NAMES.get(geometry.file.units, ("m", "kg", "kg m2"))[1]
             text = f"mass {point_mass.name}: {point_mass.mass:g} {weight}, {where} {point_mass.on}"
             found.tell("", text)
+    _damping(found, geometry, name)
     for note in mesh.passed_over[:5]:
         found.tell("", f"not read: {note.keyword} (line {note.line}): {note.why}")
     if len(mesh.passed_over) > 5:
@@ -125,6 +140,22 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
     K, M = component_matrices(geometry, name, {})
     _weight(found, geometry.brake, body, M)
     _rigid(found, body, K, M)
+
+
+def _damping(found: Inspection, geometry: Geometry, name: str) -> None:
+    """Damping of its own, in SI units."""
+    numbers, table = Numbers(geometry.file, {}), geometry.file.components[name]
+    keys: KeyPath = ("components", name)
+    told = [
+        f"{key} {numbers.at(*keys, key):.4g} {dimension_of((*keys, key)).unit}"
+        for key in DAMPING
+        if getattr(table, key)
+    ]
+    by_material = {m: numbers.at(*keys, BY_MATERIAL, m) for m in table.material_damping}
+    told += [f"of {material} {beta:.4g} s" for material, beta in by_material.items()]
+    told += [f"C of {table.file_of('C')}"] * (table.C is not None)
+    if told:
+        found.tell("", f"damping: {', '.join(told)}")
 
 
 def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
@@ -248,6 +279,26 @@ def _contact(found: Inspection, geometry: Geometry, assembly: Assembly, pressure
                 f"{name}: the gaps of the meshes scatter by {spread:.2g} lengths of the law, more "
                 f'than {SPREAD:g}: chords of facets decide where it touches; initial_gap = "zero" '
                 "leaves them out"
+            )
+
+
+def _ties(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
+    size = LENGTH.factor(geometry.file.units)
+    unit = NAMES.get(geometry.file.units, ("m",))[0]
+    for table, pair in zip(geometry.file.tie, geometry.ties, strict=True):
+        spring = next(s for s in assembly.springs if s.name == table.name)
+        assert isinstance(spring, SpringInterface)
+        bedding = float(spring.stiffness[: len(pair.gap0)].sum() / pair.slave.area.sum())
+        found.tell(
+            table.name,
+            f"tie: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
+            f"{100 * pair.in_reach:.1f} % of the slave, {bedding:.3g} N/m3, gap up to "
+            f"{np.abs(pair.geometric_gap).max() / size:.2g} {unit}",
+        )
+        if pair.in_reach < PARTLY:
+            found.doubts.append(
+                f"{table.name}: {100 * pair.in_reach:.0f} % of {table.slave} is tied to "
+                f"{table.master}: meant so?"
             )
 
 
