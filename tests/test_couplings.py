@@ -259,7 +259,7 @@ TIED = (
 
 def test_tied_faces_of_two_components(tmp_path):
     """The bedding is a thousand times that of elements: ten times more changes next to nothing."""
-    stiffer = (TIED[0], TIED[1].replace("\n\n", "\nbedding = 1.4e8\n\n"))
+    stiffer = (TIED[0], TIED[1].replace("\n\n", "\nbedding = 1.1e9\n\n"))
     hz = []
     for folder, change in (("own", TIED), ("stiffer", stiffer)):
         write_blocks(tmp_path / folder, change)

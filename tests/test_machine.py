@@ -201,7 +201,9 @@ class _Finalised:
 
 @pytest.mark.skipif(os.name == "nt", reason="a signal ends the process there")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_during_a_finaliser_ends_the_run_without_a_traceback(number, capfd):
+def test_a_signal_during_a_finaliser_ends_the_run_without_a_traceback(number, capfd, request):
+    own = signal.signal(number, signal.default_int_handler)  # a background job ignores SIGINT
+    request.addfinalizer(lambda: signal.signal(number, own))
     before = sys.unraisablehook
     with pytest.raises(InterruptedRun) as told, interruptible():  # noqa: PT012
         end = _Finalised(number)

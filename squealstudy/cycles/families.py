@@ -16,7 +16,7 @@ from squealstudy.cycles.branch import FAR, ZERO, linear_motion
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.floquet import Floquet, floquet
+from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.growth import FINE, TARGET, CurveMotion, family_curve
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.projection import ADDED, SIZE, WHOLE, Projection
@@ -335,8 +335,8 @@ def _stability(
     """Multipliers of a cycle, in the complex modes about it and its own basis."""
     if projection.complete:
         return floquet(contact.oscillator, motion)
-    V = projection.deviations(motion, DEVIATIONS * search.highest)
-    return floquet(contact.oscillator.on(V), replace(motion, Q=motion.Q @ V))
+    bases = [projection.deviations(motion, m * search.highest) for m in (1.0, DEVIATIONS)]
+    return floquet_on(contact.oscillator, bases[0], bases[1], motion)
 
 
 def _pair(harmonics: int) -> tuple[int, int]:

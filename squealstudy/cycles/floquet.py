@@ -8,7 +8,7 @@ the multiplier that must be one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -45,7 +45,7 @@ class Floquet:
         The one along the motion, which is 1 but for the error.
     error : float
         Of the multipliers at or beyond half of the unit circle: difference to half as many steps,
-        or of the trivial one to 1, whichever is more.
+        of the trivial one to 1, and of a projection to a smaller one, whichever is most.
     period : float
         s.
     """
@@ -112,6 +112,14 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     )
 
 
+def floquet_on(
+    osc: Oscillator, small: np.ndarray, large: np.ndarray, cycle: PeriodicMotion
+) -> Floquet:
+    """Multipliers on the larger of two bases (n, r); what the smaller changes is their error."""
+    few, many = (floquet(osc.on(V), replace(cycle, Q=cycle.Q @ V)) for V in (small, large))
+    return replace(many, error=max(many.error, _radii(many.multipliers, few.multipliers)))
+
+
 def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     """Largest distance of a multiplier that is not small to the nearest of the coarse ones."""
     seen = fine[np.abs(fine) > 0.5]
@@ -124,11 +132,13 @@ def _radii(fine: np.ndarray, coarse: np.ndarray) -> float:
     """Largest difference in size of multipliers near the unit circle, in order of size.
 
     The last of `fine` is the trivial one, which is left out, as is the nearest to 1 of `coarse`.
+    There may be fewer of `coarse`: what it lacks is not compared.
     """
     coarse = np.delete(coarse, int(np.argmin(np.abs(coarse - 1.0))))
     sizes = np.sort(np.abs(fine[:-1]))[::-1], np.sort(np.abs(coarse))[::-1]
-    kept = int((sizes[0] > NEAR).sum())
-    return float(np.abs(sizes[0] - sizes[1])[:kept].max(initial=0.0))
+    kept = min(int((sizes[0] > NEAR).sum()), len(coarse))
+    sizes = sizes[0][:kept], sizes[1][:kept]
+    return float(np.abs(sizes[0] - sizes[1]).max(initial=0.0))
 
 
 def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
