@@ -15,8 +15,8 @@ from squealstudy.cli.app import app
 from squealstudy.cli.run import fidelity as facts
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.fidelity import frequency_search

@@ -13,7 +13,7 @@ from reference import MU_C, W1, W2, hulten_stiffness, oscillating_modes
 from study_runs import plan_of, solved
 
 import squealstudy
-from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.measuring import first_onset

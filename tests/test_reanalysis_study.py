@@ -13,7 +13,7 @@ from reference import MU_C, hulten_stiffness
 from study_runs import plan_of, solved
 
 from squealstudy.engine.forecast import Estimate, _timed, run_seconds
-from squealstudy.engine.model_kind import build_structures
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.kinds.complex_modes import full_order_check as reference

@@ -13,10 +13,10 @@ from motions import started
 from study_runs import command, plan_of, solved
 from test_newmark import KICK, random_system
 
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.fidelity.ladders import free_ladders

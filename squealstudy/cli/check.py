@@ -12,14 +12,14 @@ import numpy as np
 from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
-from squealstudy.engine.model_kind import (
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.store import Store
+from squealstudy.engine.structures import (
     build_structure,
     build_task,
     check_component_modes,
     check_shapes,
 )
-from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.store import Store
 from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons, points_by_rule
 from squealstudy.engine.worker_count import worker_count

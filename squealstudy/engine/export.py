@@ -12,8 +12,8 @@ import numpy as np
 from scipy.io import savemat
 
 from squealstudy.engine.cache import load_prepared
-from squealstudy.engine.model_kind import build_structure, build_task
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.faults import named

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
-from squealstudy.engine.model_kind import ModelKind, build_structure, build_task
+from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import peak_memory_mb
 from squealstudy.models.components.definition import FileDefinition

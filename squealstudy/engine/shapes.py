@@ -24,9 +24,9 @@ from squealstudy.engine.cache import (
     save_prepared,
     save_value,
 )
-from squealstudy.engine.model_kind import BuildTask, build_task, reduced_with_basis
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.store import MANIFEST
+from squealstudy.engine.structures import BuildTask, build_task, reduced_with_basis
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import cores
 from squealstudy.models.assembly import Assembly

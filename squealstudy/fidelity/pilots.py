@@ -11,8 +11,8 @@ import numpy as np
 
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.definition import ResolvedStudy

@@ -30,8 +30,8 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.engine.cache import NewGaps
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers, silent
 from squealstudy.kinds.transient.batch import batch_task
 from squealstudy.kinds.transient.worker import integrate, set_up

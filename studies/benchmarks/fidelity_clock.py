@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from squealstudy.engine.measurement import Measurement
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structures
 from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.kinds.complex_modes.problems import swept_structures
 from squealstudy.kinds.transient.batch import training_path

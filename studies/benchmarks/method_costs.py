@@ -26,8 +26,8 @@ import one_thread  # noqa: F401
 
 
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.model_kind import build_structure, build_task
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.problems import (

@@ -154,7 +154,7 @@ def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
 
 
 def _reduced(plan: Any) -> float:
-    from squealstudy.engine.model_kind import build_structure, build_task
+    from squealstudy.engine.structures import build_structure, build_task
 
     started = time.process_time()
     _, failure = build_structure(build_task(plan, plan.tasks[0], 1))

@@ -14,9 +14,9 @@ from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
-from squealstudy.engine.model_kind import build_structures
 from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
+from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Solved, Workers, at_once
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.methods import MethodsPlan, Run, Runs
